@@ -48,9 +48,7 @@ pub struct Autocorrelation {
 impl Autocorrelation {
     /// Computes the autocorrelation of `signal` up to lag `max_lag`, or up to its length less one.
     pub fn of(signal: &[f64], max_lag: usize) -> Self {
-        // Lag 0 is the exact power, without the round-off of the transform.
-        let power = energy(signal) / signal.len().max(1) as f64;
-        PaddedSpectrum::of(signal.to_vec(), max_lag).into_autocorrelation(power, 1.0)
+        PaddedSpectrum::of(signal, max_lag).into_autocorrelation()
     }
 
     /// The autocorrelation of a signal at `rate_hz` that tells nothing below and above these frequencies, with its
@@ -93,6 +91,7 @@ impl Autocorrelation {
                 }
             }
         }
+        // From the sum that the transform gives to the mean square of the samples.
         let scale = self.lags[0] / before;
         self.lags = transform(&self.power);
         self.lags.iter_mut().for_each(|lag| *lag *= scale);
@@ -126,58 +125,28 @@ fn edge_of_noise(power: &[f64], first: usize) -> (f64, f64) {
 }
 
 /// Power spectrum of a signal that is padded with zeros to the length of a transform.
-struct PaddedSpectrum {
+pub struct PaddedSpectrum {
+    /// See [`Autocorrelation::power`]; of a tapered signal before it is scaled.
+    pub power: Vec<f64>,
+    /// See [`Autocorrelation::transform_length`].
+    pub transform_length: usize,
     samples: usize,
     max_lag: usize,
-    transform_length: usize,
-    power: Vec<f64>,
-}
-
-impl PaddedSpectrum {
-    /// The spectrum of `signal`.
-    fn of(mut signal: Vec<f64>, max_lag: usize) -> Self {
-        let samples = signal.len();
-        let max_lag = max_lag.min(samples.saturating_sub(1));
-        let transform_length = quick_length(samples + max_lag + 1);
-        signal.resize(transform_length, 0.0);
-        let bins = fourier::forward(&mut signal);
-        Self {
-            samples,
-            max_lag,
-            transform_length,
-            power: bins.iter().map(Complex::norm_sqr).collect(),
-        }
-    }
-
-    /// The autocorrelation, with all scaled by `scale` but lag 0, which is `power`.
-    fn into_autocorrelation(self, power: f64, scale: f64) -> Autocorrelation {
-        let lags = fourier::of_power(&self.power, self.transform_length);
-        let to_lag = 1.0 / (self.transform_length as f64 * self.samples.max(1) as f64);
-        let mut lags: Vec<f64> = lags[..=self.max_lag]
-            .iter()
-            .map(|r| r * to_lag * scale)
-            .collect();
-        lags[0] = power * scale;
-        Autocorrelation {
-            lags,
-            power: self.power.into_iter().map(|bin| bin * scale).collect(),
-            transform_length: self.transform_length,
-        }
-    }
-}
-
-/// A signal with tapered ends: a cosine over 500 samples at each, or over a 20th of a short signal (the split cosine
-/// bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio Electroacoustics 15, 1967, 56). All is scaled so that its power
-/// is that of the signal without taper.
-pub struct Tapered {
-    spectrum: PaddedSpectrum,
-    power: f64,
+    mean_square: f64,
     scale: f64,
 }
 
-impl Tapered {
-    /// Tapers `signal`, for lags up to `max_lag`.
+impl PaddedSpectrum {
+    /// The spectrum of `signal`, for lags up to `max_lag`, or up to its length less one.
     pub fn of(signal: &[f64], max_lag: usize) -> Self {
+        let mean_square = energy(signal) / signal.len().max(1) as f64;
+        Self::scaled(signal.to_vec(), max_lag, mean_square, 1.0)
+    }
+
+    /// The spectrum of `signal` with tapered ends: a cosine over 500 samples at each, or over a 20th of a short signal
+    /// (the split cosine bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio Electroacoustics 15, 1967, 56). All is
+    /// scaled so that its power is that of the signal without taper.
+    pub fn tapered(signal: &[f64], max_lag: usize) -> Self {
         let samples = signal.len();
         let mut tapered = signal.to_vec();
         let taper = taper(TAPER_SAMPLES.min(samples / TAPER_SHARE));
@@ -185,28 +154,58 @@ impl Tapered {
             tapered[n] *= weight;
             tapered[samples - 1 - n] *= weight;
         }
-        let power = energy(&tapered) / samples.max(1) as f64;
-        let scale = if power > 0.0 {
-            energy(signal) / samples.max(1) as f64 / power
+        let mean_square = energy(&tapered) / samples.max(1) as f64;
+        let scale = if mean_square > 0.0 {
+            energy(signal) / samples.max(1) as f64 / mean_square
         } else {
             1.0
         };
+        Self::scaled(tapered, max_lag, mean_square, scale)
+    }
+
+    fn scaled(mut signal: Vec<f64>, max_lag: usize, mean_square: f64, scale: f64) -> Self {
+        let samples = signal.len();
+        let max_lag = max_lag.min(samples.saturating_sub(1));
+        let transform_length = quick_length(samples + max_lag + 1);
+        signal.resize(transform_length, 0.0);
+        let bins = fourier::forward(&mut signal);
         Self {
-            spectrum: PaddedSpectrum::of(tapered, max_lag),
-            power,
+            power: bins.iter().map(Complex::norm_sqr).collect(),
+            transform_length,
+            samples,
+            max_lag,
+            mean_square,
             scale,
         }
     }
 
-    /// Power spectrum of the tapered signal; see [`Autocorrelation::power`].
-    pub fn power(&self) -> Vec<f64> {
-        let bins = self.spectrum.power.iter();
-        bins.map(|bin| bin * self.scale).collect()
+    /// Highest lag.
+    pub fn max_lag(&self) -> usize {
+        self.max_lag
     }
 
-    /// Autocorrelation of the tapered signal.
+    /// Mean square of the signal: lag 0, without the round-off of the transform.
+    pub fn mean_square(&self) -> f64 {
+        self.mean_square * self.scale
+    }
+
+    /// See [`Autocorrelation::lags`].
+    pub fn lags(&self) -> Vec<f64> {
+        let mut lags = fourier::of_power(&self.power, self.transform_length);
+        let to_lag = 1.0 / (self.transform_length as f64 * self.samples.max(1) as f64);
+        lags.truncate(self.max_lag + 1);
+        lags.iter_mut().for_each(|r| *r = *r * to_lag * self.scale);
+        lags[0] = self.mean_square();
+        lags
+    }
+
+    /// The autocorrelation, with the power spectrum to scale.
     pub fn into_autocorrelation(self) -> Autocorrelation {
-        self.spectrum.into_autocorrelation(self.power, self.scale)
+        Autocorrelation {
+            lags: self.lags(),
+            power: self.power.into_iter().map(|bin| bin * self.scale).collect(),
+            transform_length: self.transform_length,
+        }
     }
 }
 
@@ -236,6 +235,7 @@ fn quick_length(least: usize) -> usize {
                 rest /= factor;
             }
         }
+        // A real transform of an even length is a complex one of half the length.
         rest == 1 && length.is_multiple_of(2)
     };
     let least = least.max(2);
@@ -265,15 +265,15 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_tapered_spectrum_is_that_of_its_autocorrelation(
+        fn a_tapered_signal_has_the_power_of_the_signal_in_lags_and_spectrum(
             signal in prop::collection::vec(-10.0f64..10.0, 1..300), max_lag in 0usize..400,
         ) {
-            let tapered = Tapered::of(&signal, max_lag);
-            let power = tapered.power();
-            let whole = tapered.into_autocorrelation();
-            prop_assert_eq!(power, whole.power);
+            let whole = PaddedSpectrum::tapered(&signal, max_lag).into_autocorrelation();
             let mean_square = signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64;
             prop_assert!((whole.lags[0] - mean_square).abs() <= 1e-12 * mean_square);
+            let of_spectrum = fourier::of_power(&whole.power, whole.transform_length)[0];
+            let of_spectrum = of_spectrum / (whole.transform_length * signal.len()) as f64;
+            prop_assert!((of_spectrum - mean_square).abs() <= 1e-9 * mean_square);
         }
     }
 

@@ -1,23 +1,46 @@
-//! Discrete Fourier transforms of real signals.
+//! Discrete Fourier transforms of real signals, and of bands of their spectra.
 
 use std::cell::RefCell;
 
 use realfft::RealFftPlanner;
 pub use realfft::num_complex::Complex;
+use rustfft::FftPlanner;
+
+/// What the transforms of a thread share. Plans are made once, because a grid has hundreds of recordings of equal
+/// length.
+struct Plans {
+    of_reals: RealFftPlanner<f64>,
+    of_complex: FftPlanner<f64>,
+    scratch: Vec<Complex<f64>>,
+}
 
 thread_local! {
-    /// Plans are made once per thread, because a grid has hundreds of recordings of equal length.
-    static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
+    static PLANS: RefCell<Plans> = RefCell::new(Plans {
+        of_reals: RealFftPlanner::new(),
+        of_complex: FftPlanner::new(),
+        scratch: Vec::new(),
+    });
+}
+
+/// The first `length` values of `scratch`, which is made longer if need be.
+fn first(scratch: &mut Vec<Complex<f64>>, length: usize) -> &mut [Complex<f64>] {
+    if scratch.len() < length {
+        scratch.resize(length, Complex::default());
+    }
+    &mut scratch[..length]
 }
 
 /// Returns the bins of a signal of at least one sample, from 0 Hz to half the sample rate, without scaling. The signal
 /// is left in disorder.
 pub fn forward(signal: &mut [f64]) -> Vec<Complex<f64>> {
-    let plan = PLANNER.with_borrow_mut(|planner| planner.plan_fft_forward(signal.len()));
-    let mut spectrum = plan.make_output_vec();
-    let outcome = plan.process(signal, &mut spectrum);
-    outcome.expect("lengths come from the plan");
-    spectrum
+    PLANS.with_borrow_mut(|plans| {
+        let plan = plans.of_reals.plan_fft_forward(signal.len());
+        let mut spectrum = plan.make_output_vec();
+        let scratch = first(&mut plans.scratch, plan.get_scratch_len());
+        let outcome = plan.process_with_scratch(signal, &mut spectrum, scratch);
+        outcome.expect("lengths come from the plan");
+        spectrum
+    })
 }
 
 /// Returns the signal of `length` samples that has these bins, times `length`. The bins are left in disorder.
@@ -29,11 +52,23 @@ pub fn inverse(spectrum: &mut [Complex<f64>], length: usize) -> Vec<f64> {
     if length.is_multiple_of(2) {
         spectrum[length / 2].im = 0.0;
     }
-    let plan = PLANNER.with_borrow_mut(|planner| planner.plan_fft_inverse(length));
-    let mut signal = plan.make_output_vec();
-    let outcome = plan.process(spectrum, &mut signal);
-    outcome.expect("lengths come from the plan, and ends are real");
-    signal
+    PLANS.with_borrow_mut(|plans| {
+        let plan = plans.of_reals.plan_fft_inverse(length);
+        let mut signal = plan.make_output_vec();
+        let scratch = first(&mut plans.scratch, plan.get_scratch_len());
+        let outcome = plan.process_with_scratch(spectrum, &mut signal, scratch);
+        outcome.expect("lengths come from the plan, and ends are real");
+        signal
+    })
+}
+
+/// Replaces the bins of a complex signal, those of negative frequencies last, by the signal times their number.
+pub fn inverse_complex(bins: &mut [Complex<f64>]) {
+    PLANS.with_borrow_mut(|plans| {
+        let plan = plans.of_complex.plan_fft_inverse(bins.len());
+        let scratch = first(&mut plans.scratch, plan.get_inplace_scratch_len());
+        plan.process_with_scratch(bins, scratch);
+    });
 }
 
 /// Returns `length` lags whose power spectrum this is, times `length`.
@@ -53,9 +88,15 @@ mod tests {
             let signal = test_helpers::noise(3, length);
             let mut bins = forward(&mut signal.clone());
             assert_eq!(bins.len(), length / 2 + 1);
+            let mirrored = (1..length.div_ceil(2)).rev().map(|bin| bins[bin].conj());
+            let mut all: Vec<_> = bins.iter().copied().chain(mirrored).collect();
+            inverse_complex(&mut all);
             bins[0].im = 1.0;
-            for (back, x) in inverse(&mut bins, length).iter().zip(&signal) {
+            let back = inverse(&mut bins, length);
+            for ((back, as_complex), x) in back.iter().zip(all).zip(&signal) {
                 test_helpers::near(back / length as f64, *x, 1e-12);
+                test_helpers::near(as_complex.re / length as f64, *x, 1e-12);
+                test_helpers::near(as_complex.im, 0.0, 1e-9);
             }
         }
     }

@@ -167,6 +167,7 @@ pub fn step_down(predictor: &[f64]) -> Option<Vec<f64>> {
         if k.is_nan() || k.abs() >= 1.0 {
             return None;
         }
+        // Near |k| = 1 the factors keep the digits that 1 - k² loses.
         let scale = 1.0 / ((1.0 - k) * (1.0 + k));
         let reversed: Vec<f64> = rest.iter().rev().copied().collect();
         for (a, b) in rest.iter_mut().zip(reversed) {

@@ -78,16 +78,28 @@ pub(crate) fn dot_inlined<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
 ///
 /// Each sum is in the order of the weights. Many places have theirs made at once, so that none waits for another.
 pub fn sliding(values: &[f64], weights: &[f64]) -> Vec<f64> {
-    const AT_ONCE: usize = 64;
+    // As many as vector registers hold.
+    const AT_ONCE: usize = 32;
     let mut sums = vec![0.0; (values.len() + 1).saturating_sub(weights.len())];
     wide(
         #[inline(always)]
         || {
-            for (block, sums) in sums.chunks_mut(AT_ONCE).enumerate() {
+            let (blocks, rest) = sums.as_chunks_mut::<AT_ONCE>();
+            let rest_at = AT_ONCE * blocks.len();
+            for (block, sums) in blocks.iter_mut().enumerate() {
+                let mut own = [0.0; AT_ONCE];
                 for (place, weight) in (AT_ONCE * block..).zip(weights) {
-                    for (sum, value) in sums.iter_mut().zip(&values[place..]) {
+                    for (sum, value) in own.iter_mut().zip(&values[place..place + AT_ONCE]) {
                         *sum += value * weight;
                     }
+                }
+                *sums = own;
+            }
+            for (place, weight) in (rest_at..).zip(weights) {
+                // Fewer values than weights have no sums, and so none to start from.
+                let values = values.get(place..).unwrap_or_default();
+                for (sum, value) in rest.iter_mut().zip(values) {
+                    *sum += value * weight;
                 }
             }
         },

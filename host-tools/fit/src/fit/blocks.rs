@@ -95,7 +95,7 @@ pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
+    use crate::dsp::autocorrelation::PaddedSpectrum;
     use crate::fit::estimate::estimate;
     use proptest::prelude::*;
 
@@ -148,11 +148,12 @@ mod tests {
                 place
             })
             .collect();
-        let plain = Autocorrelation::of(&signal, 50);
+        let plain = PaddedSpectrum::of(&signal, 50);
+        let rectangular = plain.lags();
         let whole = estimate(SAMPLE_RATE_HZ, &signal, plain, KnownBand::default()).lags;
         assert_eq!(lags_of_blocks(&[&signal], 50), whole);
-        assert_eq!(whole, Tapered::of(&signal, 50).into_autocorrelation().lags);
-        assert_ne!(whole, Autocorrelation::of(&signal, 50).lags);
+        assert_eq!(whole, PaddedSpectrum::tapered(&signal, 50).lags());
+        assert_ne!(whole, rectangular);
     }
 
     #[test]

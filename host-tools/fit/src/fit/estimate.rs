@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
-use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
+use crate::dsp::autocorrelation::PaddedSpectrum;
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
 use crate::dsp::model::Model;
@@ -63,36 +63,37 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal` at `rate_hz`, whose recording holds the band `known`; `plain` is its plain
-/// autocorrelation. Beyond that band the spectrum is what costs a model least.
+/// Estimates the autocorrelation of `signal` at `rate_hz`, whose recording holds the band `known`; `plain` is its
+/// spectrum. Beyond that band the spectrum is what costs a model least.
 pub(super) fn estimate(
     rate_hz: u32,
     signal: &[f64],
-    plain: Autocorrelation,
+    plain: PaddedSpectrum,
     known: KnownBand,
 ) -> Estimate {
     let rate_hz = f64::from(rate_hz);
-    let tapered = Tapered::of(signal, plain.lags.len() - 1);
-    let leaks = |bands: &Bands, plain: &Autocorrelation| {
-        let with_leakage = Bands::of_density(&plain.power, plain.lags[0], rate_hz);
+    let tapered = PaddedSpectrum::tapered(signal, plain.max_lag());
+    let leaks = |bands: &Bands, density: &[f64], power: f64| {
+        let with_leakage = Bands::of_density(density, power, rate_hz);
         bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB
     };
     if known.is_all() {
-        // The recording's own spectrum needs no transform back, unless it is taken.
-        let bands = Bands::of_density(&tapered.power(), plain.lags[0], rate_hz);
-        let lags = if leaks(&bands, &plain) {
-            tapered.into_autocorrelation().lags
-        } else {
-            plain.lags
-        };
+        // Of both spectra, only that of the lags is transformed back.
+        let power = plain.mean_square();
+        let bands = Bands::of_density(&tapered.power, power, rate_hz);
+        let leaks = leaks(&bands, &plain.power, power);
+        let lags = if leaks { &tapered } else { &plain }.lags();
         return Estimate { lags, bands };
     }
-    let filled = |whole: Autocorrelation| whole.filled(known.from_hz, known.to_hz, rate_hz);
-    let tapered = filled(tapered.into_autocorrelation());
+    let filled = |whole: PaddedSpectrum| {
+        let whole = whole.into_autocorrelation();
+        whole.filled(known.from_hz, known.to_hz, rate_hz)
+    };
+    let tapered = filled(tapered);
     let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
     // A high pass has taken what leaks.
     let plain = known.from_hz.is_none().then(|| filled(plain));
-    let plain = plain.filter(|plain| !leaks(&bands, plain));
+    let plain = plain.filter(|plain| !leaks(&bands, &plain.power, plain.lags[0]));
     Estimate {
         lags: plain.unwrap_or(tapered).lags,
         bands,
@@ -112,7 +113,7 @@ pub(super) fn estimate_of(
         let weight = part.len() as f64 / samples.max(1) as f64;
         (
             weight,
-            estimate(rate_hz, part, Autocorrelation::of(part, max_lag), known),
+            estimate(rate_hz, part, PaddedSpectrum::of(part, max_lag), known),
         )
     };
     let estimates: Vec<(f64, Estimate)> = parts.iter().map(of_part).collect();
@@ -311,6 +312,7 @@ impl Bands {
                 })
                 .collect::<Vec<_>>()
         };
+        // Lower orders need not be fitted again: their models are the first stages of this lattice.
         let mut enough = model.reflection.len();
         let wanted = levels(enough);
         let mut too_low = 0;
@@ -373,13 +375,13 @@ mod tests {
     use test_helpers::noise;
 
     fn chosen(signal: &[f64]) -> [Vec<f64>; 3] {
-        let plain = Autocorrelation::of(signal, 400);
-        let tapered = Tapered::of(signal, 400).into_autocorrelation();
-        let rectangular = plain.lags.clone();
+        let plain = PaddedSpectrum::of(signal, 400);
+        let tapered = PaddedSpectrum::tapered(signal, 400).lags();
+        let rectangular = plain.lags();
         [
             estimate(SAMPLE_RATE_HZ, signal, plain, KnownBand::default()).lags,
             rectangular,
-            tapered.lags,
+            tapered,
         ]
     }
 

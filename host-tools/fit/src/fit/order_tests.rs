@@ -9,7 +9,7 @@ use test_helpers::noise;
 use super::estimate::{Bands, KnownBand, estimate};
 use super::grid::model_of;
 use super::options::Order;
-use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::autocorrelation::PaddedSpectrum;
 use crate::dsp::log_spectrum::{FINE_BINS, density_of_model};
 use crate::dsp::model::Model;
 use crate::dsp::sums::rms;
@@ -55,7 +55,7 @@ fn density(resonances: &[(f64, f64)]) -> Vec<f64> {
 
 /// The model of a recording at 5 kHz, of a source at `source_rate_hz`, and its bands.
 fn fitted(signal: &[f64], source_rate_hz: u32, order: Order) -> (Model, Bands) {
-    let plain = Autocorrelation::of(signal, MAX_ORDER);
+    let plain = PaddedSpectrum::of(signal, MAX_ORDER);
     let known = KnownBand::of(f64::from(source_rate_hz), SAMPLE_RATE_HZ, None);
     let estimate = estimate(SAMPLE_RATE_HZ, signal, plain, known);
     let model = model_of(estimate.lags, &estimate.bands, signal.len(), order);

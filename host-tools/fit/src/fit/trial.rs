@@ -9,8 +9,8 @@ use super::blocks::Part;
 use super::estimate::{Bands, Estimate, KnownBand, estimate, estimate_of};
 use super::lines::TrialLines;
 use super::options::Options;
-use crate::dsp::autocorrelation::Autocorrelation;
-use crate::dsp::high_pass::{high_pass, slow_share};
+use crate::dsp::autocorrelation::PaddedSpectrum;
+use crate::dsp::high_pass::high_pass;
 use crate::dsp::reduction::{Reduced, Reduction, angle_deg, reduce, remove_mean};
 use crate::dsp::sums::mean;
 use crate::fit::conditioning::{Conditioning, HighPass};
@@ -110,13 +110,15 @@ struct Triaged {
 /// Reads `trial`, keeps what triage does not cut, and filters it.
 fn triaged(trial: &Trial, conditioning: Conditioning) -> Result<Triaged> {
     let samples = recording::read(trial)?;
-    let verdicts = triage::samples(&samples);
-    Ok(without_cuts(samples, verdicts, conditioning))
+    let slow_share = samples.slow_share();
+    let verdicts = triage::samples(&samples, slow_share);
+    Ok(without_cuts(samples, slow_share, verdicts, conditioning))
 }
 
-/// Keeps what `verdicts` do not cut, filtered.
+/// Keeps what `verdicts` do not cut, filtered. Of the whole trial, `slow_share` is slow motion's share.
 fn without_cuts(
     mut samples: Samples,
+    slow_share: f64,
     verdicts: Vec<Verdict>,
     conditioning: Conditioning,
 ) -> Triaged {
@@ -129,12 +131,17 @@ fn without_cuts(
     let mean_of = |axis: &Vec<f64>| mean(axis).abs();
     let mean_m_s2 = samples.axes.iter().map(mean_of).fold(0.0, f64::max);
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let share = slow_share(&samples.axes, rate_hz);
+    let share = if length(&samples) < before {
+        samples.slow_share()
+    } else {
+        slow_share
+    };
     let mut slow = SlowMotion {
         share,
         cut_hz: conditioning.high_pass.cut_hz(share),
         turn_deg: 0.0,
     };
+    // What the filter would change is told even where none was asked for.
     let advised = HighPass::Auto.cut_hz(share).or(slow.cut_hz);
     if let Some(cut_hz) = advised {
         let filtered = triage::kept(filtered(whole, &parts, rate_hz, cut_hz), &parts);
@@ -243,7 +250,9 @@ pub(super) fn signal_of_judged(
     verdicts: &[Verdict],
     conditioning: Conditioning,
 ) -> Result<Signal> {
-    let triaged = without_cuts(recording::read(trial)?, verdicts.to_vec(), conditioning);
+    let samples = recording::read(trial)?;
+    let slow_share = samples.slow_share();
+    let triaged = without_cuts(samples, slow_share, verdicts.to_vec(), conditioning);
     triaged.into_signal(trial, conditioning.reduction)
 }
 
@@ -267,6 +276,16 @@ impl Triaged {
             flaws: self.flaws,
         }
     }
+}
+
+/// The spectrum of the `samples` of `trial`, for lags up to `max_lag`.
+fn spectrum(trial: &Trial, samples: &[f64], max_lag: usize) -> Result<PaddedSpectrum> {
+    let spectrum = PaddedSpectrum::of(samples, max_lag);
+    if spectrum.mean_square().is_finite() {
+        return Ok(spectrum);
+    }
+    let problem = "its samples are too large to be squared; check scale_m_s2";
+    Err(Error::file(&trial.file, problem))
 }
 
 /// Reads and analyses the `part` of `trial` that is fitted, for models of the highest order of `options` at their rate.
@@ -299,12 +318,9 @@ pub(super) fn analyse_axes(
     } = reduced(trial, &mut triaged.samples.axes, reduction)?;
     let mut axes = std::mem::take(&mut triaged.samples.axes);
     let sketch = Sketch::of(&samples);
-    let mut plain = Autocorrelation::of(&samples, max_lag);
-    let power = plain.lags[0];
-    if !power.is_finite() {
-        let problem = "its samples are too large to be squared; check scale_m_s2";
-        return Err(Error::file(&trial.file, problem));
-    }
+    // Silence and hum are told at 5 kHz, whatever the models' rate.
+    let mut plain = spectrum(trial, &samples, max_lag)?;
+    let power = plain.mean_square();
     let is_silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
     if is_silent {
         triaged.verdicts.insert(0, Verdict::silent());
@@ -314,19 +330,20 @@ pub(super) fn analyse_axes(
     if rate_hz != SAMPLE_RATE_HZ {
         axes = kept_at(trial, rate_hz, &triaged.parts, cut_hz)?;
         samples = reduced(trial, &mut axes, reduction)?.signal;
-        plain = Autocorrelation::of(&samples, max_lag);
+        plain = spectrum(trial, &samples, max_lag)?;
     }
     let fitted: Vec<&[f64]> = part
         .of(samples.len())
         .into_iter()
         .map(|range| &samples[range])
         .collect();
-    let whole_power = plain.lags[0];
+    let whole_power = plain.mean_square();
     let known = KnownBand::of(triaged.samples.source_rate_hz, rate_hz, cut_hz);
     let Estimate { lags, bands } = match part {
         Part::Whole => estimate(rate_hz, &samples, plain, known),
         Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, known),
     };
+    // A high pass takes power that `lags` have filled in, and blocks have a power of their own.
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
         source_rate_hz: triaged.samples.source_rate_hz,

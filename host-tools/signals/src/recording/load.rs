@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn a_unit_is_converted_where_it_is_named_and_told_where_it_is_not() {
         let told = |samples: &Samples| {
-            let verdicts = triage::samples(samples);
+            let verdicts = triage::samples(samples, samples.slow_share());
             verdicts.iter().any(|own| own.kind() == triage::Kind::Scale)
                 || samples.account.integers.is_some()
         };

@@ -1,9 +1,11 @@
 //! Part of a recording's file, at the file's own sample rate.
 
+use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
 use super::defects::{Defects, Timing, Truncation};
 use super::unit::{Integers, Stated};
+use crate::dsp::high_pass;
 use crate::support::bounded_file::{Limit, MIB};
 
 /// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
@@ -69,8 +71,7 @@ pub struct Account {
 /// The samples of a trial.
 #[derive(Clone, Debug)]
 pub struct Samples {
-    /// One to three axes of equal length, m/s²: at [`SAMPLE_RATE_HZ`](model_format::SAMPLE_RATE_HZ), unless another
-    /// rate was asked for.
+    /// One to three axes of equal length, m/s²: at [`SAMPLE_RATE_HZ`], unless another rate was asked for.
     pub axes: Vec<Vec<f64>>,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
@@ -78,4 +79,12 @@ pub struct Samples {
     pub defects: Defects,
     /// The file's own account of them.
     pub account: Account,
+}
+
+impl Samples {
+    /// Share of the power of axes at [`SAMPLE_RATE_HZ`] that is the motion of hand or rig; see
+    /// [`slow_share`](high_pass::slow_share).
+    pub fn slow_share(&self) -> f64 {
+        high_pass::slow_share(&self.axes, f64::from(SAMPLE_RATE_HZ))
+    }
 }

@@ -124,7 +124,7 @@ fn check_samples(samples: &Samples) {
     for axis in &samples.axes {
         assert_eq!(axis.len(), frames);
     }
-    recording::triage::samples(samples);
+    recording::triage::samples(samples, samples.slow_share());
 }
 
 /// A WAV file of double precision at the models' rate.

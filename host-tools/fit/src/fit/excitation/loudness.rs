@@ -128,6 +128,7 @@ impl Ringing {
             let impulse = if n == 0 { 1.0 } else { 0.0 };
             response.push(impulse - dot(&response[n..], &newest_last));
         }
+        // By the filter's power gain, Σ h² = 1 / Π (1 - k²), so that all shares together are one.
         let unit = error_share(reflection) * MILLISECOND as f64;
         let mut shares = powers(&response[order..]);
         shares.iter_mut().for_each(|power| *power *= unit);

@@ -255,8 +255,9 @@ impl Search<'_> {
     fn best(&self, known_mm: &[f64]) -> Option<Support> {
         let longest = self.trials.iter().map(|trial| trial.signal.len()).max()?;
         let longest_s = longest as f64 / f64::from(SAMPLE_RATE_HZ);
+        // Wavelengths that can be told apart: M = 2 f T, two per cell up to the highest frequency.
         let ln_bound = (LEVEL / SEARCHES / (2.0 * 2.0 * HIGHEST_HZ * longest_s)).ln();
-        // Harmonics of what is known are few, and so need less evidence.
+        // Harmonics of what is known are few, those of at most eight lines, and so need less evidence.
         let ln_harmonic_bound = (LEVEL / SEARCHES / (2.0 * f64::from(HARMONICS) * 8.0)).ln();
         let unknown = self.hypotheses().into_iter().map(|h| (h, ln_bound));
         let harmonics = known_mm.iter().flat_map(|wavelength| {

@@ -145,10 +145,12 @@ fn wandering(
             }
         };
         weave.harmonics.truncate(limits::MAX_LINES - lines.len());
-        let trials = rest.to_mut().iter_mut().zip(&weave.courses);
-        for ((signal, course), amplitudes) in trials.zip(&mut amplitudes) {
-            amplitudes.extend(without(signal, course.as_ref(), &weave));
-        }
+        let trials = rest.to_mut().par_iter_mut().zip(&weave.courses);
+        trials
+            .zip(&mut amplitudes)
+            .for_each(|((signal, course), amplitudes)| {
+                amplitudes.extend(without(signal, course.as_ref(), &weave));
+            });
         add_lines_of(&weave, wanders.len(), &amplitudes, &mut lines);
         wanders.push(weave.wander);
     }
@@ -216,12 +218,20 @@ fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
 /// harmonic: 0 where it is not told from noise and stays in the signal.
 fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Option<f64>> {
     let numbers = weave.harmonics.iter().map(|(number, _)| *number);
+    let Some(course) = course else {
+        return numbers.map(|_| Some(0.0)).collect();
+    };
+    let fundamental = wave_at(&course.place_mm, weave.wavelength_mm);
+    let (mut wave, mut power) = (fundamental.clone(), 1);
     let amplitudes = numbers.map(|number| {
-        let told = course.and_then(|course| Some((course, course.amplitude(number)?)));
-        let Some((course, (amplitude, clean, stays))) = told else {
+        let Some((amplitude, clean, stays)) = course.amplitude(number) else {
             return Some(0.0);
         };
-        let wave = wave_at(&course.place_mm, weave.wavelength_mm / f64::from(number));
+        // A power of the fundamental's wave takes no sine.
+        for _ in power..number {
+            wave.iter_mut().zip(&fundamental).for_each(|(w, z)| *w *= z);
+        }
+        power = number;
         subtract(signal, amplitude * (1.0 - stays), &wave);
         Some(clean)
     });

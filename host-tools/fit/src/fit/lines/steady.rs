@@ -12,11 +12,9 @@
 //! ```
 //! because the shares are uniform on the simplex, and Chernoff's bound of that moment bounds the p-value.
 
-use std::cell::RefCell;
 use std::f64::consts::TAU;
 
 use model_format::SAMPLE_RATE_HZ;
-use rustfft::FftPlanner;
 
 use super::peaks::tells_lines;
 use super::search::{HIGHEST_HZ, LOWEST_HZ};
@@ -42,10 +40,6 @@ const OVERSAMPLING: usize = 4;
 
 /// Largest width of a band over its frequency: a wider one does not tell a wavelength.
 const MOST_WIDTH: f64 = 0.6;
-
-thread_local! {
-    static PLANNER: RefCell<FftPlanner<f64>> = RefCell::new(FftPlanner::new());
-}
 
 /// A band around a peak of the spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,10 +123,10 @@ impl WholeSpectrum {
     fn envelope_of(&self, [low, high]: [usize; 2]) -> Envelope {
         let count = high - low + 1;
         let length = (OVERSAMPLING * count).next_power_of_two();
+        // Bins without their negative frequencies make an analytic signal, and the band's lowest comes to 0 Hz.
         let mut values = vec![Complex::default(); length];
         values[..count].copy_from_slice(&self.bins[low..=high]);
-        let inverse = PLANNER.with_borrow_mut(|planner| planner.plan_fft_inverse(length));
-        inverse.process(&mut values);
+        fourier::inverse_complex(&mut values);
         // The amplitude of a sine of amplitude 1 is 1.
         let scale = 2.0 / self.samples as f64;
         values.iter_mut().for_each(|value| *value *= scale);
@@ -227,17 +221,25 @@ fn ln_bound(count: f64, ln_ratio: f64) -> f64 {
 fn smoothed(values: &[f64], width: f64) -> Vec<f64> {
     // A mean of 2 r + 1 values has a variance of r (r + 1) / 3.
     let reach = (0.5 * ((1.0 + 4.0 * width * width).sqrt() - 1.0)).round() as usize;
-    let mut smooth = values.to_vec();
+    let (mut smooth, count) = (values.to_vec(), values.len());
+    // Differences of running sums: the work does not depend on the width.
+    let mut sums = vec![0.0; count + 1];
+    let whole = 2 * reach + 1;
     for _ in 0..3 {
-        let sums: Vec<f64> = std::iter::once(0.0)
-            .chain(smooth.iter().scan(0.0, |sum, value| {
-                *sum += value;
-                Some(*sum)
-            }))
-            .collect();
-        for (at, value) in smooth.iter_mut().enumerate() {
-            let (from, to) = (at.saturating_sub(reach), (at + reach + 1).min(values.len()));
-            *value = (sums[to] - sums[from]) / (to - from) as f64;
+        let mut sum = 0.0;
+        for (after, value) in sums[1..].iter_mut().zip(&smooth) {
+            sum += value;
+            *after = sum;
+        }
+        let ends = (0..reach.min(count)).chain(count.saturating_sub(reach).max(reach)..count);
+        for at in ends {
+            let (from, to) = (at.saturating_sub(reach), (at + reach + 1).min(count));
+            smooth[at] = (sums[to] - sums[from]) / (to - from) as f64;
+        }
+        let means = smooth.iter_mut().skip(reach);
+        let sums = sums.iter().zip(sums.get(whole..).unwrap_or_default());
+        for (mean, (before, after)) in means.zip(sums) {
+            *mean = (after - before) / whole as f64;
         }
     }
     smooth

@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use super::peaks::{hann, hann_window};
 use crate::dsp::fourier::Complex;
 use crate::dsp::sums::rms;
+use crate::dsp::wide;
 
 /// Duration over which a line's phase is averaged, s. Speeds that change faster are not followed.
 const AVERAGE_S: f64 = 0.2;
@@ -260,6 +261,9 @@ fn spectrum_at(signal: &[f64], frequency_hz: f64) -> Complex<f64> {
         .fold(Complex::default(), |sum, x| sum * step + x)
 }
 
+/// Values of a vector register with AVX2.
+const LANES: usize = 4;
+
 /// Complex amplitudes c of the components Re c w(n) that leave the least squares in `ranges` of `signal`, m/s².
 ///
 /// `waves` has the w of each component. Components that cannot be told apart share their amplitude by a ridge of 1e-9
@@ -270,30 +274,37 @@ pub(super) fn amplitudes(
     waves: &[Vec<Complex<f64>>],
 ) -> Vec<Complex<f64>> {
     let count = 2 * waves.len();
-    let (mut normal, mut right) = (
-        DMatrix::<f64>::zeros(count, count),
-        DVector::<f64>::zeros(count),
-    );
-    let mut row = vec![0.0; count];
-    for n in ranges.iter().cloned().flatten() {
-        let x = signal[n];
-        for (component, wave) in waves.iter().enumerate() {
-            (row[2 * component], row[2 * component + 1]) = (wave[n].re, -wave[n].im);
-        }
-        // The upper triangle, whose columns are in one piece.
-        let columns = normal.as_mut_slice().chunks_exact_mut(count.max(1));
-        for (i, (column, right)) in columns.zip(right.iter_mut()).enumerate() {
-            *right += row[i] * x;
-            for (sum, value) in column[..=i].iter_mut().zip(&row) {
-                *sum += row[i] * value;
+    let vectors = count.div_ceil(LANES).max(1);
+    // Sums of whole vectors, each in the order of the samples, so that all processors have the same bits.
+    let mut row = vec![[0.0; LANES]; vectors];
+    // Up to the diagonal, in whole vectors: what is beyond it is not read.
+    let mut products = vec![[0.0; LANES]; count * vectors];
+    let mut right = DVector::<f64>::zeros(count);
+    wide(
+        #[inline(always)]
+        || {
+            for n in ranges.iter().cloned().flatten() {
+                let x = signal[n];
+                for (pair, wave) in row.as_flattened_mut().chunks_exact_mut(2).zip(waves) {
+                    (pair[0], pair[1]) = (wave[n].re, -wave[n].im);
+                }
+                let rows = products.chunks_exact_mut(vectors).zip(right.iter_mut());
+                for (i, (sums, right)) in rows.enumerate() {
+                    let own = row.as_flattened()[i];
+                    *right += own * x;
+                    for (sums, values) in sums[..=i / LANES].iter_mut().zip(&row) {
+                        for (sum, value) in sums.iter_mut().zip(values) {
+                            *sum += own * value;
+                        }
+                    }
+                }
             }
-        }
-    }
+        },
+    );
+    let product = |i: usize, j: usize| products.as_flattened()[i * vectors * LANES + j];
+    let mut normal = DMatrix::from_fn(count, count, |i, j| product(i.max(j), i.min(j)));
     for i in 0..count {
         normal[(i, i)] += 1e-9 * signal.len() as f64;
-        for j in 0..i {
-            normal[(i, j)] = normal[(j, i)];
-        }
     }
     let Some(solution) = normal.cholesky().map(|factor| factor.solve(&right)) else {
         return vec![Complex::default(); waves.len()];

@@ -1,7 +1,6 @@
 //! Lines whose place wanders: the search over a texture's trials, the place that a trial's line itself tells, and the
 //! wander's RMS and correlation length.
 
-use std::f64::consts::TAU;
 use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
@@ -11,6 +10,8 @@ use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
 use super::steady::{Band, WholeSpectrum};
 use super::track::{amplitudes, wave, without_straight_line};
 use crate::dsp::fourier::Complex;
+use crate::dsp::sums::variance;
+use crate::dsp::wide;
 
 /// Logarithm of the chance below which a band makes a hypothesis.
 const LN_HYPOTHESIS_CHANCE: f64 = -9.0;
@@ -308,39 +309,70 @@ fn course_of(
         let (band, ln_chance) = heard.band_at(hz).filter(|_| hz >= LOWEST_HZ)?;
         (ln_chance < LN_FOLLOWED_CHANCE).then_some((harmonic, band))
     });
-    let turned = bands.map(|(reference, band)| {
+    let told = bands.map(|(reference, band)| {
         let turns = heard.spectrum.envelope(band.edges_hz).turns(signal.len());
         let of_fundamental = |turns: f64| turns / f64::from(reference);
         let turns: Vec<f64> = turns.into_iter().map(of_fundamental).collect();
-        (
-            power_in_step(signal, ranges, &turns),
+        let wave = wave(turns.iter().copied());
+        Told {
             reference,
             band,
             turns,
-        )
+            wave,
+        }
     });
     let is_of_time = matches!(carrier, Carrier::Time(_));
-    let turned = turned.filter(|(.., turns)| !is_of_time || holds(turns));
-    let (_, reference, band, turns) = turned.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some(course_by(heard, reference, band, &turns, signal, ranges))
+    let told = told.filter(|told| !is_of_time || holds(&told.turns));
+    let judged = told.map(|told| (power_in_step(signal, ranges, &told.wave), told));
+    let (_, told) = judged.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(course_by(heard, &told, signal, ranges))
 }
 
-/// Power of the harmonics in step with a fundamental of these `turns`, as of amplitudes, (m/s²)², if they are taken one
+/// The fundamental of a line, as a band at one of its harmonics tells it.
+struct Told {
+    /// Number of the harmonic.
+    reference: u32,
+    band: Band,
+    /// Phase of the fundamental at each sample, turns.
+    turns: Vec<f64>,
+    /// The fundamental's wave.
+    wave: Vec<Complex<f64>>,
+}
+
+/// Samples whose harmonics are summed side by side.
+const LANES: usize = 4;
+
+/// Power of the harmonics in step with a fundamental of this `wave`, as of amplitudes, (m/s²)², if they are taken one
 /// by one.
-fn power_in_step(signal: &[f64], ranges: &[Range<usize>], turns: &[f64]) -> f64 {
-    let mut sums = [Complex::<f64>::default(); HARMONICS as usize];
-    let mut samples = 0.0;
-    for n in ranges.iter().cloned().flatten() {
-        let step = Complex::cis(-TAU * turns[n].fract());
-        let mut turned = Complex::from(signal[n]);
-        for sum in &mut sums {
-            turned *= step;
-            *sum += turned;
-        }
-        samples += 1.0;
-    }
-    let scale = 2.0 / f64::max(samples, 1.0);
-    sums.iter().map(|sum| (scale * sum).norm_sqr()).sum()
+fn power_in_step(signal: &[f64], ranges: &[Range<usize>], wave: &[Complex<f64>]) -> f64 {
+    let mut sums = [[Complex::<f64>::default(); LANES]; HARMONICS as usize];
+    wide(
+        #[inline(always)]
+        || {
+            for range in ranges {
+                let samples = signal[range.clone()].chunks(LANES);
+                let waves = wave[range.clone()].chunks(LANES);
+                for (samples, waves) in samples.zip(waves) {
+                    // What the last samples of a range leave over is zero.
+                    let mut turned = [Complex::default(); LANES];
+                    let mut steps = [Complex::default(); LANES];
+                    for (lane, (sample, wave)) in samples.iter().zip(waves).enumerate() {
+                        (turned[lane], steps[lane]) = (Complex::from(*sample), wave.conj());
+                    }
+                    for sums in &mut sums {
+                        for lane in 0..LANES {
+                            turned[lane] *= steps[lane];
+                            sums[lane] += turned[lane];
+                        }
+                    }
+                }
+            }
+        },
+    );
+    let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+    let scale = 2.0 / samples.max(1) as f64;
+    let amplitude = |sums: &[Complex<f64>; LANES]| sums.iter().sum::<Complex<f64>>() * scale;
+    sums.iter().map(|sums| amplitude(sums).norm_sqr()).sum()
 }
 
 /// Returns whether the frequency is the same in all quarters of a recording.
@@ -353,29 +385,29 @@ fn holds(turns: &[f64]) -> bool {
     high < (1.0 + HELD_WITHIN) * low
 }
 
-/// The course of a trial by the phase of harmonic `reference` in `band`, which gives the fundamental's `turns`.
-fn course_by(
-    heard: &Heard,
-    reference: u32,
-    band: Band,
-    turns: &[f64],
-    signal: &[f64],
-    ranges: &[Range<usize>],
-) -> (Course, f64) {
+/// The course of a trial by its line's fundamental as it was `told`.
+fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]) -> (Course, f64) {
+    let Told {
+        reference,
+        band,
+        turns,
+        wave: fundamental,
+    } = told;
+    let reference = *reference;
     let times: Vec<f64> = (0..turns.len()).map(|n| n as f64).collect();
     let straight = without_straight_line(&times, turns);
     let last = turns.len() - 1;
     let per_sample = ((turns[last] - straight[last]) - (turns[0] - straight[0])) / last as f64;
+    // The listed speed holds on average; what the phase does about it is wander.
     let speed = heard.speed_mm_s / f64::from(SAMPLE_RATE_HZ);
     let wavelength_mm = speed / per_sample;
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
     let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
-    let fundamental = wave(turns.iter().copied());
     let mut of_harmonics: Vec<Vec<Complex<f64>>> = Vec::new();
     for _ in 1..=count {
         // A power of the fundamental's wave takes no sine.
         of_harmonics.push(match of_harmonics.last() {
-            Some(last) => last.iter().zip(&fundamental).map(|(a, b)| a * b).collect(),
+            Some(last) => last.iter().zip(fundamental).map(|(a, b)| a * b).collect(),
             None => fundamental.clone(),
         });
     }
@@ -388,9 +420,11 @@ fn course_by(
         let envelope = heard.spectrum.envelope(edges);
         let is_fitted = |at: f64| ranges.iter().any(|range| range.contains(&(at as usize)));
         let values = envelope.middle().filter(|(at, _)| is_fitted(*at));
-        let (sum, lengths, values) = values
-            .fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
-                (sum + z.norm_sqr(), lengths + z.norm(), values + 1.0)
+        let (sum, lengths, values) =
+            values.fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
+                // Far from the ends of a double's range, for which the norm's own method takes ten times as long.
+                let power = z.norm_sqr();
+                (sum + power, lengths + power.sqrt(), values + 1.0)
             });
         let mean_square = sum / f64::max(values, 1.0);
         noises.push(if n == f64::from(reference) {
@@ -399,6 +433,7 @@ fn course_by(
         } else {
             (mean_square - amplitude.norm_sqr()).max(0.0)
         });
+        // Independent values: bandwidth times duration.
         counts.push((2.0 * n * half_hz * seconds).max(2.0));
     }
     let course = Course {
@@ -457,7 +492,10 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
             let of_lag = |lag_mm: &f64| {
                 let lag = (lag_mm / per_sample).round() as usize;
                 let is_held = lag >= 1 && lag <= path.len() / 3 && *lag_mm > 0.3 * wavelength_mm;
-                is_held.then(|| variance(path.iter().zip(&path[lag..]).map(|(a, b)| b - a)))
+                is_held.then(|| {
+                    let ways = path.iter().zip(&path[lag..]).map(|(a, b)| b - a);
+                    variance(&ways.collect::<Vec<f64>>())
+                })
             };
             lengths.iter().map(of_lag).collect()
         })
@@ -473,6 +511,7 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
             is_known.then(|| (*lag_mm, values[values.len() / 2].max(f64::MIN_POSITIVE)))
         })
         .collect();
+    // For each length the best power follows in closed form, so that only lengths are searched.
     let fits = lengths.iter().map(|length_mm| {
         let shape = |lag_mm: f64| 2.0 * (1.0 - (-0.5 * (lag_mm / length_mm).powi(2)).exp());
         let ratios = || points.iter().map(|(lag, value)| shape(*lag) / value);
@@ -483,14 +522,4 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
     });
     let (_, rms_mm, length_mm) = fits.min_by(|a, b| a.0.total_cmp(&b.0))?;
     (points.len() > 4 && rms_mm > 0.0).then_some((rms_mm, length_mm))
-}
-
-fn variance(values: impl Iterator<Item = f64>) -> f64 {
-    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-    for value in values {
-        count += 1.0;
-        sum += value;
-        squares += value * value;
-    }
-    squares / count - (sum / count) * (sum / count)
 }

@@ -77,7 +77,8 @@ impl Stroke {
             held: Some(axes.into()),
             ..Trial::of(file, "", 0.0, 0.0)
         };
-        let mut verdicts = triage::samples(&read(&trial)?);
+        let samples = read(&trial)?;
+        let mut verdicts = triage::samples(&samples, samples.slow_share());
         let spans = verdicts.iter().flat_map(Verdict::spans);
         let cut: Vec<Range<usize>> = spans.cloned().collect();
         verdicts.retain(|verdict| !BY_HAND.contains(&verdict.kind()));

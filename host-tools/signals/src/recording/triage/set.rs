@@ -8,7 +8,7 @@ use super::compared::Compared;
 use super::copies::{Sketch, copies};
 use super::unlike::unlike_neighbours;
 use super::verdict::{Kind, Verdict};
-use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::autocorrelation::PaddedSpectrum;
 
 /// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
 /// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
@@ -104,9 +104,9 @@ const MAINS_HZ: [f64; 6] = [50.0, 60.0, 100.0, 120.0, 150.0, 180.0];
 /// Returns the frequency of a mains line in the spectrum of a reduced trial, in Hz.
 ///
 /// A line of the texture can coincide with a mains frequency at one speed; [`confirmed_hum`] distinguishes the two.
-pub fn mains_line(autocorrelation: &Autocorrelation) -> Option<f64> {
-    let bin_hz = f64::from(SAMPLE_RATE_HZ) / autocorrelation.transform_length as f64;
-    let power = &autocorrelation.power;
+pub fn mains_line(spectrum: &PaddedSpectrum) -> Option<f64> {
+    let bin_hz = f64::from(SAMPLE_RATE_HZ) / spectrum.transform_length as f64;
+    let power = &spectrum.power;
     let bins = |from_hz: f64, to_hz: f64| {
         let from = (from_hz / bin_hz).round() as usize;
         let to = ((to_hz / bin_hz).round() as usize).min(power.len());
@@ -180,7 +180,7 @@ mod tests {
     }
 
     fn line_of(signal: &[f64]) -> Option<f64> {
-        mains_line(&Autocorrelation::of(signal, 400))
+        mains_line(&PaddedSpectrum::of(signal, 400))
     }
 
     #[test]

@@ -5,7 +5,7 @@ use model_format::SAMPLE_RATE_HZ;
 use super::level;
 use super::scale::{SILENCE_FLOOR_M_S2, scale};
 use super::verdict::{Kind, Span, Verdict};
-use crate::dsp::high_pass::{SLOW_HZ, slow_share};
+use crate::dsp::high_pass::SLOW_HZ;
 use crate::dsp::sums::{Moments, moments, sum_of};
 use crate::dsp::wide;
 use crate::recording::defects::{Defects, Truncation};
@@ -36,7 +36,8 @@ const SPIKE_REACH: usize = 20;
 pub const COARSE_SNR_DB: f64 = 20.0;
 
 /// Returns the verdicts that need no other trial, but for [silence](Verdict::silent), which depends on the reduction.
-pub fn samples(samples: &Samples) -> Vec<Verdict> {
+/// The samples' own [`slow_share`](Samples::slow_share) is given, because it costs most and others need it, too.
+pub fn samples(samples: &Samples, slow_share: f64) -> Vec<Verdict> {
     let axes = samples.axes.as_slice();
     let mut verdicts = of_file(samples);
     let moments: Vec<Moments> = axes.iter().map(|axis| moments(axis)).collect();
@@ -47,7 +48,7 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
         verdicts.extend(of_defects(samples));
         verdicts.extend(dead_axes(&moments));
         verdicts.extend(level::verdicts(axes));
-        verdicts.extend(wandering(axes));
+        verdicts.extend(wandering(axes, slow_share));
     }
     let share = worst(axes, drift_share);
     if share >= DRIFT_SHARE {
@@ -57,17 +58,14 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
     verdicts
 }
 
-/// The verdict on slow motion, from the spectra of all axes together.
-fn wandering(axes: &[Vec<f64>]) -> Option<Verdict> {
-    if axes.first().map_or(0, Vec::len) < SHORT_SAMPLES {
-        return None;
-    }
-    let share = slow_share(axes, f64::from(SAMPLE_RATE_HZ));
-    let words = format!(
-        "wandering: {:.0} % of energy below {SLOW_HZ} Hz",
-        100.0 * share
-    );
-    (share >= SLOW_SHARE).then(|| Verdict::new(Kind::Wandering, words))
+/// The verdict on slow motion, which has this share of the power of all axes together.
+fn wandering(axes: &[Vec<f64>], share: f64) -> Option<Verdict> {
+    let is_short = axes.first().map_or(0, Vec::len) < SHORT_SAMPLES;
+    (share >= SLOW_SHARE && !is_short).then(|| {
+        let percent = 100.0 * share;
+        let words = format!("wandering: {percent:.0} % of energy below {SLOW_HZ} Hz");
+        Verdict::new(Kind::Wandering, words)
+    })
 }
 
 /// Verdicts on length, rate and completeness.
