@@ -3,8 +3,8 @@
 /// Seconds per day.
 const DAY_S: f64 = 86_400.0;
 
-/// Returns the seconds of a time such as `12:34:56.789`, `2026-01-31T12:34:56.789Z` or `0.25 sec`: since midnight, since
-/// 1970, or of the duration. Returns none for another text.
+/// Returns the seconds of a time such as `12:34:56.789`, `2026-01-31T12:34:56.789Z` or `0.25 sec`: since midnight,
+/// since 1970, or of the duration. Returns none for another text.
 ///
 /// An offset from UTC is ignored, because all times of a file have the same.
 pub(super) fn seconds(field: &str) -> Option<f64> {
