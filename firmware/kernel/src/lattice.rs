@@ -95,7 +95,8 @@ impl LatticeFrame {
         self.gain = Ramp::between(from.amplitude, gain as u32, samples);
     }
 
-    /// Makes this the frame of the point that it is of, as [`LatticeFrame::update`] does, in some ten instructions.
+    /// Restarts the level's ramp at `from`, for a motion and a gain that have not changed. The frame is then what
+    /// [`LatticeFrame::update`] would make, in some ten instructions.
     pub fn hold(&mut self, from: Levels, samples: u32) {
         self.gain = self.gain.again(from.amplitude, samples);
     }

@@ -111,7 +111,7 @@ pub struct Entry {
 pub enum Origin {
     /// Counted in the same run as the entries.
     Measured,
-    /// Counted before, by the same rules, from a library that is not part of this repository.
+    /// Counted earlier by the same rules, in a library outside this repository.
     Reference,
 }
 

@@ -96,7 +96,7 @@ mod tests {
             prop_assert!(f64::from(off).abs() <= bound, "{off}, {bound}, {turns} turns");
         }
 
-        /// Whole turns within a block's way are counted exactly, and the way back has as many.
+        /// The turns of a distance of at most [`LONGEST`] are exact, whole ones included, and the way back has as many.
         #[test]
         fn the_turns_of_a_way_are_those_of_its_length(
             bits in 0.02f32.to_bits()..=1000f32.to_bits(), mm in -1e6f64..1e6, way_mm in -256f64..256.0,

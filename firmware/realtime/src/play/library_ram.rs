@@ -96,7 +96,8 @@ impl LibraryRam {
     }
 }
 
-/// Copies some more of `bytes`, of which `at` were copied. For [`LibraryRam::load`], which owns the memory.
+/// Copies the next piece of `bytes`, from offset `at`, to RAM. Only [`LibraryRam::load`], which owns that memory, calls
+/// it.
 fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
     if bytes.len() > MAX_LIBRARY_BYTES || at > bytes.len() {
         return Err(LoadFault);

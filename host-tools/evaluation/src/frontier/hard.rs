@@ -18,7 +18,7 @@ pub enum Verdict {
     Held,
     /// A limit cycle below 1 % of full scale remains when the drive stops.
     Residue,
-    /// Level, noise or spectrum are beyond what is promised, or the state's norm grows.
+    /// Level, noise or spectrum is outside its promised bound, or the state's norm grows.
     Inaccurate,
     /// The signal was at full scale while the structure was driven as it is meant to be.
     Saturates,

@@ -41,7 +41,7 @@ pub struct Options {
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise, the same for every method.
     pub seed: u64,
-    /// Axis all of whose nodes at the removed one's value are removed with it; none to remove it alone.
+    /// Axis at whose value all other nodes are removed together with a node; none to remove that node alone.
     pub left_out: Option<Direction>,
 }
 

@@ -106,7 +106,7 @@ pub struct Plan {
     pub sounds: Vec<Vec<f64>>,
     /// Shortest and longest duration of an excerpt, s.
     pub excerpt_s: (f64, f64),
-    /// Names of the pairs and parts that no texture has, because it plays nothing but Gaussian noise.
+    /// Names of pairs and parts that are left out because no texture has the part: all play Gaussian noise alone.
     pub left_out: Vec<String>,
     /// The data that were held out, in words.
     pub held_out: String,

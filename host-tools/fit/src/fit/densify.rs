@@ -273,8 +273,8 @@ fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<
     speeds.iter().flat_map(of_speed).collect()
 }
 
-/// A node at a speed, mm/s, and a force, N, between two of the grid's: by the spectrum there, or, where the field has
-/// none, as the device would play it.
+/// A node at a speed, mm/s, and a force, N, between two of the grid's, with the model of the spectrum there. Without
+/// one, or beside a silent node, it is what the device would play.
 fn new_node(grid: &Grid, told: &Told, at: [f32; 2], place: &Between) -> Model {
     let ends = place.nodes.map(|node| &grid.models[node]);
     let is_silent = |model: &&Model| model.flags.contains(NodeFlags::SILENT);

@@ -4,12 +4,15 @@
 //!    one axis and correlated. For another rate than 5 kHz it is read a second time. The share of the rig's own noise
 //!    (`floor`) is measured, and subtracted if that is asked for. The texture's lines are taken out of all its trials.
 //!    Lags and third-octave bands are estimated up to three times: at first, without the noise, and without the lines.
-//! 2. **Reports** (`reports`): all trials of the set are compared, also by their bands, which tells copies, hum and
-//!    wrong scales. A trial is not used if its speed or force is 0, or if `--drop` names its verdict.
-//! 3. **Models** (`fitted`), a texture at a time: the trials of a node are pooled, and give one linear predictor, whose
-//!    order is chosen per node, under `auto` by the bands. A trial 6 dB above the median of three or more counts at the
-//!    median. Holes of the grid are filled, the lines join it, and all is quantised (`texture`).
-//! 4. **Room** (`fitted`): what all models leave of a library is shared among the textures.
+//! 2. **Reports** (`reports`): all trials of the set are compared by waveform, mains line, level and bands, which tells
+//!    copies, hum, wrong scales and trials unlike the others. No model is made of a trial if its speed or force is 0,
+//!    or if `--drop` names a verdict on it. Its own verdicts keep it from the lines of step 1, too; those of this step
+//!    come after them.
+//! 3. **Models** (`fitted`), a texture at a time: the trials of a node are pooled, and give one linear predictor. Its
+//!    order is chosen per node: under `auto` by AIC, then lowered as far as the bands allow. A trial 6 dB above the
+//!    median of three or more counts at the median. Holes of the grid are filled, the lines join it, and all is
+//!    quantised (`texture`).
+//! 4. **Room** (`fitted`): what all models leave of a library is divided equally among the textures.
 //! 5. **Excitation** ([`excitation`]), a texture at a time: codebooks and a level track from the residuals of its
 //!    trials, by the quantised models. A node that would play louder than its recordings is made softer. Steps 4 and 5
 //!    are left out where noise of steady level is asked for. Signals beyond 128 MiB are let go after step 1, and
@@ -20,7 +23,7 @@
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
 //! ([`parts`]) leave what the first step tells in files, and go on from there. [`densify`] makes the grids denser.
-//! A fit to a free hand ([`fit_strokes`]) makes its trials itself.
+//! A fit to a free hand ([`fit_strokes`]) makes its trials itself, and sets the nodes' levels before and after.
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file, except that
 //! `parts` and `record` write their own.

@@ -135,7 +135,10 @@ pub fn update(
     })
 }
 
-/// Returns an error if it is not the image with the header `wanted` that runs on its `trial`.
+/// Checks by the device's `trial` that the image with the header `wanted` runs after the update.
+///
+/// # Errors
+/// Another image that runs, or an update that was rolled back.
 fn check_exchanged(device: &Device, trial: &UpdateReport, wanted: &ImageHeader) -> Result<()> {
     if let UpdatePhase::RolledBack { version, cause } = trial.phase {
         return Err(device.not_verified(format!(

@@ -6,8 +6,8 @@ use crate::common::{LIBRARIES, playing, rubbed};
 
 const RATES_HZ: [u32; 7] = [5000, 8000, 10_000, 11_025, 44_100, 48_000, 192_000];
 
-/// The first sample that changes has come when the block that plays is over; what is stated is the centre of the
-/// change, which the interpolator's delay is later.
+/// The output begins to change at the latest when the current block ends. The stated latency is that of the change's
+/// centre, which is later by the interpolator's delay.
 #[test]
 fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
     for (library, sample_rate_hz) in LIBRARIES.iter().zip([5000, 10_000]) {

@@ -127,10 +127,10 @@ impl Link {
     }
 }
 
-/// The program and the command that start the sharing of a link: this program.
+/// The way to start the sharing of a link: this program and its command.
 ///
 /// # Errors
-/// A system that does not tell the file of this program.
+/// A system that does not tell where this program's file is.
 pub fn sharing() -> Result<Sharing> {
     Ok(Sharing {
         program: std::env::current_exe().map_err(LinkError::Host)?,

@@ -163,8 +163,8 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
     format!("{mean:.0} % ± {deviation:.0} %")
 }
 
-/// Says up to which frequency the recordings of loggers slower than the models tell of their surfaces; none if all are
-/// as fast. Those too slow for skin have a verdict.
+/// Tells of recordings that were sampled below 5 kHz, and above which frequency they hold nothing of the surface; none
+/// if there are none. Rates too low for skin have a verdict.
 pub fn low_rates(trials: &[TrialReport]) -> Option<String> {
     let is_low = |rate_hz: &f64| *rate_hz < f64::from(SAMPLE_RATE_HZ);
     let low: Vec<f64> = (trials.iter().map(|trial| trial.source_rate_hz))

@@ -85,7 +85,7 @@ impl Source {
     /// Path of the library.
     ///
     /// # Errors
-    /// A scene file without a library, or a library with another.
+    /// A scene file without `--library`, or a library with `--library`.
     pub fn library_path(&self) -> Result<&Path> {
         match (&self.library, self.is_text()) {
             (Some(library), true) => Ok(library),

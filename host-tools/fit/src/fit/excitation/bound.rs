@@ -164,9 +164,9 @@ fn sources<'t>(
     sources.into_par_iter().map(of_source).collect()
 }
 
-/// Loudness of what each source of `parts`, 0 for Gaussian noise, makes of the models of a grid with so many `forces`,
-/// in units of what it may be: the largest of the nodes that are listened to, which are the two whose recordings are
-/// calmest and the one that rings longest. None where noise of steady level plays.
+/// Loudness of each source of `parts`, 0 for Gaussian noise, over the loudness that it may have, for a grid of `forces`
+/// forces. It is the largest at three nodes: the two with the calmest recordings and the one that rings longest. Empty
+/// where noise of steady level plays.
 pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, f64> {
     let of_source = |(number, source): (u8, SourceNodes<'_>)| {
         let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);

@@ -82,10 +82,10 @@ fn newtons(grams: f64) -> f64 {
 }
 
 impl ForceScale {
-    /// The scale by measurements in the [`order`] of their weights.
+    /// Fits the scale to measurements, which are in the [`order`] of their weights.
     ///
     /// # Errors
-    /// A sensor that hardly reacts, that does not come back, or whose force is not linear in the weight.
+    /// A sensor that hardly reacts, does not return to its zero, or is not linear in the weight.
     pub fn of(measured: &[Weighed]) -> Result<Self, ForceFault> {
         let codes = |weighed: &Weighed| weighed.at_rest.mean[3];
         let count = measured.len() as f64;

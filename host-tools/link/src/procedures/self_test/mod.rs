@@ -189,7 +189,7 @@ fn flash(device: &Device, erasable: Option<SlotId>) -> Result<Vec<Line>> {
     measured(device, "flash", request)
 }
 
-/// Records while the user moves the tool, and notes the levels that each line of the encoder was seen at: low, high.
+/// Records while the user moves the tool. Returns also, per line of the encoder, whether it was seen low, and high.
 fn movement(device: &Device, seconds: f64) -> Result<(Capture, [[bool; 2]; 2])> {
     let mut seen = [[false; 2]; 2];
     let mut failure = None;
