@@ -11,7 +11,7 @@
 //! | `interpolate` | means of rotations between nodes, likewise |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! `tick` imports `play`. Without the feature `image` there is [`CortexM`] alone, as the emulated kernel uses it, which
+//! `tick` imports `play`. Without the feature `image` there is `CortexM` alone, as the emulated kernel uses it, which
 //! gives the kernel `rotate` and `interpolate`. On a host this library is empty. The instructions are those of ARMv7E-M
 //! (ARM DDI 0403E, chapter A7), so that a Cortex-M4 and a Cortex-M7 run them to the same bits. Their order is for a
 //! Cortex-M7, which issues up to two instructions per cycle, in order, and waits for results.
