@@ -194,6 +194,8 @@ impl PaddedSpectrum {
         let mut lags = fourier::of_power(&self.power, self.transform_length);
         let to_lag = 1.0 / (self.transform_length as f64 * self.samples.max(1) as f64);
         lags.truncate(self.max_lag + 1);
+        // They are kept of every trial, and the transform is some times as long.
+        lags.shrink_to_fit();
         lags.iter_mut().for_each(|r| *r = *r * to_lag * self.scale);
         lags[0] = self.mean_square();
         lags

@@ -176,8 +176,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Ends a play that went so, and returns the status after it. The output is switched off after a failure, too; the
-/// first failure is the one that is reported.
+/// Ends a play with the outcome `played`, and returns the status after it. The output is switched off after a failure,
+/// too; the first failure is the one that is reported.
 fn stop(device: &Device, played: Result<Driven>) -> Result<(Driven, OutputStatus)> {
     // A stop would end what yet another program may play by now.
     if let Some(by) = device.stopped_by() {
