@@ -185,8 +185,7 @@ mod tests {
             };
             let square = |hz: f64| decibels(at(&b, hz) / at(&a, hz)).powi(2);
             let rms = (steps(20.0, 1000.0).map(square).sum::<f64>() / 5000.0).sqrt();
-            // The steps that are compared differ by up to 2 % at a resonance as narrow as a step.
-            prop_assert!((error.rms_db - rms).abs() < 0.02 * rms + 1e-6, "{} {}", error.rms_db, rms);
+            prop_assert!((error.rms_db - rms).abs() < 0.01 * rms + 1e-6, "{} {}", error.rms_db, rms);
             let bands = (0..BAND_COUNT).map(|band| {
                 let (low, high) = band_edges_hz(band);
                 let power = |model| steps(low, high).map(|hz| at(model, hz)).sum::<f64>();
