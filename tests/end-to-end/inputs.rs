@@ -100,6 +100,115 @@ fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
     holds(&refused, &["line 2", "'12:00:00 PM'", "pandas.to_datetime"]);
 }
 
+/// The same samples as loggers, shells and spreadsheets write them, each with the words in which it is told.
+#[test]
+fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
+    let bench = Bench::new();
+    let signal = all_pole(&[-0.6, 0.7], &noise(3, 4000));
+    let table = |header: &str, row: &dyn Fn(usize, f64) -> String| {
+        let rows = signal.iter().enumerate().map(|(n, x)| row(n, *x) + "\n");
+        format!("{header}\n{}", rows.collect::<String>())
+    };
+    let seconds = |n: usize| format!("{}.{:03}", n / 1000, n % 1000);
+    let plain = table("time,ax", &|n, x| format!("{},{x}", seconds(n)));
+    let utf_16 = |text: &str| -> Vec<u8> {
+        let units = text.encode_utf16().flat_map(u16::to_le_bytes);
+        [0xff, 0xfe].into_iter().chain(units).collect()
+    };
+    let bytes = |text: String| text.into_bytes();
+    let micros = |n: usize| (u64::from(u32::MAX) - 1_500_000 + 1000 * n as u64) % (1 << 32);
+    for (name, content, told) in [
+        ("plain", bytes(plain.clone()), ""),
+        (
+            "preamble",
+            bytes(format!("Logger 3\nRate: 1000 Hz\n\n{plain}")),
+            "",
+        ),
+        (
+            "matlab",
+            bytes(format!("% Rig A\n% 1 kHz, denim\n{plain}")),
+            "",
+        ),
+        ("shell", utf_16(&plain.replace('\n', "\r\n")), ""),
+        (
+            "numpy",
+            bytes(table("", &|n, x| format!("{} {x:e}", seconds(n)))),
+            "no name and rises",
+        ),
+        (
+            "arduino",
+            bytes(table("", &|n, x| format!("t:{},ax:{x}", seconds(n)))),
+            "",
+        ),
+        (
+            "micros",
+            bytes(table("micros,ax", &|n, x| format!("{},{x}", micros(n)))),
+            "start again after 4294967296",
+        ),
+        (
+            "spreadsheet",
+            bytes(table("n,Time,ax,", &|n, x| format!("{n},{},{x},", seconds(n))) + ",,,\n,,,\n"),
+            "column 'n' is left out",
+        ),
+        (
+            "force",
+            bytes(table("sample,t,ax,force_n", &|n, x| {
+                format!("{n},{},{x},1.02", seconds(n))
+            })),
+            "column 'sample' and 1 other are left out",
+        ),
+        (
+            "joined",
+            bytes(table("time,ax,gx", &|n, x| {
+                format!("{},{x},\n{}7,,0.5", seconds(n), seconds(n))
+            })),
+            "4000 rows of other sensors",
+        ),
+        (
+            "power",
+            bytes(format!("{plain}4.0")),
+            "last line is cut off",
+        ),
+    ] {
+        bench.write(&format!("{name}/felt.csv"), content);
+        let fit = format!("fit {name}/felt.csv --speed 100 --force 1 --out {name}.lib {QUICK}");
+        holds(&bench.told(&fit), &[told]);
+        let library = bench.read(&format!("{name}.lib"));
+        assert_eq!(library, bench.read("plain.lib"), "{name}");
+    }
+}
+
+#[test]
+fn samples_without_a_value_are_interpolated_or_cut_with_and_without_times() {
+    let bench = Bench::new();
+    let signal = noise(3, 10_000);
+    let is_lost = |n: usize| n % 900 == 7 || (4000..4500).contains(&n);
+    for (header, option) in [("time_s,x", ""), ("x", "--sample-rate 5000")] {
+        let mut text = format!("{header}\n");
+        for (n, x) in signal.iter().enumerate() {
+            let x = if is_lost(n) {
+                "NaN".to_owned()
+            } else {
+                x.to_string()
+            };
+            text += &match option {
+                "" => format!("{:.4},{x}\n", n as f64 / f64::from(RATE_HZ)),
+                _ => format!("{x}\n"),
+            };
+        }
+        bench.write("a.csv", text);
+        let fit = format!("fit a.csv --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
+        let told = bench.told(&format!("{fit} {option}"));
+        holds(
+            &told,
+            &[
+                "gaps in the times",
+                "12 samples of 10000 missing one by one",
+            ],
+        );
+    }
+}
+
 #[test]
 fn what_is_not_read_is_refused_with_the_way_to_what_is() {
     let bench = Bench::new();
@@ -364,7 +473,7 @@ fn what_is_mended_in_the_times_is_said() {
         (stamped("t", 1.0, lost), missing),
         (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
         (stamped("t", 1.0, bunches), "bunches of 3"),
-        (joined, "571 rows that repeat another taken out"),
+        (joined, "571 rows of other sensors taken out"),
         (held, steps),
     ] {
         bench.write("a.csv", text);

@@ -565,22 +565,21 @@ fn read(content: &str) -> Result<Vec<Vec<f64>>, String> {
 
 #[test]
 fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
-    let rising = (0..20).fold(String::new(), |text, n| {
-        text + &format!("{},0.5\n", 0.0002 * f64::from(n))
-    });
+    let counted = (0..20).fold(String::new(), |text, n| text + &format!("{n},0.5\n"));
     let hand = "time_s,x,speed_mm_s,force_n\n0,1,100,1\n";
     let since = "time since start,x\n0,1\n0.1,2\n";
     for (content, words) in [
         (hand, &["speed_mm_s", "segment"][..]),
-        ("x,force_n\n1,1\n", &["force_n", "segment"]),
+        ("ch1,force_n\n1,1\n", &["force_n", "segment"]),
         (since, &["'time since start'", "time_ms"]),
-        ("sample,x\n0,1\n1,2\n", &["'sample'", "remove column 1"]),
+        ("sample,ch1\n0,1\n1,2\n", &["'sample'", "remove column 1"]),
         ("a,b,c,d\n1,2,3,4\n", &["4 columns", "comma", "1 to 3"]),
         ("1,5,2,0\n2,5,3,0\n", &["4 columns", "comma"]),
         ("x,y\n1,2\n1,oops\n", &["line 3", "'oops'", "column 2"]),
         ("x;y\n1;2\n1\n", &["line 3", "semicolon"]),
         ("1.5,2.x\n1,2\n", &["line 1", "'2.x'", "column 2"]),
-        (&rising, &["no header", "even steps", "time_s"]),
+        ("x,y\n1,\n1,NA\n", &["column 2", "no numbers"]),
+        (&counted, &["no header", "counts", "time_s"]),
     ] {
         let message = read(content).unwrap_err();
         holds(&message, words);

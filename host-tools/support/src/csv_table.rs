@@ -2,9 +2,9 @@
 //!
 //! A table comes from a program that its user did not write. Its separator is a semicolon, a tab, a comma or a space;
 //! its decimal sign a point, or a comma where that does not separate; it may begin with a byte order mark, and each
-//! line may end with a separator, as spreadsheets write it. Lines from `#` on are comments, but for names right above
-//! the first row of numbers, as NumPy's `savetxt` writes them. Empty lines do not count, and spaces around a field do
-//! not either. What cannot be read is named with line, column and separator.
+//! line may end with a separator, as spreadsheets write it. Lines from `#` or `%` on are comments, but for names right
+//! above the first row of numbers, as NumPy's `savetxt` writes them, and so is a logger's preamble. Empty lines do not
+//! count, and spaces around a field do not either. What cannot be read is named with line, column and separator.
 //!
 //! A file is read row by row, so that its size takes no memory.
 
@@ -18,14 +18,15 @@ use csv_core::ReadRecordResult;
 use super::bounded_file::{Limit, MIB};
 use super::error::{Error, Result};
 
+mod first_lines;
+
+use first_lines::{FirstLines, MOST_LINES, split};
+
 /// A table of samples, of trials or of a motion.
 pub const TABLE: Limit = Limit {
     of: "a table",
     bytes: 512 * MIB,
 };
-
-/// Separators, in the order of preference.
-const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
 /// Signs of units, ², µ, ° and ·, in the code page of Western Europe.
 const SIGNS: [u8; 4] = [0xb2, 0xb5, 0xb0, 0xb7];
@@ -41,9 +42,7 @@ const SHOWN_CHARACTERS: usize = 40;
 pub struct CsvTable {
     path: PathBuf,
     text: Text,
-    separator: char,
-    /// Line, from 1, of a header that is written as a comment.
-    commented_header: Option<u64>,
+    first_lines: FirstLines,
     /// Decimal sign of the numbers read so far; none before the first that has one.
     decimal_sign: Cell<Option<char>>,
 }
@@ -62,10 +61,12 @@ impl CsvTable {
     /// A file that cannot be read, or is larger than the limit; first lines that are not UTF-8.
     pub fn read(path: &Path, limit: Limit) -> Result<Self> {
         let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
-        let text = if is_file {
-            Text::File(limit)
-        } else {
+        let text = if !is_file {
             Text::Memory(limit.read_text(path)?)
+        } else if let Some(text) = utf_16(path, limit)? {
+            Text::Memory(text)
+        } else {
+            Text::File(limit)
         };
         Self::with(path, text)
     }
@@ -78,30 +79,22 @@ impl CsvTable {
         Self::with(path, Text::Memory(text))
     }
 
-    /// Finds the separator of `text` from its first two lines, and a header that is written as a comment.
+    /// Judges the first lines of `text`.
     fn with(path: &Path, text: Text) -> Result<Self> {
         let mut table = Self {
             path: path.to_owned(),
             text,
-            separator: ',',
-            commented_header: None,
+            first_lines: FirstLines::default(),
             decimal_sign: Cell::new(None),
         };
-        let (mut above, mut first) = (None, Vec::new());
+        let (mut first, mut rows) = (Vec::new(), 0);
         let mut lines = table.lines()?;
-        while first.len() < 2 && lines.advance()? {
-            if lines.is_content() {
-                first.push(lines.line.clone());
-            } else if first.is_empty() {
-                above = Some((lines.number, lines.line.clone()));
-            }
+        while rows < MOST_LINES && lines.advance()? {
+            first.push((lines.number, lines.line.clone()));
+            rows += usize::from(lines.is_content());
         }
         drop(lines);
-        let header = first.first().map_or("", String::as_str);
-        // A line of numbers tells more than a header, whose names may hold spaces.
-        table.separator = separator_of([header, first.last().map_or("", String::as_str)]);
-        let names = above.filter(|(_, line)| are_names(line, header, table.separator));
-        table.commented_header = names.map(|(number, _)| number);
+        table.first_lines = FirstLines::of(&first);
         Ok(table)
     }
 
@@ -113,8 +106,7 @@ impl CsvTable {
         Ok(Lines {
             path: &self.path,
             reader,
-            separator: self.separator,
-            commented_header: self.commented_header,
+            first_lines: &self.first_lines,
             bytes: Vec::new(),
             line: String::new(),
             number: 0,
@@ -161,13 +153,16 @@ impl CsvTable {
     /// A file that cannot be opened.
     pub fn rows(&self) -> Result<Rows<'_>> {
         let mut parser = csv_core::ReaderBuilder::new();
-        parser.delimiter(self.separator as u8);
+        parser.delimiter(self.first_lines.separator as u8);
         Ok(Rows {
             table: self,
             lines: self.lines()?,
+            labels: self.first_lines.labels.as_deref(),
             parser: parser.build(),
             fields: Fields::default(),
             width: None,
+            may_be_cut_off: false,
+            is_cut_off: false,
         })
     }
 
@@ -209,7 +204,7 @@ impl CsvTable {
 
     /// Separator and decimal sign, in words.
     pub fn conventions(&self) -> String {
-        let separator = match self.separator {
+        let separator = match self.first_lines.separator {
             ';' => "semicolon",
             '\t' => "tab",
             ' ' => "space",
@@ -224,7 +219,7 @@ impl CsvTable {
 
     /// Parses a number by the table's decimal sign, which is that of the first number with one.
     pub fn number(&self, field: &str) -> Option<f64> {
-        let has_comma = self.separator != ',' && field.contains(',');
+        let has_comma = self.first_lines.separator != ',' && field.contains(',');
         let sign = match (has_comma, field.contains('.')) {
             (true, true) => return None,
             (true, false) => Some(','),
@@ -246,9 +241,13 @@ impl CsvTable {
     }
 }
 
-/// The text of a comment, which begins with one `#` or several; `None` if `line` is no comment.
+/// Signs with which a comment begins: of Python and the shell, and of MATLAB.
+const COMMENT_SIGNS: [char; 2] = ['#', '%'];
+
+/// The text of a comment, which begins with one sign or several; `None` if `line` is no comment.
 pub fn comment(line: &str) -> Option<&str> {
-    line.starts_with('#').then(|| line.trim_start_matches('#'))
+    let is_comment = line.starts_with(COMMENT_SIGNS);
+    is_comment.then(|| line.trim_start_matches(COMMENT_SIGNS))
 }
 
 /// Returns whether `line` is neither empty nor a comment.
@@ -256,64 +255,27 @@ pub fn is_content(line: &str) -> bool {
     comment(line).is_none() && !line.trim().is_empty()
 }
 
-/// Returns the separator of a table by its header and the row below, or two rows.
-fn separator_of([header, sample]: [&str; 2]) -> char {
-    let [of_header, of_sample] = [header, sample].map(|line| SEPARATORS.map(|s| fields(line, s)));
-    let first = |holds: &dyn Fn(usize) -> bool| (0..SEPARATORS.len()).find(|&index| holds(index));
-    // Both lines with as many fields, then both with some, then one.
-    let found = first(&|index| of_header[index] > 1 && of_header[index] == of_sample[index])
-        .or_else(|| first(&|index| of_header[index] > 1 && of_sample[index] > 1))
-        .or_else(|| first(&|index| of_sample[index] > 1))
-        .or_else(|| first(&|index| of_header[index] > 1 && SEPARATORS[index] != ' '));
-    found.map_or(',', |index| SEPARATORS[index])
-}
-
-/// Number of fields of a line; separators within quotation marks do not count, nor does a last empty field. Words are
-/// separated by any number of spaces.
-fn fields(line: &str, separator: char) -> usize {
-    if separator == ' ' {
-        return line.split_whitespace().count();
-    }
-    let mut quoted = false;
-    let separators = line.trim_end().trim_end_matches(separator).chars();
-    let outside = separators.filter(|&character| {
-        quoted ^= character == '"';
-        !quoted && character == separator
-    });
-    1 + outside.count()
-}
-
-/// Returns whether the comment `line` names the columns of `numbers`, the first row below it. A single column has no
-/// names in a comment, which would be any text.
-fn are_names(line: &str, numbers: &str, separator: char) -> bool {
-    let columns = fields(numbers, separator);
-    let is_number = |field: &str| field.trim().replace(',', ".").parse::<f64>().is_ok();
-    let is_name = |field: &str| {
-        let begins = field.trim().starts_with(char::is_alphabetic);
-        begins && !field.contains([':', '=']) && !is_number(field)
+/// Returns the text of the file at `path` if its byte order mark says UTF-16, as Windows' shell writes it.
+fn utf_16(path: &Path, limit: Limit) -> Result<Option<String>> {
+    let mut mark = [0; 2];
+    let read = limit.open(path)?.read(&mut mark);
+    let unit = match (read.map_err(Error::io("read", path))?, mark) {
+        (2, [0xff, 0xfe]) => u16::from_le_bytes,
+        (2, [0xfe, 0xff]) => u16::from_be_bytes,
+        _ => return Ok(None),
     };
-    let line = comment(line).unwrap_or(line);
-    columns > 1
-        && columns == fields(line, separator)
-        && split(numbers, separator).all(is_number)
-        && split(line, separator).all(is_name)
-}
-
-/// The fields of a line without quotation marks, as [`fields`] counts them.
-fn split(line: &str, separator: char) -> impl Iterator<Item = &str> {
-    let line = line.trim();
-    let line = line.trim_end_matches(separator).split(separator);
-    // Words are separated by any number of spaces.
-    line.filter(move |field| separator != ' ' || !field.is_empty())
+    let bytes = limit.read(path)?;
+    let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+    let characters = char::decode_utf16(units);
+    let characters = characters.map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER));
+    Ok(Some(characters.collect()))
 }
 
 /// The lines of a text, one after the other.
 struct Lines<'a> {
     path: &'a Path,
     reader: Box<dyn BufRead + 'a>,
-    separator: char,
-    /// Line, from 1, of a header that is written as a comment, and is read without its sign.
-    commented_header: Option<u64>,
+    first_lines: &'a FirstLines,
     bytes: Vec<u8>,
     /// The line, ended by a line feed. If spaces separate, one is between two words.
     line: String,
@@ -352,13 +314,21 @@ impl Lines<'_> {
             Some(rest) if self.number == 1 => rest,
             _ => text.as_ref(),
         };
-        let text = if self.commented_header == Some(self.number) {
+        let text = if self.first_lines.commented_header == Some(self.number) {
             comment(text).unwrap_or(text)
         } else {
             text
         };
         self.line.clear();
-        if self.separator == ' ' {
+        let separator = self.first_lines.separator;
+        if self.first_lines.labels.is_some() {
+            for (index, field) in split(text, separator).enumerate() {
+                self.line.extend((index > 0).then_some(separator));
+                // A field without its name is refused as it is.
+                self.line
+                    .push_str(field.split_once(':').map_or(field, |(_, number)| number));
+            }
+        } else if separator == ' ' {
             for word in text.split_whitespace() {
                 let space = if self.line.is_empty() { "" } else { " " };
                 self.line.extend([space, word]);
@@ -380,9 +350,9 @@ impl Lines<'_> {
         Ok(false)
     }
 
-    /// Returns whether the line is neither empty nor a comment.
+    /// Returns whether the line is neither empty nor a comment, nor one of the preamble.
     fn is_content(&self) -> bool {
-        is_content(&self.line)
+        self.number >= self.first_lines.begin && is_content(&self.line)
     }
 
     fn too_long(&self) -> Error {
@@ -512,10 +482,14 @@ impl Header<'_> {
 pub struct Rows<'a> {
     table: &'a CsvTable,
     lines: Lines<'a>,
+    /// Names of the columns, if they come before the first line.
+    labels: Option<&'a [String]>,
     parser: csv_core::Reader,
     fields: Fields,
     /// Fields of the first row, which every row has.
     width: Option<usize>,
+    may_be_cut_off: bool,
+    is_cut_off: bool,
 }
 
 impl<'a> Rows<'a> {
@@ -525,12 +499,16 @@ impl<'a> Rows<'a> {
     /// A row with another number of fields than the first, or that cannot be read.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
         let line = loop {
-            if !self.lines.skip_to_content()? {
+            if let Some(labels) = self.labels.take() {
+                let separator = self.table.first_lines.separator.to_string();
+                self.lines.line = labels.join(&separator) + "\n";
+            } else if !self.lines.skip_to_content()? {
                 return Ok(None);
             }
             let line = self.lines.number;
             self.parse()?;
-            if self.fields.len() != 1 || !self.fields.is_empty_at(0) {
+            // Spreadsheets write rows of separators alone below a table.
+            if (0..self.fields.len()).any(|index| !self.fields.is_empty_at(index)) {
                 break line;
             }
         };
@@ -546,6 +524,11 @@ impl<'a> Rows<'a> {
         if count == width + 1 && ends_empty {
             self.fields.ends.truncate(width);
         } else if count != width {
+            let is_short = count < width && self.lines.bytes.last() != Some(&b'\n');
+            if self.may_be_cut_off && is_short {
+                self.is_cut_off = true;
+                return Ok(None);
+            }
             return Err(self.unequal(line, width));
         }
         Ok(Some(Row {
@@ -553,6 +536,19 @@ impl<'a> Rows<'a> {
             line,
             fields: &self.fields,
         }))
+    }
+
+    /// Lets the rows end before a last line that is cut off, as where a logger loses its power.
+    pub fn until_cut_off(self) -> Self {
+        Self {
+            may_be_cut_off: true,
+            ..self
+        }
+    }
+
+    /// Returns true if the rows have ended before a last line that is cut off.
+    pub fn are_cut_off(&self) -> bool {
+        self.is_cut_off
     }
 
     /// Parses the row that begins in the line, with the lines after it if a quoted field holds them.
@@ -597,7 +593,7 @@ impl<'a> Rows<'a> {
         let (table, count) = (self.table, self.fields.len());
         let remedy = match self.fields.get(width) {
             Some(first) => {
-                let commas = if table.separator == ',' {
+                let commas = if table.first_lines.separator == ',' {
                     ", and decimal commas need another separator"
                 } else {
                     ""
@@ -719,7 +715,7 @@ mod tests {
             ("1\n2\n", ','),
             ("", ','),
         ] {
-            assert_eq!(table(text).separator, expected, "{text:?}");
+            assert_eq!(table(text).first_lines.separator, expected, "{text:?}");
         }
     }
 

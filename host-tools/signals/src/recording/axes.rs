@@ -77,7 +77,7 @@ fn has_unit(name: &str) -> bool {
 }
 
 /// Returns true for a name such as `accel`, `Acc X`, `ax`, `a_y`, `z` or `X-Axis (g)`.
-fn is_acceleration(name: &str) -> bool {
+pub(super) fn is_acceleration(name: &str) -> bool {
     let lower = name.to_lowercase();
     let is_meant = |word: &str| {
         let axis = word.strip_prefix("acc").or(word.strip_prefix("gf"));

@@ -1,17 +1,15 @@
 //! Recordings as CSV: one to three columns of samples, and optionally a column of times, which gives the sample rate.
 //! Columns whose names say that they hold no axis are left out.
 
-use std::path::Path;
-
-use super::axes::LeftOut;
+use super::axes::{self, LeftOut};
 use super::rate::{MAX_CHANNELS, length_fault, most_frames, rate_fault};
 use super::source::{Cut, Source};
 use super::stamps::{self, Clock};
 use super::time_text;
 use super::time_unit::{TimeColumn, TimeUnit};
 use super::trial::Trial;
-use super::uneven::LARGEST_DEVIATION;
 use super::unit::{self, Integers};
+use super::wrapped;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 
@@ -29,6 +27,9 @@ const COUNTER_NAMES: [&str; 3] = ["index", "sample", "frame"];
 
 /// Fewest values from which a column without a name is taken for times.
 const LEAST_TIMES: usize = 8;
+
+/// Fields that stand for no value, in lower case: of spreadsheets, pandas, R and SQL.
+const NO_VALUE: [&str; 3] = ["", "na", "null"];
 
 /// Reads the part of the CSV file of `trial` within `cut`.
 ///
@@ -54,13 +55,15 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
         refuse_other_widths(table, 0, 0)?;
     }
     if columns.names.is_none() {
-        refuse_times_without_a_name(path, &columns.values)?;
+        columns.find_times_without_a_name(table, trial.time_unit)?;
     }
     let time = TimeColumn::best(&columns.times);
-    let stamps = time.map(|time| std::mem::take(&mut columns.values[time.index]));
+    let mut stamps = time.map(|time| std::mem::take(&mut columns.values[time.index]));
+    let wraps = stamps.as_mut().and_then(|times| wrapped::unwrap(times));
     let names = columns.names_with_units();
     let axes = (0..columns.values.len()).filter(|&index| columns.is_sample(index));
     let axes: Vec<usize> = axes.collect();
+    columns.refuse_empty(table, &axes)?;
     let of_axes = |index: &usize| names.get(*index).cloned().unwrap_or_default();
     let stated: Vec<String> = axes.iter().map(of_axes).collect();
     let stated = unit::stated(&stated, &table.comments()?);
@@ -79,7 +82,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
     Ok(Source {
         integers: counts(&source.channels).or(stated.counts()),
         stated,
-        remarks: columns.left_out.remarks,
+        remarks: columns.remarks.into_iter().chain(wraps).collect(),
         ..source
     })
 }
@@ -93,17 +96,20 @@ struct Columns<'a> {
     times: Vec<TimeColumn>,
     /// Columns that hold neither times nor an axis.
     left_out: LeftOut,
+    /// What was left out or assumed, in words.
+    remarks: Vec<String>,
 }
 
 impl<'a> Columns<'a> {
     fn read(table: &'a CsvTable) -> Result<Self> {
-        let mut rows = table.rows()?;
+        let mut rows = table.rows()?.until_cut_off();
         let mut read = Self {
             values: Vec::new(),
             names: None,
             units: Vec::new(),
             times: Vec::new(),
             left_out: LeftOut::default(),
+            remarks: Vec::new(),
         };
         while let Some(row) = rows.next_row()? {
             if read.values.is_empty() {
@@ -112,7 +118,10 @@ impl<'a> Columns<'a> {
                     refuse_numbers_in_header(&row, table)?;
                     read.name(table.header()?)?;
                 }
-                let others = read.times.len() + read.left_out.count();
+                // A first column without a name may be the times, which the rows below tell.
+                let has_one_more = row.width() == MAX_CHANNELS + 1;
+                let unnamed = usize::from(read.names.is_none() && has_one_more);
+                let others = read.times.len() + read.left_out.count() + unnamed;
                 refuse_other_widths(table, row.width(), others)?;
                 read.values.resize(row.width(), Vec::new());
                 if is_header {
@@ -134,7 +143,11 @@ impl<'a> Columns<'a> {
                         time.unit = Some(TimeUnit::S);
                         time_text::seconds(row.text(index)).ok_or(fault)?
                     }
-                    (Err(_), None) if read.left_out.contains(index) => f64::NAN,
+                    (Err(_), None)
+                        if read.left_out.contains(index) || is_no_value(row.text(index)) =>
+                    {
+                        f64::NAN
+                    }
                     (number, _) => number?,
                 });
             }
@@ -145,6 +158,10 @@ impl<'a> Columns<'a> {
                 return Err(row.error(problem));
             }
         }
+        if rows.are_cut_off() {
+            let remark = "its last line is cut off, and left out";
+            read.remarks.push(remark.to_owned());
+        }
         Ok(read)
     }
 
@@ -153,10 +170,62 @@ impl<'a> Columns<'a> {
         self.times = time_columns(&header)?;
         let samples = header.names().enumerate();
         let samples = samples.filter(|(index, _)| self.is_sample(*index));
-        let left_out = LeftOut::of(&samples.collect::<Vec<_>>());
+        let mut left_out = LeftOut::of(&samples.collect::<Vec<_>>());
+        self.remarks.append(&mut left_out.remarks);
         self.left_out = left_out;
         self.names = Some(header);
         Ok(())
+    }
+
+    fn has_rows(&self) -> bool {
+        self.values.first().is_some_and(|column| !column.is_empty())
+    }
+
+    /// Takes a first column that rises in every row for the times, which no acceleration does, if the columns have no
+    /// names.
+    ///
+    /// # Errors
+    /// A column that counts, whose unit is not given; more axes than a recording has.
+    fn find_times_without_a_name(
+        &mut self,
+        table: &CsvTable,
+        unit: Option<TimeUnit>,
+    ) -> Result<()> {
+        let width = self.values.len();
+        if let [first, _, ..] = self.values.as_slice()
+            && first.len() >= LEAST_TIMES
+            && first.windows(2).all(|pair| pair[1] > pair[0])
+        {
+            if unit.is_none() && first.windows(2).all(|pair| pair[1] - pair[0] == 1.0) {
+                let problem = format!(
+                    "has no header, and its first column counts: add a header that names it '{TIME_COLUMN}' or \
+                     'time_ms', or remove it"
+                );
+                return Err(Error::file(table.path(), problem));
+            }
+            let name = "column 1".to_owned();
+            self.times.push(TimeColumn {
+                index: 0,
+                name,
+                unit,
+            });
+            self.remarks.push(
+                "its first column, which has no name and rises, is taken for times".to_owned(),
+            );
+        }
+        refuse_other_widths(table, width, self.times.len())
+    }
+
+    /// Refuses a column of `axes` without any number.
+    fn refuse_empty(&self, table: &CsvTable, axes: &[usize]) -> Result<()> {
+        let is_empty = |index: &&usize| self.values[**index].iter().all(|value| value.is_nan());
+        match axes.iter().find(is_empty) {
+            Some(index) if self.has_rows() => {
+                let problem = format!("column {} holds no numbers: remove it", index + 1);
+                Err(Error::file(table.path(), problem))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Returns true if the column of this index holds an axis.
@@ -202,6 +271,11 @@ fn without_times(trial: &Trial, columns: Vec<Vec<f64>>, cut: &Cut) -> Result<Sou
     Ok(stamps::even(rate_hz, columns, cut))
 }
 
+/// Returns true for a field that stands for no value.
+fn is_no_value(field: &str) -> bool {
+    NO_VALUE.iter().any(|none| field.eq_ignore_ascii_case(none))
+}
+
 /// Steps of a converter, which are whole numbers.
 fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
     let mut samples = columns.iter().flatten();
@@ -228,6 +302,12 @@ fn refuse_other_widths(table: &CsvTable, width: usize, others: usize) -> Result<
 fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
     // It has one column of this name.
     names.column(TIME_COLUMN)?;
+    // Beside named accelerations a count or one quantity of the motion is left out, as other columns are.
+    let are_named = names.names().any(axes::is_acceleration);
+    let motions = names
+        .names()
+        .filter(|name| MOTION_COLUMNS.contains(name))
+        .count();
     let mut times = Vec::new();
     for (index, name) in names.names().enumerate() {
         if let Some(time) = TimeColumn::named(index, name) {
@@ -236,7 +316,7 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
         }
         let lower = name.to_lowercase();
         let stem = lower.split(['_', ' ', '[', '(']).next().unwrap_or_default();
-        let problem = if MOTION_COLUMNS.contains(&name) {
+        let problem = if MOTION_COLUMNS.contains(&name) && (motions > 1 || !are_named) {
             format!(
                 "has a column '{name}': a free hand's recordings are for 'stylus fit' or 'stylus page' with --strokes, \
                  or for 'stylus segment', which cuts their steady pieces"
@@ -246,7 +326,7 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
                 "has a column '{name}': name it 'time' or, with its unit, such as '{TIME_COLUMN}' or 'time_ms' if it \
                  is the time, or remove it"
             )
-        } else if COUNTER_NAMES.contains(&stem) && names.width() > 1 {
+        } else if COUNTER_NAMES.contains(&stem) && names.width() > 1 && !are_named {
             format!(
                 "has a column '{name}', which is no acceleration: remove column {}",
                 index + 1
@@ -283,24 +363,4 @@ fn refuse_numbers_in_header(header: &Row<'_, '_>, table: &CsvTable) -> Result<()
         index + 1,
         table.conventions()
     )))
-}
-
-/// Refuses a first column that rises in even steps, which is no acceleration.
-fn refuse_times_without_a_name(path: &Path, columns: &[Vec<f64>]) -> Result<()> {
-    let [first, _, ..] = columns else {
-        return Ok(());
-    };
-    let (Some(&begin), Some(&end)) = (first.first(), first.last()) else {
-        return Ok(());
-    };
-    let step = (end - begin) / (first.len() - 1).max(1) as f64;
-    let even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= LARGEST_DEVIATION * step;
-    if first.len() >= LEAST_TIMES && step > 0.0 && first.windows(2).all(even) {
-        let problem = format!(
-            "has no header, and its first column rises in even steps of {step}: add a header that names it \
-             '{TIME_COLUMN}', or remove it"
-        );
-        return Err(Error::file(path, problem));
-    }
-    Ok(())
 }

@@ -28,6 +28,7 @@ mod trial;
 mod uneven;
 mod unit;
 mod wav;
+mod wrapped;
 
 pub use defects::{Defects, Gap, Hold, Spike, Timing, Truncation};
 pub use held::HeldSamples;

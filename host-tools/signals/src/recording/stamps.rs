@@ -1,7 +1,8 @@
 //! Samples by their times: the part that is used, its rate, and what is wrong with the times.
 //!
 //! Samples that are missing are put in, so that a sample's place tells its time: a single one by interpolation, longer
-//! gaps by what is around them, which triage cuts. Rows that other sensors' rows repeat are taken out.
+//! gaps by what is around them, which triage cuts. Rows of other sensors, which repeat a sample or have none, are taken
+//! out.
 
 use core::f64::consts::FRAC_PI_2;
 use std::ops::Range;
@@ -62,10 +63,14 @@ pub(super) fn source(
     Ok(layout.laid_out(channels))
 }
 
-/// The samples of `channels` within `cut`, which are even at `rate_hz`.
+/// The samples of `channels` within `cut`, which are even at `rate_hz`. Where a row has none, it is missing.
 pub(super) fn even(rate_hz: f64, channels: Vec<Vec<f64>>, cut: &Cut) -> Source {
-    let rows = channels.first().map_or(0, Vec::len);
-    Layout::even(rate_hz, rows, cut).laid_out(channels)
+    Layout::even(rate_hz, &channels, cut).laid_out(channels)
+}
+
+/// Returns true if the row has a sample of every axis.
+fn is_sampled(channels: &[Vec<f64>], row: usize) -> bool {
+    channels.iter().all(|axis| axis[row].is_finite())
 }
 
 impl Clock<'_> {
@@ -134,22 +139,23 @@ impl Stamps<'_> {
                 .clock
                 .rate_hz
                 .unwrap_or(self.unit.per_second() / slope(times));
-            return Ok(Layout::even(self.checked(rate_hz)?, times.len(), cut));
+            return Ok(Layout::even(self.checked(rate_hz)?, channels, cut));
         }
         let steps = Steps::of(times);
-        let hold = times.windows(2).all(|pair| steps.hold(pair[1] - pair[0]));
+        let hold = times.windows(2).all(|pair| steps.hold(pair[1] - pair[0]))
+            && (0..times.len()).all(|row| is_sampled(channels, row));
         if hold && own_rows(times, channels, 0..times.len()).is_none() {
-            return self.without_gaps(cut);
+            return self.without_gaps(channels, cut);
         }
         self.with_gaps(channels, self.part(cut, steps.usual_s))
     }
 
     /// The layout of times without a gap, none of which repeats another sensor's.
-    fn without_gaps(&self, cut: &Cut) -> Result<Layout> {
+    fn without_gaps(&self, channels: &[Vec<f64>], cut: &Cut) -> Result<Layout> {
         let times = self.times;
         let step = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
         let rate_hz = self.checked(self.unit.per_second() / step)?;
-        let mut layout = Layout::even(rate_hz, times.len(), cut);
+        let mut layout = Layout::even(rate_hz, channels, cut);
         if let Rows::Range(part) = &layout.rows
             && (rate_hz.fract() != 0.0 || !are_even(times))
         {
@@ -186,9 +192,12 @@ impl Stamps<'_> {
         self.refuse_falling(channels, part.clone())?;
         let own = own_rows(self.times, channels, part.clone());
         let mut rows = own.unwrap_or_else(|| part.clone().collect());
+        let with_empty = rows.len();
+        rows.retain(|&row| is_sampled(channels, row));
+        let empty = with_empty - rows.len();
         // A row that is there twice counts once.
         rows.dedup_by(|row, before| self.times[*row] == self.times[*before]);
-        let joined_rows = part.len() - rows.len();
+        let removed = part.len() - rows.len();
         if rows.len() < 2 {
             let problem = "has fewer than two samples in the part that is used: give another start_s or duration_s";
             return Err(Error::file(self.table.path(), problem));
@@ -207,8 +216,10 @@ impl Stamps<'_> {
         self.refuse_mostly_missing(&rows, &missing, step)?;
         let is_even = steps.unevenness < EVEN || are_even(&times);
         let times_s = (!is_even).then(|| times.iter().map(|t| self.seconds(*t)).collect());
+        let refilled: usize = missing.iter().map(|gap| gap.count).sum();
         let timing = Timing {
-            joined_rows,
+            // A row without a sample is a loss where one is due, and another sensor's between two samples.
+            joined_rows: removed - empty.min(refilled),
             bunch: bunch.filter(|_| !is_even).map(|(size, _)| size),
             ..Timing::default()
         };
@@ -247,7 +258,9 @@ impl Stamps<'_> {
     fn refuse_falling(&self, channels: &[Vec<f64>], part: Range<usize>) -> Result<()> {
         let is_bad = |row: &usize| {
             let step = self.times[*row] - self.times[row - 1];
-            let is_twice = step == 0.0 && channels.iter().all(|axis| axis[*row] == axis[row - 1]);
+            let is_other = |axis: &Vec<f64>| !(axis[*row].is_finite() && axis[row - 1].is_finite());
+            let is_same = |axis: &Vec<f64>| axis[*row] == axis[row - 1] || is_other(axis);
+            let is_twice = step == 0.0 && channels.iter().all(is_same);
             !(step > 0.0 && step.is_finite() || is_twice)
         };
         let Some(row) = part.clone().skip(1).find(is_bad) else {
@@ -299,16 +312,31 @@ impl Stamps<'_> {
 }
 
 impl Layout {
-    /// Even samples at `rate_hz`, of `rows` rows.
-    fn even(rate_hz: f64, rows: usize, cut: &Cut) -> Self {
+    /// Even samples at `rate_hz`. Rows of `channels` without a sample are missing, unless that is most of them.
+    fn even(rate_hz: f64, channels: &[Vec<f64>], cut: &Cut) -> Self {
+        let rows = channels.first().map_or(0, Vec::len);
         let (first, end) = cut.frames(rate_hz);
-        Self {
+        let part = first.min(rows)..end.clamp(first.min(rows), rows);
+        let mut layout = Self {
             rate_hz,
-            rows: Rows::Range(first.min(rows)..end.clamp(first.min(rows), rows)),
+            rows: Rows::Range(part.clone()),
             missing: Vec::new(),
             times_s: None,
             timing: Timing::default(),
+        };
+        let length = part.len();
+        let kept: Vec<usize> = part.filter(|&row| is_sampled(channels, row)).collect();
+        if kept.len() == length || 2 * kept.len() < length {
+            return layout;
         }
+        let gap = |(after, pair): (usize, &[usize])| Missing {
+            after,
+            count: pair[1] - pair[0] - 1,
+        };
+        let gaps = kept.windows(2).enumerate().map(gap);
+        layout.missing = gaps.filter(|gap| gap.count > 0).collect();
+        layout.rows = Rows::Some(kept);
+        layout.with_gaps_told()
     }
 
     /// The layout with its missing samples as findings: few single ones by their number, the others as gaps.

@@ -108,7 +108,7 @@ fn of_times(samples: &Samples) -> Vec<Verdict> {
         let rows = counted(timing.joined_rows, "row");
         found(
             Kind::Joined,
-            format!("joined: {rows} that repeat another taken out"),
+            format!("joined: {rows} of other sensors taken out"),
         );
     }
     if let Some(size) = timing.bunch {

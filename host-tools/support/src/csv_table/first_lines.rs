@@ -1,0 +1,142 @@
+//! What the first lines of a table tell: its separator, where it begins, and names of its columns that no header holds.
+
+use super::{comment, is_content, is_date};
+
+/// Separators, in the order of preference.
+const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
+
+/// Most lines, comments aside, among which the first row of numbers is sought.
+pub(super) const MOST_LINES: usize = 64;
+
+/// What the first lines of a table tell.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct FirstLines {
+    pub separator: char,
+    /// Line, from 1, of a header that is written as a comment.
+    pub commented_header: Option<u64>,
+    /// First line, from 1, that is not of a preamble.
+    pub begin: u64,
+    /// Names of the columns, where each field begins with its column's, as Arduino's plotter has them: `x:0.1,y:0.2`.
+    pub labels: Option<Vec<String>>,
+}
+
+impl FirstLines {
+    /// Judges `lines`, each with its number, from 1. They end at the latest with [`MOST_LINES`] that are no comments.
+    pub fn of(lines: &[(u64, String)]) -> Self {
+        let is_row = |line: &&(u64, String)| is_content(&line.1);
+        let rows: Vec<&(u64, String)> = lines.iter().filter(is_row).collect();
+        if let Some((begin, separator)) = after_preamble(&rows) {
+            return Self {
+                separator,
+                begin,
+                ..Self::default()
+            };
+        }
+        let text = |index: usize| rows.get(index).map_or("", |row| row.1.as_str());
+        let header = text(0);
+        // A line of numbers tells more than a header, whose names may hold spaces.
+        let separator = separator_of([header, text(1.min(rows.len().saturating_sub(1)))]);
+        let first = rows.first().map_or(u64::MAX, |row| row.0);
+        let above = lines.iter().take_while(|line| line.0 < first).last();
+        let names = above.filter(|(_, line)| are_names(line, header, separator));
+        Self {
+            separator,
+            commented_header: names.map(|(number, _)| *number),
+            begin: 1,
+            labels: labels(header, separator).filter(|names| {
+                rows.len() < 2 || labels(text(1), separator).as_ref() == Some(names)
+            }),
+        }
+    }
+}
+
+/// Returns the line at which a table begins that has other lines above it, and its separator. Loggers write their
+/// settings there, without a sign of a comment.
+///
+/// The table begins with the first lines that have as many fields as the first two rows of numbers have, which are more
+/// than one.
+fn after_preamble(rows: &[&(u64, String)]) -> Option<(u64, char)> {
+    let numbers = rows.windows(2).enumerate().find_map(|(index, pair)| {
+        let separator = separator_of([&pair[0].1, &pair[1].1]);
+        let [first, second] = [0, 1].map(|row: usize| fields(&pair[row].1, separator));
+        let are_numbers = pair
+            .iter()
+            .all(|row| split(&row.1, separator).all(is_value));
+        (are_numbers && first > 1 && first == second).then_some((index, first, separator))
+    });
+    let (index, count, separator) = numbers?;
+    let above = rows[..index].iter().rev();
+    let of_table = above.take_while(|row| fields(&row.1, separator) == count);
+    let begin = index - of_table.count();
+    (begin > 0).then(|| (rows[begin].0, separator))
+}
+
+/// Returns the separator of a table by its header and the row below, or two rows.
+fn separator_of([header, sample]: [&str; 2]) -> char {
+    let [of_header, of_sample] = [header, sample].map(|line| SEPARATORS.map(|s| fields(line, s)));
+    let first = |holds: &dyn Fn(usize) -> bool| (0..SEPARATORS.len()).find(|&index| holds(index));
+    // Both lines with as many fields, then both with some, then one.
+    let found = first(&|index| of_header[index] > 1 && of_header[index] == of_sample[index])
+        .or_else(|| first(&|index| of_header[index] > 1 && of_sample[index] > 1))
+        .or_else(|| first(&|index| of_sample[index] > 1))
+        .or_else(|| first(&|index| of_header[index] > 1 && SEPARATORS[index] != ' '));
+    found.map_or(',', |index| SEPARATORS[index])
+}
+
+/// Number of fields of a line; separators within quotation marks do not count, nor does a last empty field. Words are
+/// separated by any number of spaces.
+fn fields(line: &str, separator: char) -> usize {
+    if separator == ' ' {
+        return line.split_whitespace().count();
+    }
+    let mut quoted = false;
+    let separators = line.trim_end().trim_end_matches(separator).chars();
+    let outside = separators.filter(|&character| {
+        quoted ^= character == '"';
+        !quoted && character == separator
+    });
+    1 + outside.count()
+}
+
+/// Returns whether the comment `line` names the columns of `numbers`, the first row below it, in which text may stand
+/// beside numbers. A single column has no names in a comment, which would be any text.
+fn are_names(line: &str, numbers: &str, separator: char) -> bool {
+    let columns = fields(numbers, separator);
+    let is_name = |field: &str| {
+        let begins = field.trim().starts_with(char::is_alphabetic);
+        begins && !field.contains([':', '=']) && !is_number(field)
+    };
+    let line = comment(line).unwrap_or(line);
+    columns > 1
+        && columns == fields(line, separator)
+        && split(numbers, separator).any(is_number)
+        && split(line, separator).all(is_name)
+}
+
+/// Returns the names of a line all of whose fields are a name, a colon and a number.
+fn labels(line: &str, separator: char) -> Option<Vec<String>> {
+    let labels = split(line, separator).map(|field| {
+        let (name, number) = field.trim().split_once(':')?;
+        let is_label = name.starts_with(char::is_alphabetic) && is_number(number);
+        is_label.then(|| name.to_owned())
+    });
+    labels.collect()
+}
+
+/// Returns true for a number, a date or a time of day, also in quotation marks.
+fn is_value(field: &str) -> bool {
+    let field = field.trim().trim_matches('"');
+    is_number(field) || is_date(field)
+}
+
+fn is_number(field: &str) -> bool {
+    field.trim().replace(',', ".").parse::<f64>().is_ok()
+}
+
+/// The fields of a line without quotation marks, as [`fields`] counts them.
+pub(super) fn split(line: &str, separator: char) -> impl Iterator<Item = &str> {
+    let line = line.trim();
+    let line = line.trim_end_matches(separator).split(separator);
+    // Words are separated by any number of spaces.
+    line.filter(move |field| separator != ' ' || !field.is_empty())
+}
