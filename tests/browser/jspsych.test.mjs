@@ -43,6 +43,17 @@ function rowsOf(csv) {
   return rows.map((cells) => Object.fromEntries(names.map((name, index) => [name, cells[index]])));
 }
 
+// How light the grounds of the experiment and of its frames are, 0 to 255.
+function grounds(page) {
+  return Promise.all(page.page.frames().map((frame) => frame.evaluate(() => {
+    const probe = document.body.appendChild(document.createElement("div"));
+    probe.style.background = "var(--ground, Canvas)";
+    const [red] = getComputedStyle(probe).backgroundColor.match(/\d+/g).map(Number);
+    probe.remove();
+    return red;
+  })));
+}
+
 // Rubs the patch in the frame back and forth, and tries to choose another texture by its key.
 async function rubbed(page) {
   const frame = page.page.frameLocator("iframe");
@@ -78,6 +89,12 @@ test("from the first trial to the table: takes are played by stylus render, and 
   for (let number = 0; number < 2; number++) {
     const button = page.page.locator("button.jspsych-btn:enabled");
     await button.waitFor();
+    for (const colorScheme of ["dark", "light"]) {
+      await page.page.emulateMedia({ colorScheme });
+      const found = await grounds(page);
+      const isOfScheme = (ground) => (colorScheme === "dark" ? ground < 64 : ground > 192);
+      assert.ok(found.length === 2 && found.every(isOfScheme), `${colorScheme}: ${found}`);
+    }
     await rubbed(page);
     await button.click();
     await page.wait((count) => jsPsych.data.get().count() === count, number + 1);
