@@ -353,7 +353,7 @@ test("values at the pointer, and a click on a node strokes there", async () => {
   await opened({}, async (page) => {
     // The pictures are below the controls.
     await page.value(() => document.querySelector("#spectrum-picture").scrollIntoView({ block: "center" }));
-    const map = await page.box("#map-picture svg");
+    const map = await page.box("#map-picture .plot");
     const target = [map.x + map.width * 0.4, map.y + map.height * 0.45];
     await page.move(...target);
     await page.wait(() => document.querySelector(".reading")?.hidden === false);
@@ -364,7 +364,7 @@ test("values at the pointer, and a click on a node strokes there", async () => {
     const [speed, force] = text.match(/[\d.]+/g).map(Number);
     assert.deepEqual(await page.value(() => [rubPage.keySpeed, rubPage.force]), [speed, force]);
     await page.wait(() => !rubPage.touches);
-    const spectrum = await page.box("#spectrum-picture svg");
+    const spectrum = await page.box("#spectrum-picture .plot");
     await page.move(spectrum.x + spectrum.width * 0.6, spectrum.y + spectrum.height * 0.5);
     await page.wait(() => document.querySelector(".reading").textContent.includes("as it sounds"));
   });

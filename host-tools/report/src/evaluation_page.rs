@@ -139,6 +139,7 @@ impl<'a> Report<'a> {
         let evaluation = inputs.evaluation;
         let trials = evaluation.trials.iter();
         let costs = trials.filter_map(|trial| trial.scores.cost);
+        // Two bytes of each sample.
         let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
         Self {
             inputs,
@@ -335,12 +336,14 @@ impl<'a> Report<'a> {
     /// Returns an example's signals as sounds, or none when the page holds [`SOUNDS_BYTES`] of them.
     fn sounds(&mut self, example: &Example<'_>) -> Result<Vec<Sound>> {
         let heard = example.signals();
+        // One scale for all, because a difference in level is a difference between them.
         let values = heard.iter().flat_map(|(_, signal)| signal.iter());
         let full_scale = values.map(|value| value.abs()).fold(0.0, f64::max);
         let simulated = self.inputs.evaluation.simulated;
         let origin = if simulated { " (SIMULATED)" } else { "" };
         let mut sounds: Vec<Sound> = Vec::new();
         for (index, (what, signal)) in heard.iter().enumerate() {
+            // The panel of the synthesis is called so whatever parts it has.
             let panel = if index == 1 { "synthesised" } else { what };
             sounds.push(Sound {
                 panel: panel.to_owned(),
@@ -391,6 +394,7 @@ impl<'a> Report<'a> {
     /// Draws C of every node of a texture that was judged, if it has more than one node.
     fn cost_map(&mut self, texture: &Texture<'_>) -> Result<()> {
         let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+        // Of one node the table says all.
         if speeds.len() * forces.len() <= 1 {
             return Ok(());
         }
@@ -399,6 +403,7 @@ impl<'a> Report<'a> {
             .flat_map(|speed| forces.values().map(move |force| (speed, force)));
         let cell = |(node, (speed, force)): (Node<'_>, (f32, f32))| {
             let mut trials = self.inputs.evaluation.trials.iter();
+            // A library's axes are the recordings' own values as `f32`, and so are equal when those are.
             let here = trials.find(|trial| {
                 trial.texture == texture.name()
                     && trial.speed_mm_s as f32 == speed
@@ -448,10 +453,7 @@ impl<'a> Report<'a> {
 
     /// The heading of a picture, which says whether it is simulated.
     fn caption<'t>(&self, title: &'t str) -> Caption<'t> {
-        Caption {
-            title,
-            simulated: self.inputs.evaluation.simulated,
-        }
+        Caption::new(title, self.inputs.evaluation.simulated)
     }
 }
 

@@ -6,8 +6,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, axes, legend, line,
-    picture, range_with_zero, text, text_width,
+    Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, chart, line,
+    range_with_zero, text, text_width,
 };
 use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
@@ -46,7 +46,7 @@ pub struct FrontSeries {
 /// A picture that cannot be laid out.
 pub fn front_chart(
     caption: &Caption<'_>,
-    (x, y): (Quantity<'_>, Quantity<'_>),
+    (x, y): (Quantity, Quantity),
     in_octaves: bool,
     (series, fronts): (&[FrontSeries], &[FrontSeries]),
     names: &[(&str, f64, f64)],
@@ -88,17 +88,16 @@ pub fn front_chart(
     };
     let entries = series.iter().chain(&fronts);
     let entries: Vec<(Swatch, &str)> = entries.map(|s| (swatch(s), s.name.as_str())).collect();
-    picture(caption, (960, 560), |area, panels| {
-        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+    chart(caption, (960, 560), &entries, (&x, &y), |plot| {
         for (is_front, of) in [(false, &series), (true, &fronts)] {
             for series in of {
-                draw_front_series(&mut plot, series, colour(&series.name), is_front, place)?;
+                draw_front_series(plot, series, colour(&series.name), is_front, place)?;
             }
         }
+        // Last, because a name has a ground that hides what runs below it.
         for &(name, x, y) in names {
-            draw_name(&mut plot, name, (octave(x) - origin, y))?;
+            draw_name(plot, name, (octave(x) - origin, y))?;
         }
-        panels.push(plot.panel);
         Ok(())
     })
 }
@@ -207,10 +206,8 @@ pub fn spectra(
         format!("C of this block {:.1} %", 100.0 * cost)
     });
     let title = format!("{}: {cost}", caption.title);
-    let caption = Caption {
-        title: &title,
-        ..*caption
-    };
+    let caption = Caption::new(&title, caption.simulated);
+    // Amplitudes of one number of bins can be compared bin by bin, as C does.
     let len = recorded.len().min(synthesised.len());
     let end_hz = HIGHEST_HZ.min(rate_hz / 2.0);
     let curves = [
@@ -233,12 +230,10 @@ pub fn spectra(
         8,
     );
     let entries: [(Swatch, &str); 2] = [0, 1].map(|n| (Swatch::line(curves[n].1), curves[n].2));
-    picture(&caption, (960, 400), |area, panels| {
-        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+    chart(&caption, (960, 400), &entries, (&x, &y), |plot| {
         for (points, colour, name) in curves {
             plot.curve(name, points.into_iter(), Stroke::solid(colour, 3))?;
         }
-        panels.push(plot.panel);
         Ok(())
     })
 }
@@ -281,8 +276,5 @@ pub fn spectrum_axes(caption: &Caption<'_>, levels_db: Range<f64>) -> Result<Svg
 }
 
 fn empty(caption: &Caption<'_>, x: &Axis<'_>, y: &Axis<'_>) -> Result<Svg> {
-    picture(caption, (NARROW, HEIGHT), |area, panels| {
-        panels.push(axes(area, "", x, y)?.panel);
-        Ok(())
-    })
+    chart(caption, (NARROW, HEIGHT), &[], (x, y), |_| Ok(()))
 }
