@@ -4,32 +4,24 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import fs from "node:fs";
-import os from "node:os";
 import path from "node:path";
-import { after, before, test } from "node:test";
+import { before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 
-import { Opened, launched } from "./chromium.mjs";
+import { browser, folder } from "./bench.mjs";
+import { Opened } from "./chromium.mjs";
 
 const { STYLUS_PAGE: rub, STYLUS_LISTENING: listening, STYLUS_PROGRAM: stylus } = process.env;
 const { STYLUS_LIBRARY: library, STYLUS_NODE_MODULES: modules } = process.env;
 const example = fileURLToPath(new URL("../../host-tools/browser/jspsych", import.meta.url));
-const folder = fs.mkdtempSync(path.join(os.tmpdir(), "stylus-jspsych-"));
 const plan = JSON.parse(fs.readFileSync(listening, "utf8").split('id="plan">')[1].split("</script>")[0]);
-let browser;
 
-before(async () => {
+before(() => {
   for (const name of fs.readdirSync(example)) fs.copyFileSync(path.join(example, name), path.join(folder, name));
   fs.copyFileSync(rub, path.join(folder, "rub.html"));
   fs.copyFileSync(listening, path.join(folder, "listening.html"));
   const jspsych = path.join("node_modules", "jspsych");
   fs.cpSync(path.join(modules, jspsych), path.join(folder, jspsych), { recursive: true });
-  browser = await launched();
-});
-
-after(async () => {
-  await browser.close();
-  fs.rmSync(folder, { recursive: true });
 });
 
 // Rows of a table of quoted cells, by the names of its columns.

@@ -3,25 +3,14 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import fs from "node:fs";
-import os from "node:os";
 import path from "node:path";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 
-import { Opened, PHONE, launched } from "./chromium.mjs";
+import { browser, folder } from "./bench.mjs";
+import { Opened, PHONE } from "./chromium.mjs";
 
 const { STYLUS_PAGE: file, STYLUS_LIBRARY: library, STYLUS_PROGRAM: stylus } = process.env;
 const isLong = process.env.STYLUS_LONG === "yes";
-const folder = fs.mkdtempSync(path.join(os.tmpdir(), "stylus-browser-"));
-let browser;
-
-before(async () => {
-  browser = await launched();
-});
-
-after(async () => {
-  await browser.close();
-  fs.rmSync(folder, { recursive: true });
-});
 
 // Opens the page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
 async function opened(options, use) {

@@ -1,21 +1,15 @@
 // The reports of `evaluate --report` and `frontier` as a reader sees them, in Chromium, with the network blocked.
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 
-import { Opened, PHONE, launched } from "./chromium.mjs";
+import { browser } from "./bench.mjs";
+import { Opened, PHONE } from "./chromium.mjs";
 
 const PAGES = [
   ["evaluation", process.env.STYLUS_REPORT],
   ["frontier", process.env.STYLUS_FRONTIER],
 ];
-let browser;
-
-before(async () => {
-  browser = await launched();
-});
-
-after(() => browser.close());
 
 // Opens a page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
 async function opened(file, use, options = {}) {
