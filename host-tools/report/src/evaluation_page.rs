@@ -240,7 +240,7 @@ impl<'a> Report<'a> {
             return Ok(());
         };
         let (title, comparison) = (self.caption(&example.title), &example.comparison);
-        let stem = self.stem(name);
+        let stem = self.stems.of(name);
         let whole = (
             comparison.recording.as_slice(),
             comparison.synthesised.as_slice(),
@@ -431,17 +431,12 @@ impl<'a> Report<'a> {
         };
         let title = format!("{}: mismatch C over the grid", texture.name());
         let picture = grid_map(&self.caption(&title), &map, WIDE)?;
-        let name = format!("{}-cost-map", self.stem(texture.name()));
+        let name = format!("{}-cost-map", self.stems.of(texture.name()));
         let caption = format!(
             "C of every node against what was held out of its recordings, in the colours of all maps of C on this \
              page. {playing}"
         );
         self.figure(&picture, &name, &caption, &[])
-    }
-
-    /// The beginning of the names of a texture's pictures.
-    fn stem(&mut self, texture: &str) -> String {
-        self.stems.of(texture)
     }
 
     /// Puts a picture with players on the page, and as `name` into the folder.

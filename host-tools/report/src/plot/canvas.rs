@@ -37,6 +37,9 @@ pub const TEXT: u32 = 13;
 /// Height of a row of the legend, shown pixels.
 const LEGEND_ROW: u32 = 20;
 
+/// Width of a legend's lines, halves of a shown pixel.
+const LEGEND_LINE: u32 = 4;
+
 /// Height of the heading, shown pixels.
 pub const HEADING: u32 = 32;
 
@@ -156,13 +159,8 @@ fn bold(shown: u32, colour: RGBColor) -> TextStyle<'static> {
 /// The symbol of a legend's entry.
 #[derive(Clone, Copy)]
 pub enum Swatch {
-    /// A piece of line, dashed or not.
-    Line {
-        /// Colour of the piece.
-        colour: RGBColor,
-        /// True if the piece has gaps.
-        dashed: bool,
-    },
+    /// A piece of line, dashed or not, of one width for all.
+    Line(Stroke),
     /// A cell of a grid with a mark in it.
     Mark(Mark),
 }
@@ -170,10 +168,7 @@ pub enum Swatch {
 impl Swatch {
     /// A piece of line without gaps.
     pub fn line(colour: RGBColor) -> Self {
-        Self::Line {
-            colour,
-            dashed: false,
-        }
+        Self::Line(Stroke::solid(colour, LEGEND_LINE))
     }
 }
 
@@ -238,9 +233,10 @@ pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>
         }
         let (x, y) = (left, at(LEGEND_ROW) * row + at(LEGEND_ROW / 2));
         match *swatch {
-            Swatch::Line { colour, dashed } => {
-                let (ends, style) = ([(x, y), (x + swatch_width, y)], line(colour, 4));
-                if dashed {
+            Swatch::Line(stroke) => {
+                let ends = [(x, y), (x + swatch_width, y)];
+                let style = line(stroke.colour, LEGEND_LINE);
+                if stroke.dashed {
                     area.draw(&DashedPathElement::new(ends, at(6), at(4), style))?;
                 } else {
                     area.draw(&PathElement::new(ends, style))?;

@@ -82,16 +82,18 @@ pub fn front_chart(
     };
     let y = Axis::new(y, range_with_zero(all().map(|point| point.y)), 8);
     let place = |point: &FrontPoint| (octave(point.x) - origin, point.y);
-    let swatch = |series: &FrontSeries| Swatch::Line {
-        colour: colour(&series.name),
+    let stroke = |series: &FrontSeries| Stroke {
         dashed: series.dashed,
+        ..Stroke::solid(colour(&series.name), 3)
     };
     let entries = series.iter().chain(&fronts);
-    let entries: Vec<(Swatch, &str)> = entries.map(|s| (swatch(s), s.name.as_str())).collect();
+    let entries: Vec<(Swatch, &str)> = entries
+        .map(|series| (Swatch::Line(stroke(series)), series.name.as_str()))
+        .collect();
     chart(caption, (960, 560), &entries, (&x, &y), |plot| {
         for (is_front, of) in [(false, &series), (true, &fronts)] {
             for series in of {
-                draw_front_series(plot, series, colour(&series.name), is_front, place)?;
+                draw_front_series(plot, series, stroke(series), is_front, place)?;
             }
         }
         // Last, because a name has a ground that hides what runs below it.
@@ -118,27 +120,28 @@ fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
 fn draw_front_series(
     plot: &mut Plot<'_>,
     series: &FrontSeries,
-    colour: RGBColor,
+    stroke: Stroke,
     is_front: bool,
     place: impl Fn(&FrontPoint) -> (f64, f64),
 ) -> Drawn {
-    let stroke = Stroke {
-        colour,
-        half_pixels: 3,
-        dashed: series.dashed,
-    };
     let joined: Vec<(f64, f64)> = series.points.iter().map(&place).collect();
     let path = if is_front { steps(&joined) } else { joined };
     plot.path(path, stroke)?;
     let (radius, style) = if is_front {
         (at(6), line(INK, 3))
     } else {
-        (at(3), colour.filled())
+        (at(3), stroke.colour.filled())
     };
     let dots = series.points.iter().map(&place);
     plot.chart
         .draw_series(dots.map(|dot| Circle::new(dot, radius, style)))?;
-    plot.panel.series.push(data(series, colour));
+    let values = series.points.iter().map(|point| (point.x, point.y));
+    let values: Vec<(f64, f64)> = values.collect();
+    let names = series.points.iter().map(|point| point.name.clone());
+    plot.panel.series.push(Series {
+        notes: names.collect(),
+        ..Series::new(&series.name, Kind::Points, stroke.colour, &values)
+    });
     Ok(())
 }
 
@@ -153,23 +156,6 @@ fn draw_name(plot: &mut Plot<'_>, name: &str, place: (f64, f64)) -> Drawn {
         + Text::new(name.to_owned(), (-at(8), at(8)), style);
     plot.chart.draw_series([element])?;
     Ok(())
-}
-
-fn data(series: &FrontSeries, colour: RGBColor) -> Series {
-    let points = series.points.iter().map(|point| (point.x, point.y));
-    Series {
-        notes: series
-            .points
-            .iter()
-            .map(|point| point.name.clone())
-            .collect(),
-        ..Series::new(
-            &series.name,
-            Kind::Points,
-            colour,
-            &points.collect::<Vec<_>>(),
-        )
-    }
 }
 
 /// The line of a front in steps.

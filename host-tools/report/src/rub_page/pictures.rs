@@ -18,6 +18,7 @@ const RMS: Quantity = Quantity::new("RMS level", "m/s²");
 /// # Errors
 /// A picture that cannot be laid out.
 pub fn templates(data: &Data) -> Result<String> {
+    // A library of silence alone has no peak, and axes from zero to zero cannot be laid out.
     let peak = if data.full_scale_m_s2 > 0.0 {
         data.full_scale_m_s2
     } else {
@@ -36,6 +37,7 @@ pub fn templates(data: &Data) -> Result<String> {
 /// The axes of spectra.
 fn spectrum(data: &Data) -> Result<Svg> {
     let highest = data.textures.iter().map(|texture| texture.top_db);
+    // The level of a silent texture is negative infinity.
     let highest = highest.filter(|level| level.is_finite());
     let highest = highest.reduce(f64::max).unwrap_or(0.0);
     let highest = (highest / STEP_DB).ceil() * STEP_DB;
