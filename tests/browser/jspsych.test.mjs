@@ -4,32 +4,24 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import fs from "node:fs";
-import os from "node:os";
 import path from "node:path";
-import { after, before, test } from "node:test";
+import { before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 
-import { Opened, launched } from "./chromium.mjs";
+import { browser, folder } from "./bench.mjs";
+import { Opened } from "./chromium.mjs";
 
 const { STYLUS_PAGE: rub, STYLUS_LISTENING: listening, STYLUS_PROGRAM: stylus } = process.env;
 const { STYLUS_LIBRARY: library, STYLUS_NODE_MODULES: modules } = process.env;
 const example = fileURLToPath(new URL("../../host-tools/browser/jspsych", import.meta.url));
-const folder = fs.mkdtempSync(path.join(os.tmpdir(), "stylus-jspsych-"));
 const plan = JSON.parse(fs.readFileSync(listening, "utf8").split('id="plan">')[1].split("</script>")[0]);
-let browser;
 
-before(async () => {
+before(() => {
   for (const name of fs.readdirSync(example)) fs.copyFileSync(path.join(example, name), path.join(folder, name));
   fs.copyFileSync(rub, path.join(folder, "rub.html"));
   fs.copyFileSync(listening, path.join(folder, "listening.html"));
   const jspsych = path.join("node_modules", "jspsych");
   fs.cpSync(path.join(modules, jspsych), path.join(folder, jspsych), { recursive: true });
-  browser = await launched();
-});
-
-after(async () => {
-  await browser.close();
-  fs.rmSync(folder, { recursive: true });
 });
 
 // Rows of a table of quoted cells, by the names of its columns.
@@ -41,6 +33,17 @@ function rowsOf(csv) {
   }
   const [names, ...rows] = lines.filter((line) => line.length > 0);
   return rows.map((cells) => Object.fromEntries(names.map((name, index) => [name, cells[index]])));
+}
+
+// How light the grounds of the experiment and of its frames are, 0 to 255.
+function grounds(page) {
+  return Promise.all(page.page.frames().map((frame) => frame.evaluate(() => {
+    const probe = document.body.appendChild(document.createElement("div"));
+    probe.style.background = "var(--ground, Canvas)";
+    const [red] = getComputedStyle(probe).backgroundColor.match(/\d+/g).map(Number);
+    probe.remove();
+    return red;
+  })));
 }
 
 // Rubs the patch in the frame back and forth, and tries to choose another texture by its key.
@@ -78,6 +81,12 @@ test("from the first trial to the table: takes are played by stylus render, and 
   for (let number = 0; number < 2; number++) {
     const button = page.page.locator("button.jspsych-btn:enabled");
     await button.waitFor();
+    for (const colorScheme of ["dark", "light"]) {
+      await page.page.emulateMedia({ colorScheme });
+      const found = await grounds(page);
+      const isOfScheme = (ground) => (colorScheme === "dark" ? ground < 64 : ground > 192);
+      assert.ok(found.length === 2 && found.every(isOfScheme), `${colorScheme}: ${found}`);
+    }
     await rubbed(page);
     await button.click();
     await page.wait((count) => jsPsych.data.get().count() === count, number + 1);

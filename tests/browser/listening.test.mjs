@@ -3,28 +3,17 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import fs from "node:fs";
-import os from "node:os";
 import path from "node:path";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 
-import { Opened, PHONE, launched } from "./chromium.mjs";
+import { browser, folder } from "./bench.mjs";
+import { Opened, PHONE } from "./chromium.mjs";
 
 const { STYLUS_LISTENING: file, STYLUS_PROGRAM: stylus } = process.env;
-const folder = fs.mkdtempSync(path.join(os.tmpdir(), "stylus-listening-"));
 // The key of a page: what is right in each trial.
 const planOf = (place) => JSON.parse(fs.readFileSync(place, "utf8").split('id="plan">')[1].split("</script>")[0]);
 const plan = planOf(file);
 const total = plan.trials.length;
-let browser;
-
-before(async () => {
-  browser = await launched();
-});
-
-after(async () => {
-  await browser.close();
-  fs.rmSync(folder, { recursive: true });
-});
 
 // Where text is hard to read or a control has no name, in light and dark.
 async function checkLooks(page, at) {

@@ -3,25 +3,14 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import fs from "node:fs";
-import os from "node:os";
 import path from "node:path";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 
-import { Opened, PHONE, launched } from "./chromium.mjs";
+import { browser, folder } from "./bench.mjs";
+import { Opened, PHONE } from "./chromium.mjs";
 
 const { STYLUS_PAGE: file, STYLUS_LIBRARY: library, STYLUS_PROGRAM: stylus } = process.env;
 const isLong = process.env.STYLUS_LONG === "yes";
-const folder = fs.mkdtempSync(path.join(os.tmpdir(), "stylus-browser-"));
-let browser;
-
-before(async () => {
-  browser = await launched();
-});
-
-after(async () => {
-  await browser.close();
-  fs.rmSync(folder, { recursive: true });
-});
 
 // Opens the page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
 async function opened(options, use) {
@@ -353,7 +342,7 @@ test("values at the pointer, and a click on a node strokes there", async () => {
   await opened({}, async (page) => {
     // The pictures are below the controls.
     await page.value(() => document.querySelector("#spectrum-picture").scrollIntoView({ block: "center" }));
-    const map = await page.box("#map-picture svg");
+    const map = await page.box("#map-picture .plot");
     const target = [map.x + map.width * 0.4, map.y + map.height * 0.45];
     await page.move(...target);
     await page.wait(() => document.querySelector(".reading")?.hidden === false);
@@ -364,7 +353,7 @@ test("values at the pointer, and a click on a node strokes there", async () => {
     const [speed, force] = text.match(/[\d.]+/g).map(Number);
     assert.deepEqual(await page.value(() => [rubPage.keySpeed, rubPage.force]), [speed, force]);
     await page.wait(() => !rubPage.touches);
-    const spectrum = await page.box("#spectrum-picture svg");
+    const spectrum = await page.box("#spectrum-picture .plot");
     await page.move(spectrum.x + spectrum.width * 0.6, spectrum.y + spectrum.height * 0.5);
     await page.wait(() => document.querySelector(".reading").textContent.includes("as it sounds"));
   });

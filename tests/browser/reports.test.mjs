@@ -1,21 +1,15 @@
 // The reports of `evaluate --report` and `frontier` as a reader sees them, in Chromium, with the network blocked.
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 
-import { Opened, PHONE, launched } from "./chromium.mjs";
+import { browser } from "./bench.mjs";
+import { Opened, PHONE } from "./chromium.mjs";
 
 const PAGES = [
   ["evaluation", process.env.STYLUS_REPORT],
   ["frontier", process.env.STYLUS_FRONTIER],
 ];
-let browser;
-
-before(async () => {
-  browser = await launched();
-});
-
-after(() => browser.close());
 
 // Opens a page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
 async function opened(file, use, options = {}) {
@@ -43,14 +37,14 @@ function faults() {
     const r = e.getBoundingClientRect();
     if (r.width > 0 && (r.right > root.clientWidth + 1 || r.left < -1)) found.push(`wide: ${e.tagName}.${e.className}`);
   }
-  for (const e of of("svg")) {
+  for (const e of of(".plot")) {
     // Text 13 pixels high as drawn, twice as large, is to be shown ten pixels high.
     const height = (e.getBoundingClientRect().width / e.viewBox.baseVal.width) * 26;
     if (height < 9.5) found.push(`small: ${e.getAttribute("aria-label")}`);
   }
   for (const a of of("a")) if (!document.getElementById(a.hash.slice(1))) found.push(`leads nowhere: ${a.hash}`);
   const isNamed = (e) => e.getAttribute("aria-label") || e.getAttribute("aria-labelledby");
-  for (const e of of("audio, svg, figure, .wide")) if (!isNamed(e)) found.push(`nameless: ${e.tagName}`);
+  for (const e of of("audio, .plot, figure, .wide")) if (!isNamed(e)) found.push(`nameless: ${e.tagName}`);
   return found;
 }
 

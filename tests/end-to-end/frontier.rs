@@ -126,16 +126,16 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
 fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     frontier_page::write(frontier, &bench.path("page.html")).unwrap();
     let page = text(&bench.read("page.html"));
-    assert_eq!(page.matches("<svg").count(), 2);
+    assert_eq!(page.matches("class=\"plot\"").count(), 2);
     let (_, main) = page.split_once("<main>").unwrap();
     let (before_folds, _) = main.split_once("<details>").unwrap();
     assert!(before_folds.contains(&*host_tools::report::html::escaped(&frontier.answer())));
     let (_, picture) = before_folds.split_once("<svg").unwrap();
     let texts = picture.split("<text").skip(1);
-    let texts = texts.map(|text| text.split(['>', '<']).nth(1).unwrap());
+    let texts = texts.map(|text| text.split(['>', '<']).nth(1).unwrap().trim());
     let labels: Vec<&str> = texts
         // Ticks are numbers, or nothing where there is no room.
-        .filter(|text| !text.is_empty() && text.trim().parse::<f64>().is_err())
+        .filter(|text| !text.is_empty() && text.parse::<f64>().is_err())
         .collect();
     assert!(labels.len() <= 13, "SIMULATED and twelve: {labels:?}");
     for (name, _) in frontier.choices() {

@@ -139,6 +139,7 @@ impl<'a> Report<'a> {
         let evaluation = inputs.evaluation;
         let trials = evaluation.trials.iter();
         let costs = trials.filter_map(|trial| trial.scores.cost);
+        // Two bytes of each sample.
         let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
         Self {
             inputs,
@@ -239,7 +240,7 @@ impl<'a> Report<'a> {
             return Ok(());
         };
         let (title, comparison) = (self.caption(&example.title), &example.comparison);
-        let stem = self.stem(name);
+        let stem = self.stems.of(name);
         let whole = (
             comparison.recording.as_slice(),
             comparison.synthesised.as_slice(),
@@ -335,12 +336,14 @@ impl<'a> Report<'a> {
     /// Returns an example's signals as sounds, or none when the page holds [`SOUNDS_BYTES`] of them.
     fn sounds(&mut self, example: &Example<'_>) -> Result<Vec<Sound>> {
         let heard = example.signals();
+        // One scale for all, because a difference in level is a difference between them.
         let values = heard.iter().flat_map(|(_, signal)| signal.iter());
         let full_scale = values.map(|value| value.abs()).fold(0.0, f64::max);
         let simulated = self.inputs.evaluation.simulated;
         let origin = if simulated { " (SIMULATED)" } else { "" };
         let mut sounds: Vec<Sound> = Vec::new();
         for (index, (what, signal)) in heard.iter().enumerate() {
+            // The panel of the synthesis is called so whatever parts it has.
             let panel = if index == 1 { "synthesised" } else { what };
             sounds.push(Sound {
                 panel: panel.to_owned(),
@@ -391,6 +394,7 @@ impl<'a> Report<'a> {
     /// Draws C of every node of a texture that was judged, if it has more than one node.
     fn cost_map(&mut self, texture: &Texture<'_>) -> Result<()> {
         let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+        // Of one node the table says all.
         if speeds.len() * forces.len() <= 1 {
             return Ok(());
         }
@@ -399,6 +403,7 @@ impl<'a> Report<'a> {
             .flat_map(|speed| forces.values().map(move |force| (speed, force)));
         let cell = |(node, (speed, force)): (Node<'_>, (f32, f32))| {
             let mut trials = self.inputs.evaluation.trials.iter();
+            // A library's axes are the recordings' own values as `f32`, and so are equal when those are.
             let here = trials.find(|trial| {
                 trial.texture == texture.name()
                     && trial.speed_mm_s as f32 == speed
@@ -426,17 +431,12 @@ impl<'a> Report<'a> {
         };
         let title = format!("{}: mismatch C over the grid", texture.name());
         let picture = grid_map(&self.caption(&title), &map, WIDE)?;
-        let name = format!("{}-cost-map", self.stem(texture.name()));
+        let name = format!("{}-cost-map", self.stems.of(texture.name()));
         let caption = format!(
             "C of every node against what was held out of its recordings, in the colours of all maps of C on this \
              page. {playing}"
         );
         self.figure(&picture, &name, &caption, &[])
-    }
-
-    /// The beginning of the names of a texture's pictures.
-    fn stem(&mut self, texture: &str) -> String {
-        self.stems.of(texture)
     }
 
     /// Puts a picture with players on the page, and as `name` into the folder.
@@ -448,10 +448,7 @@ impl<'a> Report<'a> {
 
     /// The heading of a picture, which says whether it is simulated.
     fn caption<'t>(&self, title: &'t str) -> Caption<'t> {
-        Caption {
-            title,
-            simulated: self.inputs.evaluation.simulated,
-        }
+        Caption::new(title, self.inputs.evaluation.simulated)
     }
 }
 

@@ -19,10 +19,10 @@ use crate::support::error::Result;
 const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;
 
 /// Cycles along a picture's horizontal axis.
-const CYCLES: Quantity<'static> = Quantity::new("cycles per sample, Cortex-M7, modelled", "");
+const CYCLES: Quantity = Quantity::new("cycles per sample, Cortex-M7, modelled", "");
 
 /// Errors along a picture's vertical axis.
-const ERROR: Quantity<'static> = Quantity::new("RMS error", "dB");
+const ERROR: Quantity = Quantity::new("RMS error", "dB");
 
 /// Writes the page.
 ///
@@ -91,7 +91,7 @@ fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     let choices = choices.map(|(name, choice)| (name, choice.cycles, choice.total_error_db));
     let choices: Vec<(&str, f64, f64)> = choices.collect();
     let title = "Error in third-octave bands, at rest and in motion, against time";
-    let caption = caption(frontier, title);
+    let caption = Caption::new(title, frontier.simulated);
     let picture = front_chart(
         &caption,
         (CYCLES, ERROR),
@@ -122,7 +122,7 @@ fn interval_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     });
     let ms = Quantity::new("from update to update", "ms");
     let title = "Error in motion by the interval of updates, order per node as fit chooses";
-    let caption = caption(frontier, title);
+    let caption = Caption::new(title, frontier.simulated);
     let picture = front_chart(&caption, (ms, ERROR), false, (&intervals, &[]), &[])?;
     let words = "What is lost by following the hand only every so often. A direct form interpolates its predictor \
                  coefficients, the reference θ: that difference remains at every interval.";
@@ -132,13 +132,6 @@ fn interval_picture(frontier: &Frontier) -> Result<(Svg, String)> {
 fn points_of(frontier: &Frontier, structure: Structure) -> impl Iterator<Item = &Point> {
     let points = frontier.points.iter();
     points.filter(move |point| frontier.filters[point.filter].structure == structure)
-}
-
-fn caption<'a>(frontier: &Frontier, title: &'a str) -> Caption<'a> {
-    Caption {
-        title,
-        simulated: frontier.simulated,
-    }
 }
 
 fn series(points: impl Fn(Structure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {

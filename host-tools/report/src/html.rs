@@ -114,6 +114,7 @@ impl Page {
     /// A table with its title above it; columns of numbers are aligned to the right. Cells that a row lacks stay empty.
     pub fn table(&mut self, table: &Table) -> &mut Self {
         self.tables += 1;
+        // What scrolls has to be reached by keys, and so needs a name (WCAG 2.1, 2.1.1 and 4.1.2).
         let name = format!("table-{}", self.tables);
         // Beside the table, because a caption in it is as wide as the table, and scrolls with it.
         self.push(&format!(
@@ -187,6 +188,7 @@ impl Page {
     pub fn finish(&self) -> String {
         let Self { title, body, .. } = self;
         let contents = self.contents();
+        // Scripts come last, because they read what is on the page when they begin.
         let content = format!(
             "<main>\n<h1>{title}</h1>\n{contents}{body}</main>\n{nodes}<script>\n{plots}</script>\n\
              <script>\n{players}</script>\n",
@@ -257,6 +259,7 @@ fn players(sounds: &[Sound]) -> String {
     if sounds.is_empty() {
         return String::new();
     }
+    // The metadata at once, so that a player shows how long its sound is; it is in the page anyway.
     let player = |sound: &Sound| {
         let (label, panel) = (escaped(&sound.label), escaped(&sound.panel));
         let data = STANDARD.encode(&sound.wav);
@@ -299,11 +302,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn picture() -> Svg {
-        let caption = Caption {
-            title: "picture",
-            simulated: false,
-        };
-        waveforms(&caption, &[], 5000.0).unwrap()
+        waveforms(&Caption::new("picture", false), &[], 5000.0).unwrap()
     }
 
     /// A page with everything, made of `text`.

@@ -51,6 +51,7 @@ pub(super) fn whole_sound(signal: &[f64], full_scale: f64) -> Result<Vec<u8>> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let failed = |failure: hound::Error| Error::Request(failure.to_string());
     let mut writer = hound::WavWriter::new(&mut bytes, spec).map_err(failed)?;
+    // A tenth is left, because between its samples a signal goes beyond them, and at a higher rate that is there.
     let scale = f64::from(i16::MAX) * 0.9 / full_scale.max(f64::MIN_POSITIVE);
     for sample in &there[0] {
         let sample = (sample * scale).clamp(f64::from(i16::MIN), f64::from(i16::MAX));

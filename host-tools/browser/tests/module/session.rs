@@ -31,6 +31,11 @@ fn played(session: &mut Session<'_>, motions: &[BlockMotion]) -> Vec<OutputSampl
     outputs
 }
 
+fn choose(session: &mut Session<'_>, texture: usize, seed: u64) {
+    let chosen = session.choose(Selection::Texture(texture), Without::default(), seed);
+    chosen.expect("it is there");
+}
+
 #[test]
 fn a_stroke_is_played_as_render_plays_it() {
     let bytes = digest_library();
@@ -44,8 +49,7 @@ fn a_stroke_is_played_as_render_plays_it() {
     let rendering = Rendering::new(texture, &path, 2.0, 77).expect("it is short");
     let rendered: Vec<OutputSample> = rendering.collect();
     let mut session = Session::new(library);
-    let chosen = session.choose(Selection::Texture(0), Without::default(), 77);
-    chosen.expect("it is there");
+    choose(&mut session, 0, 77);
     assert_eq!(played(&mut session, &blocks(&path, 1000)), rendered);
 }
 
@@ -55,17 +59,13 @@ fn a_choice_at_rest_plays_as_the_first_choice_of_a_session_does() {
     let library = Library::decode(&bytes).expect("it is valid");
     let rubbed = [BlockMotion::new(100.0, 1.0); 30];
     let mut fresh = Session::new(library);
-    fresh
-        .choose(Selection::Texture(1), Without::default(), 5)
-        .expect("it is there");
+    choose(&mut fresh, 1, 5);
     let expected = played(&mut fresh, &rubbed);
     let mut used = Session::new(library);
-    used.choose(Selection::Texture(0), Without::default(), 4)
-        .expect("it is there");
+    choose(&mut used, 0, 4);
     played(&mut used, &rubbed);
     played(&mut used, &[BlockMotion::new(0.0, 0.0); 5]);
-    used.choose(Selection::Texture(1), Without::default(), 5)
-        .expect("it is there");
+    choose(&mut used, 1, 5);
     assert_eq!(played(&mut used, &rubbed), expected);
 }
 
@@ -76,13 +76,9 @@ fn a_choice_while_something_sounds_fades_and_then_plays_from_its_seed() {
     let library = Library::decode(&bytes).expect("it is valid");
     let rubbed = [BlockMotion::new(100.0, 1.0); 40];
     let mut session = Session::new(library);
-    session
-        .choose(Selection::Texture(0), Without::default(), 4)
-        .expect("it is there");
+    choose(&mut session, 0, 4);
     let before = played(&mut session, &rubbed);
-    session
-        .choose(Selection::Texture(1), Without::default(), 5)
-        .expect("it is there");
+    choose(&mut session, 1, 5);
     let after = played(&mut session, &rubbed);
     assert_eq!(
         after[BLOCK - 1],
@@ -95,9 +91,7 @@ fn a_choice_while_something_sounds_fades_and_then_plays_from_its_seed() {
             .any(|&word| word != OutputSample::SILENCE)
     );
     let mut fresh = Session::new(library);
-    fresh
-        .choose(Selection::Texture(1), Without::default(), 5)
-        .expect("it is there");
+    choose(&mut fresh, 1, 5);
     let expected = played(&mut fresh, &rubbed);
     assert_eq!(after[BLOCK..], expected[..expected.len() - BLOCK]);
     // The fade is that of the texture before: no step is larger than those of its playing.

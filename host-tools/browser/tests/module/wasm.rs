@@ -83,11 +83,20 @@ impl Wasm {
         self.memory.data(&self.store)[at as usize..][..length].to_vec()
     }
 
-    pub fn doubles(&mut self, name: &str, count: usize) -> Vec<f64> {
+    /// The first `count` values of `N` bytes of the array that the call `name` gives the address of.
+    fn values<const N: usize, T>(
+        &mut self,
+        name: &str,
+        count: usize,
+        of: fn([u8; N]) -> T,
+    ) -> Vec<T> {
         let at = self.call(name, ());
-        let bytes = self.bytes(at, 8 * count);
-        let numbers = bytes.as_chunks().0.iter();
-        numbers.map(|bytes| f64::from_le_bytes(*bytes)).collect()
+        let bytes = self.bytes(at, N * count);
+        bytes.as_chunks().0.iter().map(|bytes| of(*bytes)).collect()
+    }
+
+    pub fn doubles(&mut self, name: &str, count: usize) -> Vec<f64> {
+        self.values(name, count, f64::from_le_bytes)
     }
 
     pub fn set_motion(&mut self, motions: &[BlockMotion]) {
@@ -110,17 +119,11 @@ impl Wasm {
 
     pub fn words(&mut self, blocks: usize) -> Vec<i32> {
         let count = blocks * self.call("block_samples", ()) as usize;
-        let at = self.call("words", ());
-        let bytes = self.bytes(at, 4 * count);
-        let words = bytes.as_chunks().0.iter();
-        words.map(|bytes| i32::from_le_bytes(*bytes)).collect()
+        self.values("words", count, i32::from_le_bytes)
     }
 
     pub fn samples(&mut self, blocks: usize) -> Vec<f32> {
         let count = blocks * self.call("block_samples", ()) as usize;
-        let at = self.call("samples", ());
-        let bytes = self.bytes(at, 4 * count);
-        let samples = bytes.as_chunks().0.iter();
-        samples.map(|bytes| f32::from_le_bytes(*bytes)).collect()
+        self.values("samples", count, f32::from_le_bytes)
     }
 }

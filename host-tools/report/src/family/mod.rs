@@ -1,8 +1,5 @@
 //! The parts that all pages have: one stylesheet with one set of colours, and the script that tells values of pictures.
 
-use std::fmt::Write as _;
-use std::sync::LazyLock;
-
 use plotters::style::RGBColor;
 
 use super::plot::colours::{
@@ -38,25 +35,19 @@ const PICTURES: [(&str, RGBColor); 9] = [
 ];
 
 /// The stylesheet of all pages: the colours as variables, light and dark, and the rules.
-pub fn style() -> &'static str {
-    static STYLE: LazyLock<String> = LazyLock::new(|| {
-        let (mut light, mut dark) = (String::new(), String::new());
-        // Writing into a string does not fail.
-        for (name, on_light, on_dark) in PAGE {
-            let _ = write!(light, " --{name}: {on_light};");
-            let _ = write!(dark, " --{name}: {on_dark};");
-        }
-        for (name, colour) in PICTURES {
-            let _ = write!(light, " --{name}: {};", hex(colour));
-            let _ = write!(dark, " --{name}: {};", hex(in_the_dark(colour)));
-        }
-        format!(
-            ":root {{ color-scheme: light dark;{light} }}\n\
-             @media screen and (prefers-color-scheme: dark) {{\n  :root {{{dark} }}\n}}\n{}",
-            include_str!("family.css")
-        )
-    });
-    &STYLE
+pub fn style() -> String {
+    let pictures = PICTURES.map(|(name, own)| (name, hex(own), hex(in_the_dark(own))));
+    let page = PAGE.map(|(name, light, dark)| (name, light.to_owned(), dark.to_owned()));
+    let (mut light, mut dark) = (String::new(), String::new());
+    for (name, on_light, on_dark) in page.into_iter().chain(pictures) {
+        light += &format!(" --{name}: {on_light};");
+        dark += &format!(" --{name}: {on_dark};");
+    }
+    format!(
+        ":root {{ color-scheme: light dark;{light} }}\n\
+         @media screen and (prefers-color-scheme: dark) {{\n  :root {{{dark} }}\n}}\n{}",
+        include_str!("family.css")
+    )
 }
 
 /// A whole page under a policy: `title` and `body` are HTML, and `style` follows the stylesheet of all pages.
@@ -72,12 +63,9 @@ pub fn document(policy: &str, title: &str, style: &str, body: &str) -> String {
 }
 
 /// The script that tells the values of pictures by pointer, touch and keyboard.
-pub fn plots_script() -> &'static str {
-    static SCRIPT: LazyLock<String> = LazyLock::new(|| {
-        let names = PICTURES.map(|(name, colour)| format!("\"{}\": \"--{name}\"", hex(colour)));
-        include_str!("plots.js").replace("/*COLOURS*/", &names.join(", "))
-    });
-    &SCRIPT
+pub fn plots_script() -> String {
+    let names = PICTURES.map(|(name, colour)| format!("\"{}\": \"--{name}\"", hex(colour)));
+    include_str!("plots.js").replace("/*COLOURS*/", &names.join(", "))
 }
 
 /// The script that plays nodes of maps and spectrograms, after [`plots_script`].
@@ -91,7 +79,8 @@ mod tests {
 
     #[test]
     fn every_variable_that_a_rule_uses_has_a_light_and_a_dark_colour() {
-        let (colours, rules) = style().split_once("* {").unwrap();
+        let style = style();
+        let (colours, rules) = style.split_once("* {").unwrap();
         let (light, dark) = colours.split_once("@media").unwrap();
         for used in rules.split("var(").skip(1) {
             let name = used.split(')').next().unwrap();

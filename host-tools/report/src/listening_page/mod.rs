@@ -58,10 +58,12 @@ fn page(plan: &Plan) -> Result<String> {
         .flatten()
         .fold(0.0f64, |a, x| a.max(x.abs()));
     let encoded = plan.sounds.iter().map(|signal| {
+        // A sound's full scale is at 0.9 of a file's.
         let wav = whole_sound(signal, peak * 0.9 / PEAK)?;
         Ok(STANDARD.encode(wav))
     });
     let sounds = page_json(&encoded.collect::<Result<Vec<String>>>()?);
+    // Answers to other sounds, or in another order, are of another test, which begins anew.
     let identity = Fnv::default()
         .then(sounds.as_bytes())
         .then(page_json(&plan.task).as_bytes());
@@ -103,6 +105,7 @@ fn page(plan: &Plan) -> Result<String> {
 /// Duration and level of the sounds, in words.
 fn facts(plan: &Plan) -> String {
     let (shortest, longest) = plan.excerpt_s;
+    // In the decimal that is written they are one.
     let duration = if longest - shortest < 0.05 {
         format!("{longest:.1}")
     } else {

@@ -14,9 +14,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::colours::{dark_scale_style, dark_style};
-use super::figure::{
-    AxisData, AxisScale, Figure, Frame, Kind, Panel, Quantity, Series, overlay, thinned,
-};
+use super::figure::{AxisData, AxisScale, Frame, Kind, Panel, Quantity, Series, overlay, thinned};
 use super::{Caption, Svg};
 use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
@@ -38,6 +36,9 @@ pub const TEXT: u32 = 13;
 
 /// Height of a row of the legend, shown pixels.
 const LEGEND_ROW: u32 = 20;
+
+/// Width of a legend's lines, halves of a shown pixel.
+const LEGEND_LINE: u32 = 4;
 
 /// Height of the heading, shown pixels.
 pub const HEADING: u32 = 32;
@@ -84,45 +85,68 @@ pub fn text_width(text: &str, shown: u32) -> i32 {
 pub fn picture(
     caption: &Caption<'_>,
     (width, height): (u32, u32),
-    draw: impl FnOnce(&Area<'_>, &mut Vec<Panel>) -> Drawn,
+    draw: impl FnOnce(&Area<'_>) -> Drawn<Vec<Panel>>,
 ) -> Result<Svg> {
+    let title = caption.title;
     let mut drawn = String::new();
-    let mut panels = Vec::new();
-    let outcome = (|| -> Drawn {
+    let outcome = (|| -> Drawn<Vec<Panel>> {
         let root = SVGBackend::with_string(&mut drawn, (px(width), px(height))).into_drawing_area();
         root.fill(&WHITE)?;
         let (heading, below) = root.split_vertically(px(HEADING));
-        heading.draw_text(caption.title, &bold(16, INK), (at(10), at(HEADING / 2 + 2)))?;
+        heading.draw_text(title, &bold(16, INK), (at(10), at(HEADING / 2 + 2)))?;
         if caption.simulated {
             let style = bold(14, ALERT).pos(Pos::new(HPos::Right, VPos::Center));
             heading.draw_text("SIMULATED", &style, (at(width - 10), at(HEADING / 2 + 2)))?;
         }
-        draw(&below, &mut panels)?;
+        let panels = draw(&below)?;
         root.present()?;
-        Ok(())
+        Ok(panels)
     })();
-    outcome.map_err(|error| {
-        let title = caption.title;
+    let panels = outcome.map_err(|error| {
         Error::Request(format!("the picture '{title}' cannot be drawn: {error}"))
     })?;
-    let figure = Figure {
-        title: caption.title.to_owned(),
-        simulated: caption.simulated,
-        panels,
-    };
-    let is_of_cells = |panel: &Panel| panel.series.iter().any(|own| own.kind == Kind::Cells);
-    let scale_style = if figure.panels.iter().any(is_of_cells) {
-        dark_scale_style()
+    let mut series = panels.iter().flat_map(|panel| &panel.series);
+    let is_map = series.any(|series| series.kind == Kind::Cells);
+    let scale_style = is_map.then(dark_scale_style).unwrap_or_default();
+    let origin = if caption.simulated {
+        " (SIMULATED)"
     } else {
         ""
     };
-    let style = [dark_style(), scale_style].concat();
-    let mut shown = shown_at_size(&drawn, caption, (width, height), &style);
-    let end = shown.rfind("</svg>").unwrap_or(shown.len());
-    shown.insert_str(end, &overlay(&figure));
+    // plotters' drawing stands in an element of the picture's own, because plotters gives its element neither a size to
+    // be shown at nor a name for those who do not see it. What a page draws over it has its lettering from here.
+    let text = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
+         role=\"img\" aria-label=\"{name}\" \
+         width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} {}\">\n\
+         <style>{}{scale_style}</style>\n{drawn}{}</svg>\n",
+        px(width),
+        px(height),
+        dark_style(),
+        overlay(&panels),
+        name = escaped(&format!("{title}{origin}")),
+    );
     // Only texts hold characters that are not visible, and a picture that holds them is not XML.
-    let text = visible(&shown).into_owned();
-    Ok(Svg { text, figure })
+    let text = visible(&text).into_owned();
+    Ok(Svg { text, panels })
+}
+
+/// Makes a picture of one chart below its legend, in which `draw` draws.
+///
+/// # Errors
+/// A picture that plotters cannot lay out.
+pub fn chart(
+    caption: &Caption<'_>,
+    size: (u32, u32),
+    entries: &[(Swatch, &str)],
+    (x, y): (&Axis<'_>, &Axis<'_>),
+    draw: impl FnOnce(&mut Plot<'_>) -> Drawn,
+) -> Result<Svg> {
+    picture(caption, size, |area| {
+        let mut plot = axes(&legend(area, entries)?, "", x, y)?;
+        draw(&mut plot)?;
+        Ok(vec![plot.panel])
+    })
 }
 
 /// Bold [`text`].
@@ -132,78 +156,11 @@ fn bold(shown: u32, colour: RGBColor) -> TextStyle<'static> {
     style
 }
 
-/// Replaces the opening tag of a drawing by one that shows it at the size asked for, names it for those who do not see
-/// it, and is followed by its colours on a dark screen.
-fn shown_at_size(
-    drawn: &str,
-    caption: &Caption<'_>,
-    (width, height): (u32, u32),
-    style: &str,
-) -> String {
-    let content = drawn
-        .split_once(">\n")
-        .map_or(drawn, |(_, content)| content);
-    let content = compact(content);
-    let simulated = if caption.simulated {
-        " (SIMULATED)"
-    } else {
-        ""
-    };
-    let name = escaped(&format!("{}{simulated}", caption.title));
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
-         role=\"img\" aria-label=\"{name}\" width=\"{width}\" \
-         height=\"{height}\" viewBox=\"0 0 {} {}\">\n<style>{style}</style>\n{content}",
-        px(width),
-        px(height)
-    )
-}
-
-/// A drawing without what plotters repeats on every element, and with the pieces of a line as one path.
-fn compact(drawn: &str) -> String {
-    // Letters' sizes have the round-off of a product.
-    let drawn = drawn
-        .replace(" opacity=\"1\"", "")
-        .replace(" font-family=\"sans-serif\"", "")
-        .replace(".000000000000004\"", "\"")
-        .replace("\">\n", "\">")
-        .replace("\n</text>", "</text>");
-    let mut compact = String::with_capacity(drawn.len());
-    let mut look = "";
-    for line in drawn.lines() {
-        let piece = line
-            .strip_prefix("<polyline ")
-            .and_then(|line| line.strip_suffix(" \"/>")?.split_once("points=\""));
-        let (own, text) = piece.unwrap_or(("", line));
-        if own != look || piece.is_none() {
-            let end = if look.is_empty() { "" } else { "\"/>\n" };
-            compact.push_str(end);
-            look = own;
-            if piece.is_some() {
-                compact.extend(["<path ", own, "d=\""]);
-            }
-        }
-        if piece.is_some() {
-            compact.push('M');
-            compact.push_str(text);
-        } else {
-            compact.push_str(text);
-            compact.push('\n');
-        }
-    }
-    compact
-}
-
 /// The symbol of a legend's entry.
 #[derive(Clone, Copy)]
 pub enum Swatch {
-    /// A piece of line, dashed or not.
-    Line {
-        /// Colour of the piece.
-        colour: RGBColor,
-        /// True if the piece has gaps.
-        dashed: bool,
-    },
+    /// A piece of line, dashed or not, of one width for all.
+    Line(Stroke),
     /// A cell of a grid with a mark in it.
     Mark(Mark),
 }
@@ -211,10 +168,7 @@ pub enum Swatch {
 impl Swatch {
     /// A piece of line without gaps.
     pub fn line(colour: RGBColor) -> Self {
-        Self::Line {
-            colour,
-            dashed: false,
-        }
+        Self::Line(Stroke::solid(colour, LEGEND_LINE))
     }
 }
 
@@ -239,6 +193,7 @@ impl Mark {
         (left, top): (i32, i32),
         (right, bottom): (i32, i32),
     ) -> Drawn {
+        // In a cell of a large grid the middle has to stay free too.
         let size = at(8).min((right - left) / 2).min((bottom - top) / 2);
         let middle = (i32::midpoint(left, right), i32::midpoint(top, bottom));
         let corner = [
@@ -263,8 +218,11 @@ impl Mark {
     }
 }
 
-/// Draws a legend in as many rows as it needs, and gives what is left below it.
+/// Draws a legend in as many rows as it needs, none without entries, and gives what is left below it.
 pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>> {
+    if entries.is_empty() {
+        return Ok(area.clone());
+    }
     let width = area.dim_in_pixel().0 as i32;
     let (swatch_width, gap) = (at(24), at(6));
     let (mut left, mut row) = (at(14), 0);
@@ -275,9 +233,10 @@ pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>
         }
         let (x, y) = (left, at(LEGEND_ROW) * row + at(LEGEND_ROW / 2));
         match *swatch {
-            Swatch::Line { colour, dashed } => {
-                let (ends, style) = ([(x, y), (x + swatch_width, y)], line(colour, 4));
-                if dashed {
+            Swatch::Line(stroke) => {
+                let ends = [(x, y), (x + swatch_width, y)];
+                let style = line(stroke.colour, LEGEND_LINE);
+                if stroke.dashed {
                     area.draw(&DashedPathElement::new(ends, at(6), at(4), style))?;
                 } else {
                     area.draw(&PathElement::new(ends, style))?;
@@ -305,7 +264,7 @@ pub struct Axis<'a> {
     /// Values at both ends of the axis.
     pub range: Range<f64>,
     /// The quantity.
-    quantity: Quantity<'a>,
+    quantity: Quantity,
     /// Ticks along the axis.
     ticks: Ticks<'a>,
     /// True if the axis has its mesh but no lettering, as where a neighbour's axis has the numbers.
@@ -328,7 +287,7 @@ enum Ticks<'a> {
 
 impl<'a> Axis<'a> {
     /// An axis with about so many numbers, at round values.
-    pub fn new(quantity: Quantity<'a>, range: Range<f64>, numbers: usize) -> Self {
+    pub fn new(quantity: Quantity, range: Range<f64>, numbers: usize) -> Self {
         Self {
             range,
             quantity,
@@ -339,7 +298,7 @@ impl<'a> Axis<'a> {
 
     /// An axis in octaves: a name at 0, which is 2^`lowest`, at 1, which is twice that, and so on.
     pub fn of_octaves(
-        quantity: Quantity<'a>,
+        quantity: Quantity,
         range: Range<f64>,
         lowest: f64,
         names: &'a [&'a str],
@@ -377,6 +336,7 @@ impl<'a> Axis<'a> {
             Ticks::Numbers(_) => number(value, self.range.end - self.range.start),
             Ticks::Octaves { names, .. } => {
                 let index = value.round();
+                // plotters adds steps to steps, so that its octaves are whole numbers only about.
                 let is_there = index >= 0.0 && (value - index).abs() < 1e-6;
                 let name = is_there.then(|| names.get(index as usize)).flatten();
                 name.copied().unwrap_or_default().to_owned()
@@ -395,8 +355,7 @@ impl<'a> Axis<'a> {
             }
         };
         AxisData {
-            quantity: self.quantity.name.to_owned(),
-            unit: self.quantity.unit.to_owned(),
+            quantity: self.quantity,
             scale,
             from,
             to,
@@ -407,6 +366,8 @@ impl<'a> Axis<'a> {
 
 /// A value with the decimals that tell it from its neighbours on an axis that spans `span`.
 fn number(value: f64, span: f64) -> String {
+    // There are three numbers at least, so that a step is half of the span at most, and it may have a second digit, as
+    // 0.25 has.
     let decimals = (1.0 - (span / 2.0).log10().floor()).clamp(0.0, 9.0) as usize;
     without_idle_digits(fixed(value, decimals))
 }
@@ -514,6 +475,7 @@ pub fn axes<'a>(area: &Area<'a>, name: &str, x: &Axis<'_>, y: &Axis<'_>) -> Draw
         .y_label_formatter(&|value| y.label(*value))
         .x_desc(x_label)
         .draw()?;
+    // Not by plotters, which writes it in one line however short the axis is.
     let (columns, rows) = chart.plotting_area().get_pixel_range();
     let middle = i32::midpoint(rows.start, rows.end) - area.get_base_pixel().1;
     draw_upwards(area, y.quantity, (at(14), middle), rows.end - rows.start)?;
@@ -528,12 +490,7 @@ pub fn axes<'a>(area: &Area<'a>, name: &str, x: &Axis<'_>, y: &Axis<'_>) -> Draw
 }
 
 /// Writes a quantity upwards around a place, in two lines where one is longer than `length` drawn pixels.
-pub fn draw_upwards(
-    area: &Area<'_>,
-    quantity: Quantity<'_>,
-    (x, y): (i32, i32),
-    length: i32,
-) -> Drawn {
+pub fn draw_upwards(area: &Area<'_>, quantity: Quantity, (x, y): (i32, i32), length: i32) -> Drawn {
     let label = quantity.label();
     let fits = quantity.unit.is_empty() || text_width(&label, TEXT) <= length;
     let lines = if fits {
@@ -558,7 +515,7 @@ pub fn colour_bar(
     (top, bottom): (i32, i32),
     colour: impl Fn(f64) -> RGBColor,
     values: &[(f64, String)],
-    quantity: Quantity<'_>,
+    quantity: Quantity,
 ) -> Drawn {
     const STEPS: i32 = 48;
     for step in 0..STEPS {
@@ -636,16 +593,20 @@ mod tests {
 
     #[test]
     fn a_picture_has_the_size_and_the_heading_asked_for_and_nothing_that_ends_it_early() {
-        let caption = Caption {
-            title: "a < b & \"c\"",
-            simulated: true,
-        };
-        let svg = picture(&caption, (300, 200), |_, _| Ok(())).unwrap();
+        let caption = Caption::new("a < b & \"c\"", true);
+        let svg = picture(&caption, (300, 200), |_| Ok(Vec::new())).unwrap();
         let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
-             role=\"img\" aria-label=\"a &lt; b &amp; &quot;c&quot; (SIMULATED)\" width=\"300\" height=\"200\" \
+             role=\"img\" \
+             aria-label=\"a &lt; b &amp; &quot;c&quot; (SIMULATED)\" width=\"300\" height=\"200\" \
              viewBox=\"0 0 600 400\">";
         assert!(svg.as_str().starts_with(opening), "{}", svg.as_str());
         assert!(svg.as_str().trim_end().ends_with("</svg>"));
-        assert_eq!(svg.as_str().matches("<svg").count(), 1);
+        for tag in ["<svg", "</svg>"] {
+            assert_eq!(
+                svg.as_str().matches(tag).count(),
+                2,
+                "plotters' and the picture's own"
+            );
+        }
     }
 }

@@ -4,9 +4,6 @@
 //! where the reader prefers a dark scheme, on screens only: paper stays white. Colours of a scale, as in maps, have one
 //! meaning in both and are replaced nowhere.
 
-use std::fmt::Write as _;
-use std::sync::LazyLock;
-
 use plotters::style::RGBColor;
 
 /// Colours after Okabe and Ito, told apart with any colour vision; made darker where a line had less contrast than 3
@@ -83,9 +80,15 @@ pub fn shade(step: usize) -> RGBColor {
         RGBColor(91, 163, 207),
         RGBColor(8, 48, 107),
     ];
-    let place = 2.0 * step as f64 / (SHADES - 1) as f64;
-    let below = usize::from(place >= 1.0);
-    let (RGBColor(r, g, b), RGBColor(to_r, to_g, to_b)) = (STOPS[below], STOPS[below + 1]);
+    between(&STOPS, step as f64 / (SHADES - 1) as f64)
+}
+
+/// The colour at a share, 0 to 1, of the way along `stops`.
+pub fn between(stops: &[RGBColor], share: f64) -> RGBColor {
+    let place = share.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
+    // The end itself belongs to the last part.
+    let below = (place as usize).min(stops.len() - 2);
+    let (RGBColor(r, g, b), RGBColor(to_r, to_g, to_b)) = (stops[below], stops[below + 1]);
     let mix = |from: u8, to: u8| {
         let part = place - below as f64;
         (f64::from(from) + (f64::from(to) - f64::from(from)) * part).round() as u8
@@ -99,36 +102,25 @@ pub fn hex(RGBColor(r, g, b): RGBColor) -> String {
 }
 
 /// The rules that show a picture in its dark colours.
-pub fn dark_style() -> &'static str {
-    static STYLE: LazyLock<String> = LazyLock::new(|| {
-        let pales = SERIES.map(|series| (pale(series), dim(in_the_dark(series))));
-        let ground = format!(
-            ".plot rect[fill='{}']{{fill:{}}}",
-            hex(WHITE),
-            hex(DARK_GROUND)
-        );
-        style_of(DARK.into_iter().chain(pales), &ground)
-    });
-    &STYLE
+pub fn dark_style() -> String {
+    let pales = SERIES.map(|series| (pale(series), dim(in_the_dark(series))));
+    let (white, ground) = (hex(WHITE), hex(DARK_GROUND));
+    let ground = format!(".plot rect[fill='{white}']{{fill:{ground}}}");
+    style_of(DARK.into_iter().chain(pales), &ground)
 }
 
 /// The rules that show a map in its dark colours, beside those of every picture: a scale begins near the ground, so
 /// that what is least, and so the best of a cost, is as quiet there as on paper. What stands on a cell changes with it.
-pub fn dark_scale_style() -> &'static str {
-    static STYLE: LazyLock<String> = LazyLock::new(|| {
-        let shades = (0..SHADES).map(|step| (shade(step), shade(SHADES - 1 - step)));
-        let mut on_cells = String::new();
-        for (light, dark) in [(ON_PALE, WHITE), (WHITE, ON_PALE)].map(|(a, b)| (hex(a), hex(b))) {
-            // Writing into a string does not fail.
-            let _ = write!(
-                on_cells,
-                ".plot text[fill='{light}'],.plot polygon[fill='{light}']{{fill:{dark}}}\
-                 .plot path[stroke='{light}']{{stroke:{dark}}}"
-            );
-        }
-        style_of(shades, &on_cells)
+pub fn dark_scale_style() -> String {
+    let shades = (0..SHADES).map(|step| (shade(step), shade(SHADES - 1 - step)));
+    let on_cells = [(ON_PALE, WHITE), (WHITE, ON_PALE)].map(|(light, dark)| {
+        let (light, dark) = (hex(light), hex(dark));
+        format!(
+            ".plot text[fill='{light}'],.plot polygon[fill='{light}']{{fill:{dark}}}\
+             .plot polyline[stroke='{light}']{{stroke:{dark}}}"
+        )
     });
-    &STYLE
+    style_of(shades, &on_cells.concat())
 }
 
 /// Rules that replace light colours by dark ones on a dark screen, and `others`. Single quotes, because double ones are

@@ -6,8 +6,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, axes, legend, line,
-    picture, range_with_zero, text, text_width,
+    Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, chart, line,
+    range_with_zero, text, text_width,
 };
 use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
@@ -46,7 +46,7 @@ pub struct FrontSeries {
 /// A picture that cannot be laid out.
 pub fn front_chart(
     caption: &Caption<'_>,
-    (x, y): (Quantity<'_>, Quantity<'_>),
+    (x, y): (Quantity, Quantity),
     in_octaves: bool,
     (series, fronts): (&[FrontSeries], &[FrontSeries]),
     names: &[(&str, f64, f64)],
@@ -82,23 +82,24 @@ pub fn front_chart(
     };
     let y = Axis::new(y, range_with_zero(all().map(|point| point.y)), 8);
     let place = |point: &FrontPoint| (octave(point.x) - origin, point.y);
-    let swatch = |series: &FrontSeries| Swatch::Line {
-        colour: colour(&series.name),
+    let stroke = |series: &FrontSeries| Stroke {
         dashed: series.dashed,
+        ..Stroke::solid(colour(&series.name), 3)
     };
     let entries = series.iter().chain(&fronts);
-    let entries: Vec<(Swatch, &str)> = entries.map(|s| (swatch(s), s.name.as_str())).collect();
-    picture(caption, (960, 560), |area, panels| {
-        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+    let entries: Vec<(Swatch, &str)> = entries
+        .map(|series| (Swatch::Line(stroke(series)), series.name.as_str()))
+        .collect();
+    chart(caption, (960, 560), &entries, (&x, &y), |plot| {
         for (is_front, of) in [(false, &series), (true, &fronts)] {
             for series in of {
-                draw_front_series(&mut plot, series, colour(&series.name), is_front, place)?;
+                draw_front_series(plot, series, stroke(series), is_front, place)?;
             }
         }
+        // Last, because a name has a ground that hides what runs below it.
         for &(name, x, y) in names {
-            draw_name(&mut plot, name, (octave(x) - origin, y))?;
+            draw_name(plot, name, (octave(x) - origin, y))?;
         }
-        panels.push(plot.panel);
         Ok(())
     })
 }
@@ -119,27 +120,28 @@ fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
 fn draw_front_series(
     plot: &mut Plot<'_>,
     series: &FrontSeries,
-    colour: RGBColor,
+    stroke: Stroke,
     is_front: bool,
     place: impl Fn(&FrontPoint) -> (f64, f64),
 ) -> Drawn {
-    let stroke = Stroke {
-        colour,
-        half_pixels: 3,
-        dashed: series.dashed,
-    };
     let joined: Vec<(f64, f64)> = series.points.iter().map(&place).collect();
     let path = if is_front { steps(&joined) } else { joined };
     plot.path(path, stroke)?;
     let (radius, style) = if is_front {
         (at(6), line(INK, 3))
     } else {
-        (at(3), colour.filled())
+        (at(3), stroke.colour.filled())
     };
     let dots = series.points.iter().map(&place);
     plot.chart
         .draw_series(dots.map(|dot| Circle::new(dot, radius, style)))?;
-    plot.panel.series.push(data(series, colour));
+    let values = series.points.iter().map(|point| (point.x, point.y));
+    let values: Vec<(f64, f64)> = values.collect();
+    let names = series.points.iter().map(|point| point.name.clone());
+    plot.panel.series.push(Series {
+        notes: names.collect(),
+        ..Series::new(&series.name, Kind::Points, stroke.colour, &values)
+    });
     Ok(())
 }
 
@@ -154,23 +156,6 @@ fn draw_name(plot: &mut Plot<'_>, name: &str, place: (f64, f64)) -> Drawn {
         + Text::new(name.to_owned(), (-at(8), at(8)), style);
     plot.chart.draw_series([element])?;
     Ok(())
-}
-
-fn data(series: &FrontSeries, colour: RGBColor) -> Series {
-    let points = series.points.iter().map(|point| (point.x, point.y));
-    Series {
-        notes: series
-            .points
-            .iter()
-            .map(|point| point.name.clone())
-            .collect(),
-        ..Series::new(
-            &series.name,
-            Kind::Points,
-            colour,
-            &points.collect::<Vec<_>>(),
-        )
-    }
 }
 
 /// The line of a front in steps.
@@ -207,10 +192,8 @@ pub fn spectra(
         format!("C of this block {:.1} %", 100.0 * cost)
     });
     let title = format!("{}: {cost}", caption.title);
-    let caption = Caption {
-        title: &title,
-        ..*caption
-    };
+    let caption = Caption::new(&title, caption.simulated);
+    // Amplitudes of one number of bins can be compared bin by bin, as C does.
     let len = recorded.len().min(synthesised.len());
     let end_hz = HIGHEST_HZ.min(rate_hz / 2.0);
     let curves = [
@@ -233,12 +216,10 @@ pub fn spectra(
         8,
     );
     let entries: [(Swatch, &str); 2] = [0, 1].map(|n| (Swatch::line(curves[n].1), curves[n].2));
-    picture(&caption, (960, 400), |area, panels| {
-        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+    chart(&caption, (960, 400), &entries, (&x, &y), |plot| {
         for (points, colour, name) in curves {
             plot.curve(name, points.into_iter(), Stroke::solid(colour, 3))?;
         }
-        panels.push(plot.panel);
         Ok(())
     })
 }
@@ -281,8 +262,5 @@ pub fn spectrum_axes(caption: &Caption<'_>, levels_db: Range<f64>) -> Result<Svg
 }
 
 fn empty(caption: &Caption<'_>, x: &Axis<'_>, y: &Axis<'_>) -> Result<Svg> {
-    picture(caption, (NARROW, HEIGHT), |area, panels| {
-        panels.push(axes(area, "", x, y)?.panel);
-        Ok(())
-    })
+    chart(caption, (NARROW, HEIGHT), &[], (x, y), |_| Ok(()))
 }

@@ -24,35 +24,35 @@ pub struct Frame {
 }
 
 /// A quantity with its unit, as it stands along an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Quantity<'a> {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Quantity {
     /// The name.
-    pub name: &'a str,
+    #[serde(rename = "quantity")]
+    pub name: &'static str,
     /// The unit; empty for a count or a ratio.
-    pub unit: &'a str,
+    pub unit: &'static str,
 }
 
 /// Tangential speed.
-pub const SPEED: Quantity<'static> = Quantity::new("tangential speed", "mm/s");
+pub const SPEED: Quantity = Quantity::new("tangential speed", "mm/s");
 /// Normal force.
-pub const FORCE: Quantity<'static> = Quantity::new("normal force", "N");
+pub const FORCE: Quantity = Quantity::new("normal force", "N");
 /// Acceleration.
-pub const ACCELERATION: Quantity<'static> = Quantity::new("acceleration", "m/s²");
+pub const ACCELERATION: Quantity = Quantity::new("acceleration", "m/s²");
 /// Frequency.
-pub const FREQUENCY: Quantity<'static> = Quantity::new("frequency", "Hz");
+pub const FREQUENCY: Quantity = Quantity::new("frequency", "Hz");
 /// Time in seconds.
-pub const TIME_S: Quantity<'static> = Quantity::new("time", "s");
+pub const TIME_S: Quantity = Quantity::new("time", "s");
 /// Time in milliseconds.
-pub const TIME_MS: Quantity<'static> = Quantity::new("time", "ms");
+pub const TIME_MS: Quantity = Quantity::new("time", "ms");
 /// The paper's cost.
-pub const COST: Quantity<'static> = Quantity::new("mismatch C", "%");
+pub const COST: Quantity = Quantity::new("mismatch C", "%");
 /// The density of a signal's power over frequency.
-pub const POWER_DENSITY: Quantity<'static> =
-    Quantity::new("power spectral density", "dB re 1 (m/s²)²/Hz");
+pub const POWER_DENSITY: Quantity = Quantity::new("power spectral density", "dB re 1 (m/s²)²/Hz");
 
-impl<'a> Quantity<'a> {
+impl Quantity {
     /// A quantity; the unit of a count or a ratio is empty.
-    pub const fn new(name: &'a str, unit: &'a str) -> Self {
+    pub const fn new(name: &'static str, unit: &'static str) -> Self {
         Self { name, unit }
     }
 
@@ -64,17 +64,6 @@ impl<'a> Quantity<'a> {
             format!("{}, {}", self.name, self.unit)
         }
     }
-}
-
-/// The data of one picture.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Figure {
-    /// Title of the picture.
-    pub title: String,
-    /// True if anything in the picture comes from the rig simulator.
-    pub simulated: bool,
-    /// Pairs of axes, in the order in which they were drawn.
-    pub panels: Vec<Panel>,
 }
 
 /// One pair of axes with what is drawn between them.
@@ -119,10 +108,9 @@ pub struct Bitmap {
 /// One axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AxisData {
-    /// Name of the quantity.
-    pub quantity: String,
-    /// Unit of the quantity; empty for a count or a ratio.
-    pub unit: String,
+    /// The quantity.
+    #[serde(flatten)]
+    pub quantity: Quantity,
     /// Scale from values to places.
     pub scale: AxisScale,
     /// Value at the left or lower end.
@@ -185,10 +173,9 @@ pub struct Series {
 /// Values of a third quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Third {
-    /// Name of the quantity.
-    pub quantity: String,
-    /// Unit of the quantity.
-    pub unit: String,
+    /// The quantity.
+    #[serde(flatten)]
+    pub quantity: Quantity,
     /// The values; NaN where there is none.
     pub values: Vec<f64>,
 }
@@ -204,10 +191,9 @@ fn as_hex<S: Serializer>(colour: &Option<RGBColor>, to: S) -> Result<S::Ok, S::E
 
 impl AxisData {
     /// An axis of cells of one size, one for each name.
-    pub fn of_cells(quantity: Quantity<'_>, names: Vec<String>) -> Self {
+    pub fn of_cells(quantity: Quantity, names: Vec<String>) -> Self {
         Self {
-            quantity: quantity.name.to_owned(),
-            unit: quantity.unit.to_owned(),
+            quantity,
             scale: AxisScale::Names,
             from: -0.5,
             to: names.len() as f64 - 0.5,
@@ -248,7 +234,7 @@ impl Series {
 
     /// The cells of a map, all rows of the first column first.
     pub fn cells(
-        quantity: Quantity<'_>,
+        quantity: Quantity,
         (columns, rows): (usize, usize),
         values: Vec<f64>,
         notes: Vec<String>,
@@ -256,13 +242,26 @@ impl Series {
         let places = (0..columns * rows).map(|n| ((n / rows) as f64, (n % rows) as f64));
         let (x, y) = places.unzip();
         Self {
-            name: String::new(),
             kind: Kind::Cells,
-            colour: None,
             x,
             y,
-            z: Some(Third::new(quantity, values)),
+            z: Some(Third { quantity, values }),
             notes,
+            ..Self::levels(quantity)
+        }
+    }
+
+    /// Levels, whose values are in the panel's bitmap.
+    pub fn levels(quantity: Quantity) -> Self {
+        let values = Vec::new();
+        Self {
+            name: String::new(),
+            kind: Kind::Levels,
+            colour: None,
+            x: Vec::new(),
+            y: Vec::new(),
+            z: Some(Third { quantity, values }),
+            notes: Vec::new(),
         }
     }
 
@@ -292,21 +291,10 @@ impl Series {
     }
 }
 
-impl Third {
-    /// Values of a quantity.
-    pub fn new(quantity: Quantity<'_>, values: Vec<f64>) -> Self {
-        Self {
-            quantity: quantity.name.to_owned(),
-            unit: quantity.unit.to_owned(),
-            values,
-        }
-    }
-}
-
 /// The elements that make a picture readable by pointing: a group for each pair of axes, with its data as JSON.
-pub fn overlay(figure: &Figure) -> String {
+pub fn overlay(panels: &[Panel]) -> String {
     let mut svg = String::new();
-    for panel in &figure.panels {
+    for panel in panels {
         let shown = Panel {
             series: panel.series.iter().map(Series::shown).collect(),
             ..panel.clone()
@@ -316,11 +304,13 @@ pub fn overlay(figure: &Figure) -> String {
         let _ = writeln!(svg, "<g class=\"axes\" data-panel=\"{}\">", escaped(&text));
         let place = place(panel.frame);
         if let Some(Bitmap { png, .. }) = &panel.bitmap {
+            // Stretched, because it has a pixel for each window and bin, whatever shape the frame has.
             let _ = writeln!(
                 svg,
                 "<image {place} preserveAspectRatio=\"none\" href=\"data:image/png;base64,{png}\"/>"
             );
         }
+        // What is not filled hears no pointer unless it is told to.
         let _ = writeln!(
             svg,
             "<rect {place} fill=\"none\" pointer-events=\"all\"/>\n</g>"
@@ -352,11 +342,13 @@ pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     if points.len() <= MAX_POINTS {
         return points;
     }
+    // Two points of each share are kept.
     let share = points.len().div_ceil(MAX_POINTS / 2);
     let extremes = points.chunks(share).flat_map(|chunk| {
         let by_y = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
         let lowest = chunk.iter().min_by(by_y);
         let highest = chunk.iter().max_by(by_y);
+        // The highest may come first.
         let mut both: Vec<(f64, f64)> = lowest.into_iter().chain(highest).copied().collect();
         both.sort_by(|a, b| a.0.total_cmp(&b.0));
         both

@@ -27,7 +27,7 @@ pub struct GridMap<'a> {
     /// Cells of the map, speed-major, as many as there are speeds times forces.
     pub cells: &'a [GridCell],
     /// Quantity of the values.
-    pub quantity: Quantity<'a>,
+    pub quantity: Quantity,
     /// Colours of the values: one scale for all maps that are compared.
     pub scale: Scale,
 }
@@ -70,6 +70,7 @@ const MARKS: [(NodeFlags, Mark, &str); 3] = [
 /// Cells that are not as many as the grid has nodes, and that the picture cannot be laid out.
 pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<Svg> {
     let (columns, rows) = (map.speeds_mm_s.len(), map.forces_n.len());
+    // A layout divides by the numbers of columns and rows.
     if map.cells.len() != columns * rows || map.cells.is_empty() {
         return Err(Error::Request(format!(
             "a map of {columns} speeds by {rows} forces cannot show {} cells",
@@ -85,13 +86,8 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
     let entries: Vec<_> = entries.collect();
     // Rows high enough for a number, within what fits a page.
     let height = (130 + 30 * rows as u32).clamp(280, 640);
-    picture(caption, (width, height), |area, panels| {
-        let below = if entries.is_empty() {
-            area.clone()
-        } else {
-            legend(area, &entries)?
-        };
-        let (chart, bar) = below.split_horizontally(at(width - BAR));
+    picture(caption, (width, height), |area| {
+        let (chart, bar) = legend(area, &entries)?.split_horizontally(at(width - BAR));
         let layout = Layout::new(&chart, columns, rows);
         for (index, cell) in map.cells.iter().enumerate() {
             let place = layout.cell(index / rows, index % rows);
@@ -101,8 +97,8 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
             }
         }
         layout.draw_axes(&chart, map)?;
-        panels.push(panel(map, layout.frame(&chart)));
-        map.scale.draw(&bar, map.quantity)
+        map.scale.draw(&bar, map.quantity)?;
+        Ok(vec![panel(map, layout.frame(&chart))])
     })
 }
 
@@ -111,8 +107,8 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
 ///
 /// # Errors
 /// A picture that cannot be laid out.
-pub fn map_axes(caption: &Caption<'_>, quantity: Quantity<'_>, scale: Scale) -> Result<Svg> {
-    picture(caption, (NARROW, 340), |area, panels| {
+pub fn map_axes(caption: &Caption<'_>, quantity: Quantity, scale: Scale) -> Result<Svg> {
+    picture(caption, (NARROW, 340), |area| {
         let (chart, bar) = area.split_horizontally(at(NARROW - BAR));
         let layout = Layout::new(&chart, 1, 1);
         layout.draw_titles(&chart)?;
@@ -120,8 +116,8 @@ pub fn map_axes(caption: &Caption<'_>, quantity: Quantity<'_>, scale: Scale) -> 
         let mut panel = Panel::new("", layout.frame(&chart), x, y);
         let end = Series::cells(quantity, (1, 1), vec![scale.end], Vec::new());
         panel.series.push(end);
-        panels.push(panel);
-        scale.draw(&bar, quantity)
+        scale.draw(&bar, quantity)?;
+        Ok(vec![panel])
     })
 }
 
@@ -265,6 +261,7 @@ impl Scale {
     /// The scale of all maps that show `values` together. Its end is rounded up, because it is written.
     pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let most = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
+        // Half of the highest decade: a third of the scale is without values at most.
         let step = 0.5 * 10f64.powf(most.log10().floor());
         let rounded = (most / step).ceil() * step;
         Self {
@@ -273,7 +270,7 @@ impl Scale {
     }
 
     /// Draws the bar of the scale's colours.
-    fn draw(self, bar: &Area<'_>, quantity: Quantity<'_>) -> Drawn {
+    fn draw(self, bar: &Area<'_>, quantity: Quantity) -> Drawn {
         let ends = (at(16), bar.dim_in_pixel().1 as i32 - at(56));
         let value = |share: f64| self.end * share;
         let values = [0.0, 0.5, 1.0].map(|share| (share, fixed(value(share), DECIMALS)));
@@ -298,10 +295,7 @@ mod tests {
     use super::super::figure::COST;
     use super::*;
 
-    const CAPTION: Caption<'_> = Caption {
-        title: "test",
-        simulated: false,
-    };
+    const CAPTION: Caption<'_> = Caption::new("test", false);
 
     fn cell(value: f64) -> GridCell {
         GridCell {
@@ -328,7 +322,7 @@ mod tests {
         let scale = Scale::of([32.0].into_iter());
         let svg = drawn(&[20.0, 40.0, 60.0], &[0.2, 0.4], &cells, scale).unwrap();
         let place = |text: &str| -> (i32, i32) {
-            let (before, _) = svg.as_str().split_once(&format!(">{text}<")).unwrap();
+            let (before, _) = svg.as_str().split_once(&format!(">\n{text}\n<")).unwrap();
             let element = before.rsplit('<').next().unwrap();
             let number = |name: &str| {
                 let (_, value) = element.split_once(name).unwrap();
@@ -378,7 +372,7 @@ mod tests {
         let colour = format!("fill=\"#{red:02X}{green:02X}{blue:02X}\"");
         for svg in [of([3.0, 4.0]), of([4.0, 40.0])] {
             for value in ["0.0", "20.0", "40.0"] {
-                assert!(svg.as_str().contains(&format!(">{value}<")), "{value}");
+                assert!(svg.as_str().contains(&format!(">\n{value}\n<")), "{value}");
             }
             assert!(svg.as_str().contains(&colour));
         }

@@ -23,7 +23,7 @@ use crate::support::error::Result;
 pub use curves::{
     FrontPoint, FrontSeries, NARROW, front_chart, spectra, spectrum_axes, waveform_axes,
 };
-pub use figure::{COST, Figure, Quantity};
+pub use figure::{COST, Panel, Quantity};
 pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};
 pub use responses::{Curve, responses};
 pub use spectrogram::spectrograms;
@@ -38,11 +38,18 @@ pub struct Caption<'a> {
     pub simulated: bool,
 }
 
+impl<'a> Caption<'a> {
+    /// A heading, which says SIMULATED if anything in the picture comes from the rig simulator.
+    pub const fn new(title: &'a str, simulated: bool) -> Self {
+        Self { title, simulated }
+    }
+}
+
 /// A picture: one `<svg>` element, which is a file of its own as well as a part of a page, and the data that it shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Svg {
     text: String,
-    figure: Figure,
+    panels: Vec<Panel>,
 }
 
 impl Svg {
@@ -51,9 +58,9 @@ impl Svg {
         &self.text
     }
 
-    /// The data of the picture.
-    pub fn figure(&self) -> &Figure {
-        &self.figure
+    /// The data of the picture: pairs of axes, in the order in which they were drawn.
+    pub fn panels(&self) -> &[Panel] {
+        &self.panels
     }
 
     /// Writes the picture into a file, whole or not at all.

@@ -6,10 +6,7 @@ use plotters::style::RGBColor;
 use super::figure::Kind;
 use super::*;
 
-const CAPTION: Caption<'_> = Caption {
-    title: "a picture",
-    simulated: true,
-};
+const CAPTION: Caption<'_> = Caption::new("a picture", true);
 
 /// A signal of some seconds at 5 kHz that is not periodic.
 fn signal(seed: f64) -> Vec<f64> {
@@ -174,7 +171,7 @@ fn meet(a: figure::Frame, b: figure::Frame) -> bool {
 fn no_text_stands_on_curves_or_levels_and_levels_fill_their_axes() {
     let is_named = |own: &figure::Series| matches!(own.kind, Kind::Points | Kind::Cells);
     for (name, svg) in pictures() {
-        let panels = svg.figure().panels.iter();
+        let panels = svg.panels().iter();
         for panel in panels.filter(|panel| !panel.series.iter().any(is_named)) {
             for text in texts(&svg) {
                 assert!(!meet(text.frame, panel.frame), "{name}: '{}'", text.words);
@@ -207,20 +204,17 @@ fn no_text_of_a_picture_covers_another_and_no_number_is_minus_zero() {
 #[test]
 fn every_axis_and_every_bar_has_a_quantity_with_its_unit() {
     for (name, svg) in pictures() {
-        for panel in &svg.figure().panels {
+        for panel in svg.panels() {
             let thirds = panel.series.iter().filter_map(|series| series.z.as_ref());
-            let thirds = thirds.map(|third| (&third.quantity, &third.unit));
-            let axes = [&panel.x, &panel.y].map(|axis| (&axis.quantity, &axis.unit));
-            for (quantity, unit) in axes.into_iter().chain(thirds) {
-                assert!(!quantity.is_empty(), "{name}");
+            let axes = [panel.x.quantity, panel.y.quantity];
+            for own in axes.into_iter().chain(thirds.map(|third| third.quantity)) {
                 assert!(
-                    !unit.is_empty() || quantity == "order of the model",
-                    "{name}: {quantity}"
+                    !own.name.is_empty() && !own.unit.is_empty(),
+                    "{name}: {own:?}"
                 );
                 let written = |wanted: &str| texts(&svg).iter().any(|text| text.words == wanted);
-                let one = Quantity::new(quantity, unit).label();
-                let is_in_two = written(&format!("{quantity},")) && written(unit);
-                assert!(written(&one) || is_in_two, "{name}: {quantity}");
+                let is_in_two = written(&format!("{},", own.name)) && written(own.unit);
+                assert!(written(&own.label()) || is_in_two, "{name}: {own:?}");
             }
         }
         assert!(texts(&svg).iter().any(|text| text.runs_up), "{name}");
@@ -253,7 +247,7 @@ fn every_axis_of_values_has_three_numbers_at_least() {
                 (i32::midpoint(left, right), i32::midpoint(top, bottom))
             })
             .collect();
-        let panels = &svg.figure().panels;
+        let panels = svg.panels();
         let has_values = |panel: &&figure::Panel| panel.x.scale != figure::AxisScale::Names;
         for panel in panels.iter().filter(has_values) {
             let figure::Frame {

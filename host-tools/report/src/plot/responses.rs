@@ -1,6 +1,6 @@
 //! Levels over frequency, as measured.
 
-use super::canvas::{Axis, INK, SERIES, Stroke, Swatch, axes, legend, picture};
+use super::canvas::{Axis, INK, SERIES, Stroke, Swatch, chart};
 use super::curves::{FIRST_OCTAVE_HZ, OCTAVES_HZ};
 use super::figure::FREQUENCY;
 use super::{Caption, Quantity, Svg};
@@ -33,6 +33,7 @@ pub fn responses(
             .flat_map(|curve| curve.points)
             .map(|point| point.1)
     };
+    // At least twice the band, so that its lines are not the picture's edges.
     let low = levels().fold(-2.0 * within_db, f64::min).floor() - 1.0;
     let high = levels().fold(2.0 * within_db, f64::max).ceil() + 1.0;
     let x = Axis::of_octaves(FREQUENCY, -0.7..6.05, lowest, &OCTAVES_HZ);
@@ -42,8 +43,7 @@ pub fn responses(
         .zip(SERIES)
         .map(|(curve, colour)| (Swatch::line(colour), curve.name))
         .collect();
-    picture(caption, (720, 400), |area, panels| {
-        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+    chart(caption, (720, 400), &entries, (&x, &y), |plot| {
         for level in [-within_db, within_db] {
             let stroke = Stroke {
                 dashed: true,
@@ -55,7 +55,6 @@ pub fn responses(
             let points = curve.points.iter().map(|&(hz, level)| (octave(hz), level));
             plot.curve(curve.name, points, Stroke::solid(colour, 3))?;
         }
-        panels.push(plot.panel);
         Ok(())
     })
 }

@@ -1,7 +1,6 @@
 //! Spectrograms of a recording and its synthesis, one above the other.
 
 use std::f64::consts::TAU;
-use std::fmt::Write as _;
 use std::ops::Range;
 
 use base64::Engine as _;
@@ -9,7 +8,8 @@ use base64::engine::general_purpose::STANDARD;
 use plotters::prelude::*;
 
 use super::canvas::{Area, Axis, BAR, Drawn, INK, TEXT, at, axes, centred, colour_bar, picture};
-use super::figure::{Bitmap, FREQUENCY, Kind, POWER_DENSITY, Panel, Series, TIME_S, Third};
+use super::colours::{between, hex};
+use super::figure::{Bitmap, FREQUENCY, POWER_DENSITY, Panel, Series, TIME_S};
 use super::{Caption, Svg};
 use crate::dsp::liveliness::kurtosis;
 use crate::dsp::spectrum::dft_amplitude;
@@ -60,7 +60,8 @@ pub fn spectrograms(
             caption.title
         )));
     };
-    picture(caption, (960, 640), |area, drawn| {
+    picture(caption, (960, 640), |area| {
+        let mut panels = Vec::new();
         let (panes, bar) = area.split_horizontally(at(960 - BAR));
         let halves = panes.split_evenly((2, 1));
         for ((half, levels), (name, _)) in halves.iter().zip(&levels).zip(signals) {
@@ -71,10 +72,11 @@ pub fn spectrograms(
             let y = Axis::new(FREQUENCY, 0.0..highest_hz, 8);
             let mut own = axes(&below, name, &x, &y)?.panel;
             fill(&mut own, levels, top_db, windows)?;
-            drawn.push(own);
+            panels.push(own);
         }
         let ends = (at(30), bar.dim_in_pixel().1 as i32 - at(52));
-        draw_bar(&bar, ends, top_db)
+        draw_bar(&bar, ends, top_db)?;
+        Ok(panels)
     })
 }
 
@@ -106,6 +108,8 @@ impl Windows {
         Self {
             len,
             spare,
+            // A quarter of a window after each other, so that a click is within an eighth of the middle of one, where
+            // its weight is 0.85 or more.
             count: (4 * spare / len + 1).min(COLUMNS),
             rate_hz,
         }
@@ -113,6 +117,7 @@ impl Windows {
 
     /// First sample of a window.
     fn begin(&self, window: usize) -> usize {
+        // Not by a step of samples, whose round-off would leave the signal's end out.
         self.spare * window / (self.count - 1).max(1)
     }
 
@@ -145,39 +150,21 @@ impl Windows {
 
 /// Puts levels into a panel as the bitmap that fills its frame.
 fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
-    panel.series.push(Series {
-        name: String::new(),
-        kind: Kind::Levels,
-        colour: None,
-        x: Vec::new(),
-        y: Vec::new(),
-        z: Some(Third::new(POWER_DENSITY, Vec::new())),
-        notes: Vec::new(),
-    });
+    panel.series.push(Series::levels(POWER_DENSITY));
     panel.bitmap = Some(Bitmap {
         png: STANDARD.encode(png(levels, top_db)?),
         from: top_db - RANGE_DB,
         to: top_db,
-        palette: palette_as_hex(),
+        palette: palette().map(hex).collect::<String>().replace('#', ""),
         x: [windows.middle_s(0), windows.step_s()],
         y: [0.0, windows.bin_hz()],
     });
     Ok(())
 }
 
-/// All colours of the scale, six hexadecimal digits each.
-fn palette_as_hex() -> String {
-    palette().iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02X}");
-        text
-    })
-}
-
-/// All colours of the scale, three bytes each.
-fn palette() -> Vec<u8> {
-    (0..=u8::MAX)
-        .flat_map(|index| colour(f64::from(index) / f64::from(u8::MAX)))
-        .collect()
+/// All colours of the scale.
+fn palette() -> impl Iterator<Item = RGBColor> {
+    (0..=u8::MAX).map(|index| colour(f64::from(index) / f64::from(u8::MAX)))
 }
 
 /// One column per window, its power spectral densities from the lowest frequency up, one-sided, in dB
@@ -193,6 +180,7 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
         .collect();
     let bins = (highest_hz * window as f64 / rate_hz) as usize + 1;
     let energy: f64 = weights.iter().map(|weight| weight * weight).sum();
+    // One-sided, by the sum of the squared weights: Heinzel, Rüdiger and Schilling (2002), equation 23.
     let scale_db = 10.0 * (2.0 / (rate_hz * energy)).log10();
     (0..windows.count)
         .map(|column| {
@@ -215,34 +203,26 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
 fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
     let values =
         [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));
-    let of = |share| {
-        let [r, g, b] = colour(share);
-        RGBColor(r, g, b)
-    };
-    colour_bar(area, ends, of, &values, POWER_DENSITY)
+    colour_bar(area, ends, colour, &values, POWER_DENSITY)
 }
 
 /// A colour of a scale that rises in lightness throughout, from dark blue by green to yellow.
-fn colour(share: f64) -> [u8; 3] {
-    const STOPS: [[f64; 3]; 5] = [
-        [20.0, 16.0, 60.0],
-        [60.0, 70.0, 140.0],
-        [30.0, 140.0, 140.0],
-        [110.0, 200.0, 90.0],
-        [250.0, 235.0, 60.0],
+fn colour(share: f64) -> RGBColor {
+    const STOPS: [RGBColor; 5] = [
+        RGBColor(20, 16, 60),
+        RGBColor(60, 70, 140),
+        RGBColor(30, 140, 140),
+        RGBColor(110, 200, 90),
+        RGBColor(250, 235, 60),
     ];
-    let place = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
-    let below = (place as usize).min(STOPS.len() - 2);
-    let fraction = place - below as f64;
-    std::array::from_fn(|i| {
-        (STOPS[below][i] + (STOPS[below + 1][i] - STOPS[below][i]) * fraction) as u8
-    })
+    between(&STOPS, share)
 }
 
 /// The panel as a PNG, a pixel per window and bin, in indices of the palette.
 fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
     let (width, height) = (panel.len(), panel[0].len());
     let mut pixels = Vec::with_capacity(width * height);
+    // A bitmap begins with its upper row, which has the highest frequency.
     for bin in (0..height).rev() {
         for column in panel {
             let share = (column[bin] - top_db + RANGE_DB) / RANGE_DB;
@@ -254,7 +234,8 @@ fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
     let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_palette(palette());
+    let palette = palette().flat_map(|RGBColor(r, g, b)| [r, g, b]);
+    encoder.set_palette(palette.collect::<Vec<u8>>());
     encoder.write_header()?.write_image_data(&pixels)?;
     Ok(bytes)
 }
@@ -317,10 +298,7 @@ mod tests {
 
     #[test]
     fn silence_is_refused_and_next_to_nothing_is_drawn() {
-        let caption = Caption {
-            title: "test",
-            simulated: true,
-        };
+        let caption = Caption::new("test", true);
         let draw = |signal: &[f64]| spectrograms(&caption, (signal, signal), 5000.0, 1000.0);
         assert!(draw(&[0.0; 900]).is_err() && draw(&[]).is_err());
         assert!(draw(&[1.0, -1.0, 0.5]).is_ok());

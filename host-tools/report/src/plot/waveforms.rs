@@ -34,12 +34,14 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
         let begin = (signal.len() - len) / 2;
         begin..begin + len
     };
+    // What lies outside of the longer column is not drawn, and a click there would make all that is drawn small.
     let drawn = signals
         .iter()
         .flat_map(|(_, signal)| &signal[middle(signal, DURATIONS_S[1])]);
     let range = range_around_zero(drawn.copied());
     let height = HEADING + BESIDE + ROW * signals.len().max(1) as u32;
-    picture(caption, (960, height), |area, panels| {
+    picture(caption, (960, height), |area| {
+        let mut panels = Vec::new();
         let entries = [(Swatch::line(INK), "± RMS over 10 ms, over the samples")];
         let halves = legend(area, &entries)?.split_evenly((1, 2));
         let columns = halves
@@ -75,12 +77,13 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
                 panels.push(plot.panel);
             }
         }
-        Ok(())
+        Ok(panels)
     })
 }
 
 /// RMS over windows of 10 ms that overlap by half, each with the sample at its middle.
 fn envelope(signal: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
+    // Two at least, of which the half is a step.
     let window = ((ENVELOPE_S * rate_hz).round() as usize).max(2);
     let windows = signal.windows(window).step_by(window / 2);
     windows

@@ -76,6 +76,7 @@ impl Clip {
 fn looped(signal: &[f64], samples: usize) -> Option<Vec<f64>> {
     let joint = (JOINT_S * f64::from(SAMPLE_RATE_HZ)) as usize;
     let length = samples.min(signal.len().checked_sub(joint)?);
+    // A joint may take half of what is heard, not more.
     if length < 2 * joint {
         return None;
     }
@@ -83,6 +84,7 @@ fn looped(signal: &[f64], samples: usize) -> Option<Vec<f64>> {
     let mut clip = signal[begin..begin + length].to_vec();
     let after = &signal[begin + length..begin + length + joint];
     for (at, (x, &after)) in clip.iter_mut().zip(after).enumerate() {
+        // sin² + cos² = 1: the power of noise stays, because before and after the joint it is uncorrelated.
         let turn = FRAC_PI_2 * (at as f64 + 0.5) / joint as f64;
         *x = *x * turn.sin() + after * turn.cos();
     }

@@ -237,6 +237,7 @@ impl TextureData {
         let all = recorded.iter().filter_map(|node| node.spectrum.as_ref());
         let highest_db = models.iter().chain(all).map(Spectrum::highest_db);
         let highest_db = highest_db.fold(f64::NEG_INFINITY, f64::max);
+        // A code counts steps downwards, and has no sign.
         let top_db = (STEPS_PER_DB * highest_db).ceil() / STEPS_PER_DB;
         let recorded_base64 = any_recorded.then(|| {
             let silence = Spectrum::silence();
@@ -280,6 +281,7 @@ fn recorded_at(
 ) -> Result<Recorded> {
     let (speed_mm_s, force_n) = (texture.speed(speed).0, texture.force(force).0);
     let is_here = |name: &str, speed: f64, force: f64| {
+        // A library's axes are the recordings' own values as `f32`, and so are equal when those are.
         name == texture.name() && (speed as f32, force as f32) == (speed_mm_s, force_n)
     };
     let set = recordings.set;

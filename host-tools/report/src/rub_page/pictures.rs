@@ -11,48 +11,42 @@ const SPAN_DB: f64 = 80.0;
 const STEP_DB: f64 = 10.0;
 
 /// Levels of a node.
-const RMS: Quantity<'static> = Quantity::new("RMS level", "m/s²");
+const RMS: Quantity = Quantity::new("RMS level", "m/s²");
 
 /// The pictures as templates, by the names that the scripts know. All textures share their scales.
 ///
 /// # Errors
 /// A picture that cannot be laid out.
 pub fn templates(data: &Data) -> Result<String> {
+    // A library of silence alone has no peak, and axes from zero to zero cannot be laid out.
     let peak = if data.full_scale_m_s2 > 0.0 {
         data.full_scale_m_s2
     } else {
         1.0
     };
     // Short, because the mark of simulated data stands beside it.
-    let waveform = waveform_axes(&caption("Waveform", data.simulated), peak)?;
+    let waveform = waveform_axes(&Caption::new("Waveform", data.simulated), peak)?;
     let mut text = template("waveform", &waveform) + &template("spectrum", &spectrum(data)?);
     for (name, title, quantity, scale) in maps(data) {
-        let axes = map_axes(&caption(title, data.simulated), quantity, scale)?;
+        let axes = map_axes(&Caption::new(title, data.simulated), quantity, scale)?;
         text += &template(name, &axes);
     }
     Ok(text)
 }
 
-fn caption(title: &str, simulated: bool) -> Caption<'_> {
-    Caption { title, simulated }
-}
-
 /// The axes of spectra.
 fn spectrum(data: &Data) -> Result<Svg> {
     let highest = data.textures.iter().map(|texture| texture.top_db);
+    // The level of a silent texture is negative infinity.
     let highest = highest.filter(|level| level.is_finite());
     let highest = highest.reduce(f64::max).unwrap_or(0.0);
     let highest = (highest / STEP_DB).ceil() * STEP_DB;
-    spectrum_axes(
-        &caption("Spectrum", data.simulated),
-        highest - SPAN_DB..highest,
-    )
+    let caption = Caption::new("Spectrum", data.simulated);
+    spectrum_axes(&caption, highest - SPAN_DB..highest)
 }
 
 /// Axes of maps that the textures need, with a scale for all of them: those of C where it is known.
-fn maps(
-    data: &Data,
-) -> impl Iterator<Item = (&'static str, &'static str, Quantity<'static>, Scale)> {
+fn maps(data: &Data) -> impl Iterator<Item = (&'static str, &'static str, Quantity, Scale)> {
     let nodes = || data.textures.iter().map(|texture| &texture.nodes);
     let shares = nodes().flat_map(|nodes| nodes.costs.iter().flatten().flatten());
     let costs = Scale::of(shares.map(|share| 100.0 * share));

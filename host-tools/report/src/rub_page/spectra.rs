@@ -70,6 +70,7 @@ impl Spectrum {
     pub fn codes(&self, top_db: f64) -> Vec<u8> {
         let code = |level: Option<f64>| {
             let steps = level.map(|db| (STEPS_PER_DB * (top_db - db)).round());
+            // What is weaker than the codes reach is weak and not silent.
             steps.map_or(NO_POWER, |steps| steps.min(f64::from(NO_POWER - 1)) as u8)
         };
         self.levels_db().map(code).collect()
@@ -109,6 +110,7 @@ pub fn recorded_spectrum(signals: &[Vec<f64>]) -> Option<Spectrum> {
     let blocks: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
     let shortest = blocks.iter().map(|block| block.len()).min()?;
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    // Of several recordings of a node each has to have a segment, because their spectra are averaged.
     let segment = longest_segment(rate_hz).min(shortest);
     let density = PowerSpectrum::of_blocks(&blocks, segment, rate_hz);
     let spectrum = Spectrum::of(|low_hz, high_hz| density.power_between(low_hz, high_hz));

@@ -58,6 +58,7 @@ impl TipData {
 
 /// `response` over frequency with a mean level of 0 dB, in base 64.
 fn levelled(response: impl Fn(f64) -> Complex<f64>) -> String {
+    // The mean of logarithms, because levels are to agree: a resonance's peak would decide a mean of powers.
     let bands = (0..LEVEL_BANDS).map(|band| LEVEL_FROM_HZ * 2_f64.powf(f64::from(band) / 3.0));
     let logarithms = bands.map(|hz| response(hz).norm().ln());
     let level = (logarithms.sum::<f64>() / f64::from(LEVEL_BANDS)).exp();
