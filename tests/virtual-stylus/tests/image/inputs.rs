@@ -126,6 +126,10 @@ fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_count
     );
 }
 
+/// Channels of the acceleration X, Y and Z and of the force, in their ranks: PA3, PC0, PF12 and PB1 (DS12110, pin
+/// definitions).
+const CHANNELS: [u8; 4] = [15, 10, 6, 5];
+
 /// The codes of the sequence that a trigger started: X, Y, Z and force in their ranks.
 fn sequences(samples: &[Sample]) -> Vec<[Sample; 4]> {
     let first = samples
@@ -167,6 +171,8 @@ fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
         .expect("the first sample was on the pins");
     for (n, (sequence, sample)) in converted[begin..].iter().zip(&recorded).enumerate() {
         assert_eq!(words(sequence), sampled(sample), "sample {n}");
+        // A sensor that is wired to another pin would be recorded under another's name.
+        assert_eq!(sequence.map(|pin| pin.channel), CHANNELS, "sample {n}");
         for pin in sequence {
             assert_eq!(pin.word, code(pin.channel, pin.at_ns), "sample {n}");
         }

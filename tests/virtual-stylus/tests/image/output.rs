@@ -1,7 +1,8 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
 
 use hil::injection::Injected;
-use model_format::link::{MuteReasons, Setting};
+use model_format::SAMPLE_RATE_HZ;
+use model_format::link::{MuteReasons, Setting, Status};
 use stylus_app::safety;
 use stylus_plant::{Parameters, Plant};
 use virtual_stylus::Options;
@@ -97,8 +98,8 @@ fn a_core_that_stops_while_a_texture_plays_leaves_mid_scale_at_the_pin_within_a_
 }
 
 /// Injects `fault` into a loud texture; no code may then differ from the one before it by more than the slew limit.
-/// Returns the outputs since, and the number of late outputs that were counted.
-fn late(fault: Injected) -> (Vec<Output>, u32) {
+/// Returns the outputs since, and the status after them.
+fn late(fault: Injected) -> (Vec<Output>, Status) {
     let (mut device, slew) = playing_loudly();
     assert!(loudness(&mut device) > 4 * slew, "it is loud");
     let before = device.status();
@@ -123,7 +124,7 @@ fn late(fault: Injected) -> (Vec<Output>, u32) {
     device.run_for(50 * MS);
     let later = device.status();
     assert_eq!(later.tick.late_outputs, after.tick.late_outputs);
-    (outputs, after.tick.late_outputs)
+    (outputs, after)
 }
 
 /// The longest run of one code.
@@ -137,24 +138,27 @@ fn longest_hold(outputs: &[Output]) -> usize {
 
 #[test]
 fn a_sample_that_comes_150_microseconds_late_is_heard_as_a_held_code() {
-    let (outputs, counted) = late(Injected::LateTick);
-    assert_eq!(counted, 1);
+    let (outputs, after) = late(Injected::LateTick);
+    assert_eq!(after.tick.late_outputs, 1);
     // The period without a sample, and the code before it.
     assert!(longest_hold(&outputs) > CODES);
 }
 
 #[test]
 fn a_tick_that_takes_two_periods_is_heard_as_a_held_code() {
-    let (outputs, counted) = late(Injected::LongTick);
-    assert_eq!(counted, 0, "the next one goes on from it");
+    let (outputs, after) = late(Injected::LongTick);
+    assert_eq!(after.tick.late_outputs, 0, "the next one goes on from it");
+    assert!(after.tick.missed > 0, "{:?}", after.tick);
+    let ticks = &after.tick_histogram;
+    assert!(ticks.longest > ticks.core_hz / SAMPLE_RATE_HZ, "{ticks:?}");
     assert!(longest_hold(&outputs) > CODES);
 }
 
 #[test]
 fn a_tick_that_takes_six_periods_is_heard_as_a_fade_to_mid_scale() {
-    let (outputs, counted) = late(Injected::VeryLongTick);
+    let (outputs, after) = late(Injected::VeryLongTick);
     assert_eq!(
-        counted, 1,
+        after.tick.late_outputs, 1,
         "unless the last code was at mid-scale by itself"
     );
     let silent = outputs

@@ -9,7 +9,6 @@ use virtual_stylus::usb_host::{Request, Timing};
 use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long};
 use crate::library;
 use crate::requests::announced;
-use crate::start::is_rtc_selection;
 
 #[test]
 fn a_device_that_is_busy_with_a_large_library_sleeps_through_no_reset_of_the_bus() {
@@ -187,11 +186,7 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
     stylus.usb(|host, _| [BULK_OUT, BULK_IN].map(|endpoint| host.reset_toggle(endpoint)));
     device.reopen();
     device.status();
-    let report = device.stylus.report();
-    let told: Vec<_> = (report.told.iter())
-        .filter(|told| !is_rtc_selection(told))
-        .collect();
-    assert!(told.is_empty(), "{told:?}");
+    device.assert_models_sufficed();
 }
 
 #[test]
