@@ -119,9 +119,9 @@ fn inputs(output: &Path) -> Vec<PathBuf> {
     files_behind(INPUTS.get().map_or(&[], Vec::as_slice), output)
 }
 
-/// The WAV file and its format.
+/// The file that a rendering is written to: samples of the synthesis, or those at the pin or at the tip.
 #[derive(clap::Args)]
-struct WavFile {
+pub struct RenderedFile {
     /// WAV file to write: 32-bit float, m/s²
     #[arg(long, value_name = "WAV")]
     out: PathBuf,
@@ -130,9 +130,43 @@ struct WavFile {
     /// Write 16-bit samples with this full scale in m/s² instead, for listening
     #[arg(long, value_name = "FULL_SCALE", value_parser = positive)]
     pcm16: Option<f64>,
+    /// Write what the stylus puts out at its pin instead: volts above mid-scale, 32-bit float, at 40 kHz
+    #[arg(long, conflicts_with = "pcm16")]
+    pin: bool,
+    /// Write what the pin makes of the tip instead, by an actuator model: m/s², 32-bit float, at 40 kHz; a TOML file,
+    /// or haptuator or mark-ii-d
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pin", "pcm16"])]
+    plant: Option<PathBuf>,
+    /// Setting of the stylus for --pin or --plant, such as output-gain=0.02 [default: the defaults]
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
+    settings: Vec<(String, f32)>,
 }
 
-impl WavFile {
+impl RenderedFile {
+    /// Checks that the file can be written.
+    ///
+    /// # Errors
+    /// As [`Overwrite::file`].
+    pub fn check(&self) -> Result<()> {
+        self.overwrite.file(&self.out)
+    }
+
+    /// Renders `rendering` of `source` into the file, and prints what is in it.
+    ///
+    /// # Errors
+    /// Settings, a plant or a rendering that is refused, or a file that cannot be written.
+    pub fn render(&self, mut rendering: Rendering<'_>, source: &str) -> Result<()> {
+        if self.pin || self.plant.is_some() {
+            return self.write_pin(&mut rendering, source);
+        }
+        if !self.settings.is_empty() {
+            return Err(Error::Request(
+                "--set changes what leaves the pin: give --pin or --plant too".into(),
+            ));
+        }
+        self.write(&mut rendering, source)
+    }
+
     /// Format of the file.
     fn format(&self) -> WavFormat {
         self.pcm16
@@ -168,90 +202,43 @@ impl WavFile {
         }
         Ok(())
     }
-}
 
-/// The choice of the pin, and the settings of its stylus.
-#[derive(clap::Args)]
-struct PinArguments {
-    /// Write what the stylus puts out at its pin instead: volts above mid-scale, 32-bit float, at 40 kHz
-    #[arg(long, conflicts_with = "pcm16")]
-    pin: bool,
-    /// Write what the pin makes of the tip instead, by an actuator model: m/s², 32-bit float, at 40 kHz; a TOML file,
-    /// or haptuator or mark-ii-d
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pin", "pcm16"])]
-    plant: Option<PathBuf>,
-    /// Setting of the stylus for --pin or --plant, such as output-gain=0.02 [default: the defaults]
-    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
-    settings: Vec<(String, f32)>,
-}
-
-impl PinArguments {
-    /// Returns true if the pin, or the tip behind it, is to be rendered.
-    ///
-    /// # Errors
-    /// Settings without either.
-    fn is_asked(&self) -> Result<bool> {
-        let asked = self.pin || self.plant.is_some();
-        if !asked && !self.settings.is_empty() {
-            return Err(Error::Request(
-                "--set changes what leaves the pin: give --pin or --plant too".into(),
-            ));
-        }
-        Ok(asked)
-    }
-
-    /// Renders the pin, or the tip behind it, into `wav`, and prints what is in the file and what the safety stages
-    /// changed.
-    ///
-    /// # Errors
-    /// A setting or a plant that is refused, and those of [`render_pin_wav`].
-    fn render(&self, rendering: &mut Rendering<'_>, wav: &WavFile, source: &str) -> Result<()> {
+    /// Renders the pin, or the tip behind it, and prints what is in the file and what the safety stages changed.
+    fn write_pin(&self, rendering: &mut Rendering<'_>, source: &str) -> Result<()> {
         let changes = self.settings.iter();
         let settings = settings(changes.map(|(name, value)| (name.as_str(), *value)))?;
         let Some(plant) = &self.plant else {
-            let summary = render_pin_wav(rendering, &settings, &wav.out)?;
+            let summary = render_pin_wav(rendering, &settings, &self.out)?;
             let shown = "as volts above mid-scale at the pin of a stylus";
-            return report(wav, source, summary, shown);
+            return self.report(source, summary, shown);
         };
         let mut plant = Plant::new(&read_plant(plant)?, 0);
-        let summary = render_tip_wav(rendering, &settings, &mut plant, &wav.out)?;
-        report(
-            wav,
-            source,
-            summary,
-            "as m/s² at the tip, by an actuator model",
-        )
-    }
-}
-
-/// The file that a rendering is written to: samples of the synthesis, or those at the pin.
-#[derive(clap::Args)]
-pub struct RenderedFile {
-    #[command(flatten)]
-    wav: WavFile,
-    #[command(flatten)]
-    pin: PinArguments,
-}
-
-impl RenderedFile {
-    /// Checks that the file can be written.
-    ///
-    /// # Errors
-    /// As [`Overwrite::file`].
-    pub fn check(&self) -> Result<()> {
-        self.wav.overwrite.file(&self.wav.out)
+        let summary = render_tip_wav(rendering, &settings, &mut plant, &self.out)?;
+        let shown = "as m/s² at the tip, by an actuator model";
+        self.report(source, summary, shown)
     }
 
-    /// Renders `rendering` of `source` into the file, and prints what is in it.
-    ///
-    /// # Errors
-    /// Settings, a plant or a rendering that is refused, or a file that cannot be written.
-    pub fn render(&self, mut rendering: Rendering<'_>, source: &str) -> Result<()> {
-        if self.pin.is_asked()? {
-            self.pin.render(&mut rendering, &self.wav, source)
-        } else {
-            self.wav.write(&mut rendering, source)
+    fn report(&self, source: &str, summary: PinSummary, shown: &str) -> Result<()> {
+        print(&format!(
+            "{}: {} codes of {source} at {RATE_HZ} Hz, {shown}",
+            self.out.display(),
+            summary.codes,
+        ))?;
+        let limited = summary.limited;
+        for (what, samples) in [
+            ("the synthesis was at full scale", summary.saturations),
+            ("the hard limit cut the output", limited.hard),
+            ("the slew limit held the output back", limited.slew),
+            ("the thermal limiter attenuated the output", limited.thermal),
+        ] {
+            if samples > 0 {
+                warn(&format!(
+                    "{what} in {} of the kernel",
+                    counted(samples, "sample")
+                ));
+            }
         }
+        Ok(())
     }
 }
 
@@ -261,29 +248,6 @@ impl RenderedFile {
 /// There is neither, or a file that is no plant's.
 pub fn read_plant(source: &Path) -> Result<Parameters> {
     Parameters::read(source).map_err(|error| Error::Request(error.to_string()))
-}
-
-fn report(wav: &WavFile, source: &str, summary: PinSummary, shown: &str) -> Result<()> {
-    print(&format!(
-        "{}: {} codes of {source} at {RATE_HZ} Hz, {shown}",
-        wav.out.display(),
-        summary.codes,
-    ))?;
-    let limited = summary.limited;
-    for (what, samples) in [
-        ("the synthesis was at full scale", summary.saturations),
-        ("the hard limit cut the output", limited.hard),
-        ("the slew limit held the output back", limited.slew),
-        ("the thermal limiter attenuated the output", limited.thermal),
-    ] {
-        if samples > 0 {
-            warn(&format!(
-                "{what} in {} of the kernel",
-                counted(samples, "sample")
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// Parses a setting's name and value.
