@@ -10,11 +10,11 @@ use clap::{ArgMatches, Command};
 use host_tools::evaluation::leave_one_out::Given;
 use host_tools::fit::inputs::{Input, files_behind};
 use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
-use host_tools::playing::render::Rendering;
-use host_tools::playing::render::{RenderSummary, WavFormat};
+use host_tools::playing::render::{Rendering, WavFormat, write_wav};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::output;
+use host_tools::support::progress;
 use stylus_plant::Parameters;
 use stylus_plant::Plant;
 
@@ -119,9 +119,9 @@ fn inputs(output: &Path) -> Vec<PathBuf> {
     files_behind(INPUTS.get().map_or(&[], Vec::as_slice), output)
 }
 
-/// The WAV file and its format.
+/// The file that a rendering is written to: samples of the synthesis, or those at the pin or at the tip.
 #[derive(clap::Args)]
-pub struct WavFile {
+pub struct RenderedFile {
     /// WAV file to write: 32-bit float, m/s²
     #[arg(long, value_name = "WAV")]
     out: PathBuf,
@@ -130,56 +130,6 @@ pub struct WavFile {
     /// Write 16-bit samples with this full scale in m/s² instead, for listening
     #[arg(long, value_name = "FULL_SCALE", value_parser = positive)]
     pcm16: Option<f64>,
-}
-
-impl WavFile {
-    /// Checks that the file can be written.
-    ///
-    /// # Errors
-    /// As [`Overwrite::file`].
-    pub fn check(&self) -> Result<()> {
-        self.overwrite.file(&self.out)
-    }
-
-    /// Path of the file.
-    pub fn path(&self) -> &Path {
-        &self.out
-    }
-
-    /// Format of the file.
-    pub fn format(&self) -> WavFormat {
-        self.pcm16
-            .map_or(WavFormat::Float32, |full_scale_m_s2| WavFormat::Pcm16 {
-                full_scale_m_s2,
-            })
-    }
-
-    /// Prints the number of samples of `source` in the file, and warns of clipped samples and of samples at full scale.
-    pub fn print(&self, source: &str, sample_rate_hz: u32, summary: RenderSummary) -> Result<()> {
-        print(&format!(
-            "{}: {} samples of {source} at {sample_rate_hz} Hz",
-            self.out.display(),
-            summary.wav.samples,
-        ))?;
-        if summary.wav.clipped > 0 {
-            warn(&format!(
-                "clipped: {}; give --pcm16 a larger full scale",
-                counted(summary.wav.clipped, "sample")
-            ));
-        }
-        if summary.saturations > 0 {
-            warn(&format!(
-                "the synthesis was at full scale in {}",
-                counted(summary.saturations, "sample")
-            ));
-        }
-        Ok(())
-    }
-}
-
-/// The choice of the pin, and the settings of its stylus.
-#[derive(clap::Args)]
-pub struct PinArguments {
     /// Write what the stylus puts out at its pin instead: volts above mid-scale, 32-bit float, at 40 kHz
     #[arg(long, conflicts_with = "pcm16")]
     pin: bool,
@@ -192,42 +142,103 @@ pub struct PinArguments {
     settings: Vec<(String, f32)>,
 }
 
-impl PinArguments {
-    /// Returns true if the pin, or the tip behind it, is to be rendered.
+impl RenderedFile {
+    /// Checks that the file can be written.
     ///
     /// # Errors
-    /// Settings without either.
-    pub fn is_asked(&self) -> Result<bool> {
-        let asked = self.pin || self.plant.is_some();
-        if !asked && !self.settings.is_empty() {
+    /// As [`Overwrite::file`].
+    pub fn check(&self) -> Result<()> {
+        self.overwrite.file(&self.out)
+    }
+
+    /// Renders `rendering` of `source` into the file, and prints what is in it.
+    ///
+    /// # Errors
+    /// Settings, a plant or a rendering that is refused, or a file that cannot be written.
+    pub fn render(&self, mut rendering: Rendering<'_>, source: &str) -> Result<()> {
+        if self.pin || self.plant.is_some() {
+            return self.write_pin(&mut rendering, source);
+        }
+        if !self.settings.is_empty() {
             return Err(Error::Request(
                 "--set changes what leaves the pin: give --pin or --plant too".into(),
             ));
         }
-        Ok(asked)
+        self.write(&mut rendering, source)
     }
 
-    /// Renders the pin, or the tip behind it, into `wav`, and prints what is in the file and what the safety stages
-    /// changed.
-    ///
-    /// # Errors
-    /// A setting or a plant that is refused, and those of [`render_pin_wav`].
-    pub fn render(&self, rendering: &mut Rendering<'_>, wav: &WavFile, source: &str) -> Result<()> {
+    /// Format of the file.
+    fn format(&self) -> WavFormat {
+        self.pcm16
+            .map_or(WavFormat::Float32, |full_scale_m_s2| WavFormat::Pcm16 {
+                full_scale_m_s2,
+            })
+    }
+
+    /// Writes `rendering`, prints the number of samples of `source` in the file, and warns of clipped samples and of
+    /// samples at full scale.
+    fn write(&self, rendering: &mut Rendering<'_>, source: &str) -> Result<()> {
+        let rate_hz = rendering.sample_rate_hz();
+        let bar = progress::bar(rendering.len() as u64, "rendering");
+        let samples = bar.wrap_iter(rendering.by_ref());
+        let written = write_wav(&self.out, rate_hz, self.format(), samples)?;
+        bar.finish_and_clear();
+        print(&format!(
+            "{}: {} samples of {source} at {rate_hz} Hz",
+            self.out.display(),
+            written.samples,
+        ))?;
+        if written.clipped > 0 {
+            warn(&format!(
+                "clipped: {}; give --pcm16 a larger full scale",
+                counted(written.clipped, "sample")
+            ));
+        }
+        if rendering.saturations() > 0 {
+            warn(&format!(
+                "the synthesis was at full scale in {}",
+                counted(rendering.saturations(), "sample")
+            ));
+        }
+        Ok(())
+    }
+
+    /// Renders the pin, or the tip behind it, and prints what is in the file and what the safety stages changed.
+    fn write_pin(&self, rendering: &mut Rendering<'_>, source: &str) -> Result<()> {
         let changes = self.settings.iter();
         let settings = settings(changes.map(|(name, value)| (name.as_str(), *value)))?;
         let Some(plant) = &self.plant else {
-            let summary = render_pin_wav(rendering, &settings, wav.path())?;
+            let summary = render_pin_wav(rendering, &settings, &self.out)?;
             let shown = "as volts above mid-scale at the pin of a stylus";
-            return report(wav, source, summary, shown);
+            return self.report(source, summary, shown);
         };
         let mut plant = Plant::new(&read_plant(plant)?, 0);
-        let summary = render_tip_wav(rendering, &settings, &mut plant, wav.path())?;
-        report(
-            wav,
-            source,
-            summary,
-            "as m/s² at the tip, by an actuator model",
-        )
+        let summary = render_tip_wav(rendering, &settings, &mut plant, &self.out)?;
+        let shown = "as m/s² at the tip, by an actuator model";
+        self.report(source, summary, shown)
+    }
+
+    fn report(&self, source: &str, summary: PinSummary, shown: &str) -> Result<()> {
+        print(&format!(
+            "{}: {} codes of {source} at {RATE_HZ} Hz, {shown}",
+            self.out.display(),
+            summary.codes,
+        ))?;
+        let limited = summary.limited;
+        for (what, samples) in [
+            ("the synthesis was at full scale", summary.saturations),
+            ("the hard limit cut the output", limited.hard),
+            ("the slew limit held the output back", limited.slew),
+            ("the thermal limiter attenuated the output", limited.thermal),
+        ] {
+            if samples > 0 {
+                warn(&format!(
+                    "{what} in {} of the kernel",
+                    counted(samples, "sample")
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -237,29 +248,6 @@ impl PinArguments {
 /// There is neither, or a file that is no plant's.
 pub fn read_plant(source: &Path) -> Result<Parameters> {
     Parameters::read(source).map_err(|error| Error::Request(error.to_string()))
-}
-
-fn report(wav: &WavFile, source: &str, summary: PinSummary, shown: &str) -> Result<()> {
-    print(&format!(
-        "{}: {} codes of {source} at {RATE_HZ} Hz, {shown}",
-        wav.path().display(),
-        summary.codes,
-    ))?;
-    let limited = summary.limited;
-    for (what, samples) in [
-        ("the synthesis was at full scale", summary.saturations),
-        ("the hard limit cut the output", limited.hard),
-        ("the slew limit held the output back", limited.slew),
-        ("the thermal limiter attenuated the output", limited.thermal),
-    ] {
-        if samples > 0 {
-            warn(&format!(
-                "{what} in {} of the kernel",
-                counted(samples, "sample")
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// Parses a setting's name and value.

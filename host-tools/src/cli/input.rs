@@ -1,12 +1,14 @@
 //! Arguments that several commands share: recordings, motions, and numbers with a range.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use host_tools::evaluation::evaluate::texture_named;
 use host_tools::playing::motion::MotionPath;
 use host_tools::recording::{Assumed, RecordingSet, texture_fault};
 use host_tools::support::error::{Error, Result};
 pub use host_tools::support::number::{force, not_negative, positive, speed};
 use host_tools::texture::grid::as_written;
+use host_tools::texture::library::{decode_library, read_library};
 use model_format::{MillimetresPerSecond, Newton, Texture};
 
 use crate::cli::output::{note, warn};
@@ -118,18 +120,50 @@ pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
     }
 }
 
-/// The motion that is rendered along.
+/// A constant motion, of a command that has `--motion` too.
 #[derive(clap::Args)]
-pub struct Along {
-    /// Motion: CSV with time_s, speed_mm_s, force_n, and position_mm and contact if they do not follow from those
-    #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
-    motion: Option<PathBuf>,
+pub struct ConstantMotion {
     /// Constant tangential speed instead, in mm/s
     #[arg(long, value_name = "MM_S", value_parser = speed, allow_negative_numbers = true, requires = "force")]
     speed: Option<f64>,
     /// Constant normal force, in newtons
     #[arg(long, value_name = "N", value_parser = force, allow_negative_numbers = true, requires = "speed")]
     force: Option<f64>,
+}
+
+impl ConstantMotion {
+    /// The speed, mm/s, and the force, N, if they are given.
+    fn given(&self) -> Option<(f32, f32)> {
+        let given = self.speed.zip(self.force);
+        given.map(|(speed, force)| (speed as f32, force as f32))
+    }
+
+    /// The motion in the file `motion`, or the given constant one, or else that of the speed and force `own`.
+    ///
+    /// # Errors
+    /// A motion that cannot be read or used.
+    pub fn or_in(
+        &self,
+        motion: Option<&Path>,
+        own: Option<(f32, f32)>,
+    ) -> Result<Option<MotionPath>> {
+        let constant =
+            |(speed, force)| MotionPath::constant(MillimetresPerSecond(speed), Newton(force));
+        match motion {
+            Some(path) => MotionPath::from_csv(path).map(Some),
+            None => self.given().or(own).map(constant).transpose(),
+        }
+    }
+}
+
+/// The motion that is rendered along.
+#[derive(clap::Args)]
+pub struct Along {
+    /// Motion: CSV with time_s, speed_mm_s, force_n, and position_mm and contact if they do not follow from those
+    #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
+    motion: Option<PathBuf>,
+    #[command(flatten)]
+    constant: ConstantMotion,
     /// Duration, in seconds [default: the motion's]
     #[arg(long, value_name = "S", value_parser = positive)]
     seconds: Option<f64>,
@@ -145,19 +179,12 @@ impl Along {
     /// # Errors
     /// A motion that cannot be read or is not given, or a constant one without a duration.
     pub fn motion(&self, name: &str, own: Option<(f32, f32)>) -> Result<(MotionPath, f64)> {
-        let asked = self.speed.zip(self.force);
-        let asked = asked.map(|(speed, force)| (speed as f32, force as f32));
-        let motion = match (&self.motion, asked.or(own)) {
-            (Some(path), _) => MotionPath::from_csv(path)?,
-            (None, Some((speed, force))) => {
-                MotionPath::constant(MillimetresPerSecond(speed), Newton(force))?
-            }
-            (None, None) => {
-                return Err(Error::Request(format!(
-                    "{name} follows the hand; give --motion CSV, or --speed, --force and --seconds"
-                )));
-            }
-        };
+        let motion = self.constant.or_in(self.motion.as_deref(), own)?;
+        let motion = motion.ok_or_else(|| {
+            Error::Request(format!(
+                "{name} follows the hand; give --motion CSV, or --speed, --force and --seconds"
+            ))
+        })?;
         let seconds = match (self.seconds, &self.motion) {
             (Some(seconds), _) => seconds,
             (None, Some(path)) => motion.end_s(path)?,
@@ -168,5 +195,37 @@ impl Along {
             }
         };
         Ok((motion, seconds))
+    }
+}
+
+/// A texture of a library, and the motion that it is rendered along.
+#[derive(clap::Args)]
+pub struct TextureAlong {
+    /// Library with the texture
+    library: PathBuf,
+    /// Name of the texture
+    #[arg(long, value_name = "NAME")]
+    texture: String,
+    #[command(flatten)]
+    along: Along,
+}
+
+impl TextureAlong {
+    /// Gives `render` the texture, the motion, its duration, s, and the seed, after the warnings about them.
+    ///
+    /// # Errors
+    /// A library, texture or motion that cannot be used, and those of `render`.
+    pub fn with(
+        &self,
+        render: impl FnOnce(Texture<'_>, &MotionPath, f64, u64) -> Result<()>,
+    ) -> Result<()> {
+        let bytes = read_library(&self.library)?;
+        let library = decode_library(&self.library, &bytes)?;
+        let texture = texture_named(&library, &self.texture)?;
+        let name = format!("texture '{}'", texture.name());
+        let (motion, seconds) = self.along.motion(&name, None)?;
+        warn_of_motion(&motion);
+        warn_off_grid(&motion, &texture);
+        render(texture, &motion, seconds, self.along.seed)
     }
 }

@@ -2,15 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::playing::render::{RenderSummary, Rendering, write_wav};
+use host_tools::playing::render::Rendering;
 use host_tools::scene::{CompiledScene, SceneFile, scene_named};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::library::{decode_library, read_library};
 use model_format::Library;
 use model_format::scene::MotionOfScene;
 
-use crate::cli::files::PinArguments;
-use crate::cli::files::WavFile;
+use crate::cli::files::RenderedFile;
 use crate::cli::input::Along;
 
 #[derive(clap::Args)]
@@ -20,13 +19,11 @@ pub struct Arguments {
     #[command(flatten)]
     along: Along,
     #[command(flatten)]
-    wav: WavFile,
-    #[command(flatten)]
-    pin: PinArguments,
+    file: RenderedFile,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    arguments.wav.check()?;
+    arguments.file.check()?;
     let path = arguments.source.library_path()?;
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
@@ -41,25 +38,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let name = format!("scene '{}'", compiled.scene.name);
     let (motion, seconds) = arguments.along.motion(&name, constant)?;
     let plan = compiled.plan(&library)?;
-    let mut rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
+    let rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
     let source = format!(
         "the scene '{}' ({})",
         compiled.scene.name,
         compiled.provenance(&library)
     );
-    if arguments.pin.is_asked()? {
-        return arguments
-            .pin
-            .render(&mut rendering, &arguments.wav, &source);
-    }
-    let rate_hz = rendering.sample_rate_hz();
-    let wav = &arguments.wav;
-    let written = write_wav(wav.path(), rate_hz, wav.format(), rendering.by_ref())?;
-    let summary = RenderSummary {
-        wav: written,
-        saturations: rendering.saturations(),
-    };
-    wav.print(&source, rate_hz, summary)
+    arguments.file.render(rendering, &source)
 }
 
 /// The scene that a command works on.

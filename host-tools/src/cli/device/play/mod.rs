@@ -13,18 +13,16 @@ use host_tools::link::Device;
 use host_tools::link::play::{
     Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, Vibration, drive,
 };
-use host_tools::playing::motion::MotionPath;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use model_format::link::{
     Activity, MAX_PLAY_GAIN, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
 };
 use model_format::scene::SceneName;
-use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
 use super::connection::Link;
-use crate::cli::input::{force, positive, speed, warn_of_motion};
+use crate::cli::input::{ConstantMotion, positive, warn_of_motion};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, warn};
 use expected::{Level, LibraryFile};
@@ -58,12 +56,8 @@ pub struct Arguments {
     /// played once [default: sensors]
     #[arg(long, value_name = "sensors|CSV", conflicts_with_all = ["speed", "force"])]
     motion: Option<String>,
-    /// Constant tangential speed instead, in mm/s
-    #[arg(long, value_name = "MM_S", value_parser = speed, allow_negative_numbers = true, requires = "force")]
-    speed: Option<f64>,
-    /// Constant normal force instead, in newtons
-    #[arg(long, value_name = "N", value_parser = force, allow_negative_numbers = true, requires = "speed")]
-    force: Option<f64>,
+    #[command(flatten)]
+    constant: ConstantMotion,
     /// Duration, in seconds [default: until the motion's end, or Ctrl-C]
     #[arg(long, value_name = "S", value_parser = positive)]
     seconds: Option<f64>,
@@ -285,26 +279,16 @@ fn mutes(heard: &Heard) -> String {
 }
 
 fn plan(arguments: &Arguments) -> Result<Drive> {
-    let motion = match (&arguments.motion, arguments.speed, arguments.force) {
-        (None, Some(speed), Some(force)) => Some(MotionPath::constant(
-            MillimetresPerSecond(speed as f32),
-            Newton(force as f32),
-        )?),
-        (Some(file), ..) if file != SENSORS => Some(MotionPath::from_csv(&PathBuf::from(file))?),
-        _ => None,
-    };
+    let file = arguments.motion.as_deref();
+    let file = file.filter(|file| *file != SENSORS).map(Path::new);
+    let motion = arguments.constant.or_in(file, None)?;
     if let (Some(motion), Some(_)) = (&motion, &arguments.texture) {
         warn_of_motion(motion);
     }
-    let file = arguments
-        .motion
-        .as_deref()
-        .filter(|_| arguments.seconds.is_none());
-    let end = match (&motion, file) {
-        (Some(motion), Some(file)) => Some(motion.end_s(Path::new(file))?),
-        _ => None,
+    let seconds = match (arguments.seconds, &motion, file) {
+        (None, Some(motion), Some(file)) => Some(motion.end_s(file)?),
+        (seconds, ..) => seconds,
     };
-    let seconds = arguments.seconds.or(end);
     Ok(Drive {
         motion,
         rate_hz: arguments.rate,
