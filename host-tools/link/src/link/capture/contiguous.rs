@@ -50,6 +50,7 @@ pub fn capture(
     let settle = stream.samples_in(settle_s)?;
     let wanted = stream.samples_in(seconds)?.max(1);
     let most_ticks = (settle + wanted + BLOCK_SAMPLES) as u64 * MAX_LENGTHS;
+    // Samples come in blocks, so the last one may go beyond what is wanted by nearly its length.
     let mut samples: Vec<RecordSample> = Vec::with_capacity(settle + wanted + BLOCK_SAMPLES);
     let mut whole: Vec<bool> = Vec::with_capacity(samples.capacity());
     let (mut begin, mut first_tick, mut holes) = (None, 0, 0);
@@ -66,6 +67,7 @@ pub fn capture(
         if samples.is_empty() {
             first_tick = arrival.first_tick;
         }
+        // The search's first tick, not the stretch's: a link that always loses would otherwise never end it.
         let start = *begin.get_or_insert(arrival.first_tick);
         samples.extend(arrival.samples);
         whole.extend(arrival.whole);
@@ -133,6 +135,7 @@ fn interpolate(samples: &mut [RecordSample], whole: &[bool]) {
         let end = after.unwrap_or(samples.len());
         let (from, to) = (samples[first], samples[last]);
         for (n, sample) in (at..end).zip(&mut samples[at..end]) {
+            // At an end both neighbours are one sample: this would divide by zero, and `n` may precede `first`.
             let share = if last > first {
                 (n - first) as f64 / (last - first) as f64
             } else {
@@ -140,6 +143,7 @@ fn interpolate(samples: &mut [RecordSample], whole: &[bool]) {
             };
             let between = |from: AdcCode, to: AdcCode| {
                 let (from, to) = (f64::from(from.0), f64::from(to.0));
+                // Between two codes lies a code, so the cast loses nothing.
                 AdcCode((from + (to - from) * share).round() as u16)
             };
             for axis in 0..3 {
