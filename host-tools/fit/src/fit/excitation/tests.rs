@@ -412,7 +412,13 @@ fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     let limit = 0.5 * sound[..15_000].iter().fold(0.0, |a: f64, x| a.max(x.abs()));
     let clipped: Vec<f64> = sound.iter().map(|x| x.clamp(-limit, limit)).collect();
     let folder = tempfile::tempdir().unwrap();
-    let trial = written(folder.path(), "clipped", &[clipped.clone()], 100.0, 1.0);
+    let trial = written(
+        folder.path(),
+        "clipped",
+        std::slice::from_ref(&clipped),
+        100.0,
+        1.0,
+    );
     let signal = crate::fit::signal(&trial, options.conditioning).unwrap();
     let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
     let in_runs = at_limit.windows(3).filter(|run| run[2] - run[0] == 2);
