@@ -56,6 +56,7 @@ impl Prediction {
                 break;
             }
             predictor.step_up(k);
+            // In place of 1 - k², which loses its digits where |k| is near one, as that of a narrow line is.
             error *= (1.0 - k) * (1.0 + k);
             result.reflection.push(k);
             result.error_power.push(error);

@@ -16,9 +16,24 @@ pub fn sum(values: &[f64]) -> f64 {
     )
 }
 
-/// Returns the root of the mean square of `values`, summed in their order; 0 of none.
+/// Returns the mean of the squares of `values`, summed in their order; 0 of none.
+pub fn mean_square(values: &[f64]) -> f64 {
+    values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Returns the root of [`mean_square`].
 pub fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+    mean_square(values).sqrt()
+}
+
+/// Returns the value in the middle of `values`, the upper one of an even number; `None` of none.
+///
+/// Thresholds take it: in place of the mean of both middle values, which is
+/// [`liveliness::median`](crate::liveliness::median)'s, it is one of the values, and found without a sort.
+pub fn upper_median(values: &[f64]) -> Option<f64> {
+    let mut values = values.to_vec();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Returns the sum of `term` over `values`, inlined.

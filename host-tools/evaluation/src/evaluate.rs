@@ -20,7 +20,7 @@ use super::summary::{
 };
 use super::tables::Table;
 use super::verdict;
-use crate::dsp::high_pass::{high_pass, lowest_hz};
+use crate::dsp::high_pass::high_pass;
 use crate::dsp::spectrum::{self, BAND_COUNT, BAND_LABELS_HZ};
 use crate::dsp::sums::rms;
 use crate::fit::blocks::{Blocks, Part};
@@ -169,11 +169,7 @@ impl Comparison {
     fn range(&self) -> Option<ScoringRange> {
         let blocks = [&self.judged, &self.other, &self.beside];
         let shortest = blocks.into_iter().flatten().map(Vec::len).min();
-        let range = ScoringRange::of(self.source_rate_hz, shortest?)?;
-        match self.cut_hz {
-            Some(cut_hz) => range.above(lowest_hz(cut_hz)),
-            None => Some(range),
-        }
+        ScoringRange::of_filtered(self.source_rate_hz, shortest?, self.cut_hz)
     }
 
     /// Filters a synthesis as the recording was that it is compared with.

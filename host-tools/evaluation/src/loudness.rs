@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
 
-use crate::dsp::sums::sliding;
+use crate::dsp::sums::{sliding, upper_median};
 
 /// Duration of a window, s.
 const WINDOW_S: f64 = 0.005;
@@ -115,13 +115,11 @@ impl Windows {
             let squares: Vec<f64> = block.iter().map(|x| x * x).collect();
             sliding(&squares, &vec![1.0; samples])
         });
-        let mut energies: Vec<f64> = energies.collect();
-        if energies.is_empty() {
+        let energies: Vec<f64> = energies.collect();
+        let Some(median) = upper_median(&energies) else {
             return Self::default();
-        }
+        };
         let loudest = energies.iter().copied().fold(0.0, f64::max);
-        let middle = energies.len() / 2;
-        let (_, &mut median, _) = energies.select_nth_unstable_by(middle, f64::total_cmp);
         let rms = |energy: f64| (energy / samples as f64).sqrt();
         Self {
             loudest_m_s2: rms(loudest),

@@ -18,6 +18,7 @@
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
 
+use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::spectrum::{
     AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, band_edges_hz, band_errors_within_db,
     longest_segment,
@@ -142,8 +143,17 @@ impl ScoringRange {
         Some(range).filter(Self::holds_a_third_octave)
     }
 
+    /// As [`ScoringRange::of`], of recordings that were high-passed at `cut_hz`, if at all.
+    pub fn of_filtered(source_rate_hz: f64, block: usize, cut_hz: Option<f64>) -> Option<Self> {
+        let range = Self::of(source_rate_hz, block)?;
+        match cut_hz {
+            Some(cut_hz) => range.above(lowest_hz(cut_hz)),
+            None => Some(range),
+        }
+    }
+
     /// The range without what is below `low_hz`. `None` if no third octave is left.
-    pub fn above(mut self, low_hz: f64) -> Option<Self> {
+    fn above(mut self, low_hz: f64) -> Option<Self> {
         self.low_hz = self.low_hz.max(low_hz);
         self.cost_hz.0 = self.cost_hz.0.max(low_hz);
         Some(self).filter(Self::holds_a_third_octave)

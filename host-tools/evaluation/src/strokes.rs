@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::perception::ScoringRange;
 use super::tables::{Table, number};
 use super::verdict::{NEAR_DB, further};
-use crate::dsp::high_pass::{high_pass, lowest_hz};
+use crate::dsp::high_pass::high_pass;
 use crate::dsp::motion_law::{LevelAt, MotionLaw};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, PowerSpectrum, band_errors_within_db};
 use crate::dsp::sums::{energy, mean, variance};
@@ -391,19 +391,11 @@ fn band_error_db(strokes: &[Stroke], others: &[Vec<&[f64]>]) -> Option<f64> {
     let mut errors = Vec::new();
     for (stroke, other) in strokes.iter().zip(others) {
         let own = stroke.parts(&stroke.signal);
-        let Some(mut range) = ScoringRange::of(stroke.source_rate_hz, SPECTRUM_WINDOWS * WINDOW)
-        else {
+        let (rate_hz, shortest) = (stroke.source_rate_hz, SPECTRUM_WINDOWS * WINDOW);
+        let range = ScoringRange::of_filtered(rate_hz, shortest, stroke.cut_hz);
+        let Some(range) = range.filter(|_| !own.is_empty() && !other.is_empty()) else {
             continue;
         };
-        if let Some(cut_hz) = stroke.cut_hz {
-            let Some(above) = range.above(lowest_hz(cut_hz)) else {
-                continue;
-            };
-            range = above;
-        }
-        if own.is_empty() || other.is_empty() {
-            continue;
-        }
         let spectrum = |parts: &[&[f64]]| {
             PowerSpectrum::of_blocks(parts, range.segment, f64::from(SAMPLE_RATE_HZ))
         };

@@ -256,6 +256,8 @@ impl Fit<'_> {
             let gradient = jacobian.tr_mul(&residual);
             let mut damped = square.clone();
             for place in 0..damped.nrows() {
+                // The frequency and the Q of a section without gain change nothing: their diagonal is zero, and needs a
+                // floor.
                 damped[(place, place)] += damping * square[(place, place)].max(1e-9);
             }
             let Some(step) = damped.cholesky().map(|matrix| matrix.solve(&gradient)) else {

@@ -139,7 +139,9 @@ fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<
     let mut residual = DVector::zeros(2 * lines.len());
     for (row, line) in lines.iter().enumerate() {
         let off = (line.value * sign).ln() - model(unknowns, line.hz);
+        // A logarithm knows a phase but for whole turns: the nearest one counts.
         let phase = (off.im + PI).rem_euclid(TAU) - PI;
+        // A neper is 20 / ln 10 dB.
         let deviation = (line.deviation_db / 8.686).max(LEAST_DEVIATION);
         (residual[2 * row], residual[2 * row + 1]) = (off.re / deviation, phase / deviation);
     }

@@ -170,7 +170,7 @@ mod tests {
             signal.windows(2).map(|pair| pair[1] - pair[0]).collect()
         };
         let fast = step(step(step(rest)));
-        let power = |part: &[f64]| part.iter().map(|x| x * x).sum::<f64>() / part.len() as f64;
+        let power = crate::sums::mean_square;
         for end in [&fast[..100], &fast[fast.len() - 100..]] {
             let over_db = decibels(power(end) / power(&fast));
             assert!(over_db < 3.0, "{over_db} dB over the whole");

@@ -322,6 +322,7 @@ fn knee(places: &[(f64, f64)]) -> Option<usize> {
         .map(|place| (place.0.ln(), place.1.ln()))
         .collect();
     let (&first, &last) = (logs.first()?, logs.last()?);
+    // Twice the area of the triangle over the chord, which is in proportion to the distance: the chord is one for all.
     let below = |&(x, y): &(f64, f64)| {
         (x - first.0) * (last.1 - first.1) - (y - first.1) * (last.0 - first.0)
     };

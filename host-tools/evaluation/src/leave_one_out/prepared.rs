@@ -2,7 +2,6 @@
 
 use model_format::SAMPLE_RATE_HZ;
 
-use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::model::Model;
 use crate::fit::blocks::Part;
 use crate::fit::densify::{Direction, ECONOMY_DB, highest_order};
@@ -47,11 +46,7 @@ pub(super) struct Target {
 fn scoring_range(own: &Recorded<'_>) -> Option<ScoringRange> {
     // A file of a higher rate is judged in the models' band alone.
     let rate_hz = own.analysis.source_rate_hz.min(f64::from(SAMPLE_RATE_HZ));
-    let range = ScoringRange::of(rate_hz, own.samples().len())?;
-    match own.analysis.slow.cut_hz {
-        Some(cut_hz) => range.above(lowest_hz(cut_hz)),
-        None => Some(range),
-    }
+    ScoringRange::of_filtered(rate_hz, own.samples().len(), own.analysis.slow.cut_hz)
 }
 
 impl<'a> Prepared<'a> {

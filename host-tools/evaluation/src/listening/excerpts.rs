@@ -146,7 +146,7 @@ mod tests {
             assert_eq!(found.len(), 2);
             for excerpt in found {
                 let middle = &excerpt[100..4900];
-                let rms = (middle.iter().map(|x| x * x).sum::<f64>() / middle.len() as f64).sqrt();
+                let rms = crate::dsp::sums::rms(middle);
                 assert!((rms - 1.0).abs() < 0.01, "{rms}");
                 assert!(excerpt[0].abs() < 1e-3 && excerpt[4999].abs() < 1e-3);
             }

@@ -11,6 +11,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::excerpts::{SHORTEST_EXCERPT_S, Sounds, excerpts};
+use crate::dsp::sums::mean_square;
 
 /// A part of a texture whose strength is varied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
@@ -146,7 +147,7 @@ impl Strands {
             Part::Codebook => {
                 let (own, noise) = (&self.without_lines, &self.gaussian);
                 // Of one power, so that the strength is the share of it.
-                let gain = (power(noise) / power(own)).sqrt();
+                let gain = (mean_square(noise) / mean_square(own)).sqrt();
                 mixed(own, gain * strength.sqrt(), noise, (1.0 - strength).sqrt())
             }
             // The lines are what the two differ in.
@@ -172,10 +173,6 @@ impl Strands {
         }
         (heard.len() == WINDOWS).then_some(heard)
     }
-}
-
-fn power(signal: &[f64]) -> f64 {
-    signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64
 }
 
 /// Plans the staircase of `part` on what `strands` play, of so many trials at most; `None` if they do not have it.
@@ -250,7 +247,7 @@ mod tests {
     /// Share of `signal`'s power that lies along `direction`.
     fn share(signal: &[f64], direction: &[f64]) -> f64 {
         let along: f64 = signal.iter().zip(direction).map(|(a, b)| a * b).sum();
-        (along / signal.len() as f64).powi(2) / power(direction) / power(signal)
+        (along / signal.len() as f64).powi(2) / mean_square(direction) / mean_square(signal)
     }
 
     #[test]
@@ -259,7 +256,7 @@ mod tests {
         let quiet = strands.excerpts(Part::Level, 0.0, 0.5).unwrap();
         for (strength, word) in [(8.0, "loud"), (0.25, "hardly")] {
             let loud = strands.excerpts(Part::Level, strength, 0.5).unwrap();
-            let found = decibels(power(&loud[1]) / power(&quiet[1]));
+            let found = decibels(mean_square(&loud[1]) / mean_square(&quiet[1]));
             assert!((found - strength).abs() < 1e-9, "{word}: {found}");
         }
         for strength in [0.03, 0.3, 0.8] {
@@ -268,7 +265,7 @@ mod tests {
             assert!((found - strength).abs() < 0.03, "{strength}: {found}");
             let (own, all) = (&strands.without_lines, strands.at(Part::Lines, strength));
             let line = |whole: &[f64]| {
-                power(
+                mean_square(
                     &whole
                         .iter()
                         .zip(own)
@@ -297,7 +294,7 @@ mod tests {
             for (strength, changed) in strengths.iter().zip(&track.changed) {
                 for (one, other) in track.reference.iter().zip(changed) {
                     assert_ne!(one, other);
-                    let louder = decibels(power(&all[*other]) / power(&all[*one]));
+                    let louder = decibels(mean_square(&all[*other]) / mean_square(&all[*one]));
                     let expected = if track.part == Part::Level {
                         *strength
                     } else {

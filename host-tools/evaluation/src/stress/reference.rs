@@ -110,6 +110,7 @@ impl Mean {
         let count = self.means.len() as f64;
         let mean = self.means.iter().sum::<f64>() / count;
         let scatter: f64 = self.means.iter().map(|batch| (batch - mean).powi(2)).sum();
+        // By the means of batches, each longer than the signal is correlated, because its samples are not independent.
         let error = (scatter / (count - 1.0) / count).sqrt();
         if error > 0.0 { mean.abs() / error } else { 0.0 }
     }

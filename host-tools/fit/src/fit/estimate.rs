@@ -282,6 +282,8 @@ impl Bands {
                 centre_hz: centre_hz(band),
                 level_db,
             };
+            // The power of noise in a band B over a time T has a relative deviation of 1/√(BT) (Bendat and Piersol,
+            // Random Data, 4th edition, 2010, ch. 8).
             known.then(|| (level, 10.0 / std::f64::consts::LN_10 / degrees.sqrt()))
         })
     }

@@ -10,6 +10,7 @@ use super::reports::TrialReport;
 use super::trial::Analysis;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
+use crate::dsp::sums::upper_median;
 use crate::recording::Trial;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
@@ -215,9 +216,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
 /// Shares of the `powers` of a node's trials that count: all of them, but no more than the median of one that is far
 /// louder.
 fn shares(powers: &[f64]) -> Vec<f64> {
-    let mut sorted = powers.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted[sorted.len() / 2];
+    let median = upper_median(powers).unwrap_or(0.0);
     let is_loud = |power: f64| powers.len() >= FEWEST_FOR_MEDIAN && power > LOUD * median;
     let share = |&power: &f64| if is_loud(power) { median / power } else { 1.0 };
     powers.iter().map(share).collect()

@@ -98,6 +98,7 @@ pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return channels.to_vec();
     };
+    // Round-off of the product does not cost the sample at the last time.
     let count = ((last - first) * rate_hz + 1e-6) as usize + 1;
     let points = POINTS.min(times.len());
     let mut evened = vec![Vec::with_capacity(count); channels.len()];

@@ -12,11 +12,11 @@ use std::collections::BTreeMap;
 use model_format::{PartsSpec, limits};
 use rayon::prelude::*;
 
-use super::choice::played;
+use super::choice::{played, source};
 use super::loudness::{Loudest, Ringing, product};
-use super::power::mean_square;
 use super::trace::Trace;
 use crate::dsp::linear_prediction::error_share;
+use crate::dsp::sums::mean_square;
 
 /// The loudest windows of a few seconds of steady white noise; nothing that has a noise is calmer.
 const STEADY: Loudest = Loudest([2.1, 1.5, 1.15]);
@@ -56,6 +56,8 @@ impl Reach {
     pub fn lower(&mut self, excess: &BTreeMap<u8, f64>) {
         let common = excess.values().copied().fold(f64::INFINITY, f64::min);
         let noise = excess.get(&0).copied().unwrap_or(0.0);
+        // What all sources have too much of is the track, which all of them play at; noise has nothing else that could
+        // be less.
         self.track /= common.max(noise).max(1.0);
         for (reach, number) in self.codebooks.iter_mut().zip(1..) {
             *reach /= excess.get(&number).copied().unwrap_or(0.0).max(1.0);
@@ -136,18 +138,13 @@ fn sources<'t>(
     forces: usize,
     parts: &PartsSpec,
 ) -> BTreeMap<u8, SourceNodes<'t>> {
-    let number = |trace: &Trace| {
-        let node = trace.at.0 * forces + trace.at.1;
-        let spec = parts.excitation.as_ref();
-        spec.map_or(0, |spec| spec.of_nodes[node])
-    };
     let samples = match parts.modulation {
         Some(_) => PLAYED_AT_LEVELS,
         None => PLAYED,
     };
     let mut sources: BTreeMap<u8, Vec<(Loudest, &Trace)>> = BTreeMap::new();
     for node in nodes(traces) {
-        let number = number(node.1);
+        let number = source(node.1, forces, parts);
         if number > 0 || parts.modulation.is_some() {
             sources.entry(number).or_default().push(node);
         }

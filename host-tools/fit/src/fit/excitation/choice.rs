@@ -21,9 +21,9 @@ use stylus_kernel::grid::GridPoint;
 
 use super::evidence::LEVEL_SAMPLES;
 use super::loudness::filtered;
-use super::power::mean_square;
 use super::trace::Trace;
 use crate::dsp::linear_prediction::{error_share, step_up};
+use crate::dsp::sums::mean_square;
 
 /// Moments take more bytes than a track alone, and must be nearer by this to take its place, dB: noise whose level
 /// swells is 0.2 dB from what is played of it, by chance. A codebook takes as many bytes.
@@ -152,7 +152,7 @@ fn of_node(trace: &Trace, played: &[f64]) -> Option<f64> {
 }
 
 /// Number of the source of `parts` at the node of `trace`, 0 for Gaussian noise.
-fn source(trace: &Trace, forces: usize, parts: &PartsSpec) -> u8 {
+pub(super) fn source(trace: &Trace, forces: usize, parts: &PartsSpec) -> u8 {
     let node = trace.at.0 * forces + trace.at.1;
     (parts.excitation.as_ref()).map_or(0, |spec| spec.of_nodes[node])
 }
@@ -232,6 +232,7 @@ impl Levels {
 
     /// Mean distance of the quantiles of all octaves, of which none is empty.
     fn distance_db(&self, other: &Self) -> f64 {
+        // The middles of equal shares of the ranks, so that the extremes, which are chance, do not count.
         let quantile = |of: &[f64], n: usize| of[(2 * n + 1) * of.len() / (2 * QUANTILES)];
         let octave = |(a, b): (&Vec<f64>, &Vec<f64>)| -> f64 {
             let apart = |n| (quantile(a, n) - quantile(b, n)).abs();

@@ -7,8 +7,7 @@ use model_format::{
 };
 
 use crate::dsp::fourier::{self, Complex};
-
-use super::power::mean_square;
+use crate::dsp::sums::mean_square;
 
 /// Shortest and longest piece that a player takes of a codebook, samples: 20 to 80 ms. Moments are longer, and are
 /// whitened with the same resolution, which is that of third octaves: a finer one would smear events.
@@ -137,6 +136,8 @@ fn with_unit_power(
 /// Returns `material` whitened, clipped at `highest` standard deviations, with a mean square of 1; and the number of
 /// samples that were clipped. `None` if it has no power.
 fn prepared(material: &[f64], highest: f64) -> Option<(Vec<f64>, usize)> {
+    // Below the format's peak, because what the clipping takes is made up for by the last scaling, which raises the
+    // peak.
     let highest = highest.min(0.99 * f64::from(limits::MAX_CODEBOOK_PEAK));
     let mut samples = material.to_vec();
     for _ in 0..PASSES {
@@ -200,6 +201,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     let mut lags = back(power.collect());
     let reach = (*PIECE_SAMPLES.end()).min(count / 2);
     for lag in 0..=count / 2 {
+        // No two samples of one piece are farther apart than the longest piece.
         let share = if lag <= reach {
             share_in_one_piece(lag)
         } else {

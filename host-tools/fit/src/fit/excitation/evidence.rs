@@ -3,10 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::loudness::{Loudest, Ringing};
-use super::power::mean_square;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
-use crate::dsp::sums::sliding;
+use crate::dsp::sums::{mean_square, sliding};
 use crate::fit::blocks::{Blocks, lags_of_blocks};
 
 /// Chance of a false alarm of each test, at most.
@@ -123,6 +122,7 @@ pub(super) fn spread(trials: &[Levels]) -> Evidence {
         |of: &dyn Fn(&Levels) -> f64| trials.iter().map(of).sum::<f64>() / freedom.max(1.0);
     let variance = per_freedom(&|trial| trial.levels_db.scatter());
     let steady = per_freedom(&|t| t.steady_db2 * (t.levels_db.count - 1.0).max(0.0));
+    // Chi-squared over its degrees n is near to the cube of a Gaussian of mean 1 - 2/9n and variance 2/9n.
     let ninth = 2.0 / (9.0 * freedom.max(1.0));
     let quantile = (1.0 - ninth + DEVIATE * ninth.sqrt()).powi(3);
     Evidence {
@@ -177,6 +177,7 @@ pub(super) fn held_out(
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
+    // As for a node's model: four samples of data for each coefficient.
     let order = order.min(samples / 4);
     if samples == 0 || mean_square(signal) <= 0.0 {
         return Judged::default();
@@ -235,6 +236,7 @@ fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
         kurtosis: Sums::of(&local(KURTOSIS_SAMPLES)),
         levels: Levels {
             levels_db: Sums::of(&levels_db),
+            // A small relative change of power is 10 / ln 10 times as many dB.
             steady_db2: (10.0 / std::f64::consts::LN_10).powi(2) * share,
         },
     }

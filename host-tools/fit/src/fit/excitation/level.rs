@@ -6,8 +6,9 @@ use rayon::prelude::*;
 
 use super::bound::limited;
 use super::loudness::Loudest;
-use super::power::{hann, least_power, local_rms_at, mean_square};
+use super::power::{hann, least_power, local_rms_at};
 use super::trace::Trace;
+use crate::dsp::sums::mean_square;
 
 /// Resolution of a level track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

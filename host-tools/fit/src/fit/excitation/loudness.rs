@@ -9,10 +9,10 @@
 
 use std::ops::Range;
 
-use super::power::{local_rms, mean_square};
+use super::power::local_rms;
 use crate::dsp::fourier;
 use crate::dsp::linear_prediction::{error_share, step_up};
-use crate::dsp::sums::{dot, sliding};
+use crate::dsp::sums::{dot, mean_square, sliding};
 
 /// Samples of a millisecond.
 const MILLISECOND: usize = model_format::SAMPLE_RATE_HZ as usize / 1000;

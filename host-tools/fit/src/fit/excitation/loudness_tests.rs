@@ -1,21 +1,17 @@
 //! The bound on loudness, from recordings to what is played: no excitation is louder than its recordings by more than
 //! half, in the loudest windows of 1, 5 and 50 ms, and one trial's event stays its own.
 
-use std::path::Path;
-
 use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, TextureSpec, encode};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
 use super::bound;
 use super::tests::{
-    bursting, chosen, filtered, fitted_to, forced, impulsive, node_of, swelling, trace,
+    bursting, chosen, filtered, fitted_to, forced, impulsive, node_of, swelling, trace, written,
 };
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
-use crate::recording::Trial;
-use crate::support::float_wav::float_wav;
 use test_helpers::{holds, noise};
 
 /// Highest ratio of a synthesis's loudest windows to the recordings'.
@@ -119,14 +115,6 @@ fn add(event: Event, signal: &mut [f64], at: usize, seed: u64) {
             }
         }
     }
-}
-
-fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_n: f64) -> Trial {
-    let file = folder.join(format!("{name}.wav"));
-    let samples = (0..axes[0].len()).flat_map(|n| axes.iter().map(move |axis| axis[n]));
-    let bytes = float_wav(axes.len(), SAMPLE_RATE_HZ, samples).unwrap();
-    std::fs::write(&file, bytes).unwrap();
-    Trial::of(file, "surface", speed_mm_s, force_n)
 }
 
 /// Each form, forced or chosen, of calm, impulsive, swelling and bursting recordings, each with an event that hides

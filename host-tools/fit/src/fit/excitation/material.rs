@@ -8,8 +8,9 @@ use super::bound::limited;
 use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of};
 use super::level::BESIDE_CODEBOOK;
 use super::loudness::Loudest;
-use super::power::{local_rms, mean_square};
+use super::power::local_rms;
 use super::trace::Trace;
+use crate::dsp::sums::mean_square;
 
 /// Samples of a stretch: 0.2 s, of which pieces of 20 to 80 ms are taken.
 pub(super) const STRETCH_SAMPLES: usize = 1000;
@@ -100,6 +101,7 @@ pub(super) fn choose(
         }
     }
     stretches.sort_by(|a, b| a.rank.total_cmp(&b.rank));
+    // The middle of each of as many equal shares of the ranks.
     let rank = |n: usize| (2 * n + 1) * stretches.len() / (2 * count);
     let mut chosen: Vec<Stretch> = (0..count).map(|n| stretches[rank(n)]).collect();
     // Neighbours stay together.

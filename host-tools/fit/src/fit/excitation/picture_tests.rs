@@ -6,10 +6,10 @@ use std::path::Path;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::loudness_tests::synthesis;
-use super::power::mean_square;
 use super::tests::fitted_to;
 use crate::dsp::fourier;
 use crate::dsp::reduction::{Reduction, reduce};
+use crate::dsp::sums::mean_square;
 use crate::fit::options::Options;
 use crate::recording::{RecordingSet, read};
 use crate::rig::{RigFile, simulate_to_folder};

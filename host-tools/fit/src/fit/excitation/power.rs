@@ -1,14 +1,9 @@
 //! Power of a residual: of all of it, and around each sample.
 
-use crate::dsp::sums::sliding;
+use crate::dsp::sums::{mean_square, sliding};
 
 /// Least power of a residual's level, as a share of its mean power: 50 dB, so that nothing is divided by zero.
 const LEAST_POWER: f64 = 1e-5;
-
-/// Mean square of a signal; 0 of an empty one.
-pub(super) fn mean_square(signal: &[f64]) -> f64 {
-    signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64
-}
 
 /// Weights of a Hann window of `smoothing` samples.
 pub(super) fn hann(smoothing: usize) -> Vec<f64> {

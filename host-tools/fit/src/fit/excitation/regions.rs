@@ -110,6 +110,7 @@ fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
     }
     let variance = |(trials, windows): &(Sums, Sums)| {
         // Of the logarithm, by the windows' own scatter.
+        // By the delta method: the variance of a logarithm is the relative variance.
         let within = windows.variance_of_mean() / windows.mean().powi(2);
         trials.variance_of_mean().max(within)
     };

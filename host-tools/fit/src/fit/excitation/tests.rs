@@ -6,12 +6,12 @@ use model_format::{Library, MillimetresPerSecond, Newton, NodeSpec, SAMPLE_RATE_
 use proptest::prelude::*;
 
 use super::evidence::KURTOSIS_SAMPLES;
-use super::power::mean_square;
 use super::texture::{Axes, Choice, Chosen};
 use super::trace::Trace;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
+use crate::dsp::sums::mean_square;
 use crate::fit::excitation::texture::ExcitationReport;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options, Order};
 use crate::fit::trial::Signal;
@@ -277,16 +277,25 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
     assert_eq!(report.codebooks[0].speeds_mm_s, [50.0, 80.0]);
 }
 
-fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
+/// A trial of these axes, written to a folder.
+pub(super) fn written(
+    folder: &Path,
+    name: &str,
+    axes: &[Vec<f64>],
+    speed_mm_s: f64,
+    force_n: f64,
+) -> Trial {
     let file = folder.join(format!("{name}.wav"));
-    let bytes = float_wav(1, SAMPLE_RATE_HZ, samples.iter().copied()).unwrap();
+    let samples = (0..axes[0].len()).flat_map(|n| axes.iter().map(move |axis| axis[n]));
+    let bytes = float_wav(axes.len(), SAMPLE_RATE_HZ, samples).unwrap();
     std::fs::write(&file, bytes).unwrap();
-    Trial::of(file, name, 100.0, 1.0)
+    Trial::of(file, "surface", speed_mm_s, force_n)
 }
 
 fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
-    fitted_to(vec![written(folder.path(), name, samples)], options)
+    let trial = written(folder.path(), name, &[samples.to_vec()], 100.0, 1.0);
+    fitted_to(vec![trial], options)
 }
 
 /// A fit to these trials, and its library.
@@ -403,7 +412,13 @@ fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     let limit = 0.5 * sound[..15_000].iter().fold(0.0, |a: f64, x| a.max(x.abs()));
     let clipped: Vec<f64> = sound.iter().map(|x| x.clamp(-limit, limit)).collect();
     let folder = tempfile::tempdir().unwrap();
-    let trial = written(folder.path(), "clipped", &clipped);
+    let trial = written(
+        folder.path(),
+        "clipped",
+        std::slice::from_ref(&clipped),
+        100.0,
+        1.0,
+    );
     let signal = crate::fit::signal(&trial, options.conditioning).unwrap();
     let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
     let in_runs = at_limit.windows(3).filter(|run| run[2] - run[0] == 2);

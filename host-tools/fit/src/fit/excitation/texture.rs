@@ -507,17 +507,13 @@ fn said(evidence: Evidence, unit: &str) -> String {
 
 fn reason_of_source(found: &[OfRegion], all: Evidence, wanted: Wanted, budget: Budget) -> String {
     if let [first, ..] = found {
-        let codebooks = if found.len() == 1 {
-            "codebook"
-        } else {
-            "codebooks"
-        };
+        let codebooks = counted(found.len(), "codebook");
         let why = if wanted.is_forced {
             "as asked for".to_owned()
         } else {
             format!("local kurtosis {}", said(first.kurtosis, ""))
         };
-        return format!("{} {codebooks} of the residual: {why}", found.len());
+        return format!("{codebooks} of the residual: {why}");
     }
     let why = if !wanted.is_forced && !all.is_significant() {
         format!("local kurtosis {}", said(all, ""))

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use model_format::{PlayRate, SAMPLE_RATE_HZ, TextureSpec, encode, limits};
+use model_format::{PlayRate, SAMPLE_RATE_HZ, TextureSpec, limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -12,6 +12,7 @@ use super::convert::{Converted, ConvertedNode, PlaceError, convert};
 use super::elements::MODEL_FILE;
 use super::read::read;
 use super::toolkit::Toolkit;
+use crate::fit::encoded;
 use crate::fit::options::play_rate;
 use crate::support::error::{Error, Result};
 
@@ -268,9 +269,7 @@ pub fn import(
         .iter()
         .map(|texture| texture.spec.clone())
         .collect();
-    let bytes = encode(&specs).map_err(|failure| {
-        Error::Model(format!("the textures do not make a library: {failure}"))
-    })?;
+    let bytes = encoded(&specs)?;
     if bytes.len() > limits::MAX_LIBRARY_BYTES {
         return Err(Error::Request(format!(
             "{} textures take {} KB of a slot's {}: ask for fewer --speeds or --forces",

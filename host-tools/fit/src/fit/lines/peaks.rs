@@ -12,6 +12,7 @@ use std::rc::Rc;
 use model_format::SAMPLE_RATE_HZ;
 
 use crate::dsp::fourier::{self, Complex};
+use crate::dsp::sums::upper_median;
 
 /// Cells left out on each side of a peak: the main lobe of the window, and its skirt.
 const GUARD_CELLS: f64 = 3.0;
@@ -67,6 +68,8 @@ impl LineSpectrum {
         if !tells_lines(signal) {
             return None;
         }
+        // Steps of half a cell at most: between bins a cell apart, a Hann window loses up to 1.4 dB of a peak (Harris,
+        // Proc. IEEE 66, 1978, 51, table 1).
         let length = (2 * signal.len()).next_power_of_two();
         let mut padded = vec![0.0; length];
         let mut window_energy = 0.0;
@@ -101,6 +104,8 @@ impl LineSpectrum {
                 let ratio = self.power[bin] / self.background(bin);
                 (ratio > LEAST_RATIO).then(|| Peak {
                     frequency_hz: (bin as f64 + self.vertex(bin)) * self.step_hz,
+                    // An exponential value over the mean of n others has an F distribution with 2 and 2n degrees of
+                    // freedom: it exceeds r with a chance of (1 + r/n)^-n.
                     ln_chance: -BACKGROUND_DEGREES * (ratio / BACKGROUND_DEGREES).ln_1p(),
                 })
             })
@@ -110,6 +115,8 @@ impl LineSpectrum {
     /// Mean square amplitude, (m/s²)², that noise alone gives a line measured at `frequency_hz` in `samples` samples.
     pub(super) fn noise_amplitude_squared(&self, frequency_hz: f64, samples: usize) -> f64 {
         let bin = ((frequency_hz / self.step_hz).round() as usize).clamp(1, self.power.len() - 2);
+        // White noise of this density has a variance of background / window energy per sample, and least squares over N
+        // samples give cosine and sine of a line in it a variance of 2/N of that each.
         4.0 * self.background(bin) / (self.window_energy * samples as f64)
     }
 
@@ -138,13 +145,15 @@ impl LineSpectrum {
     fn background(&self, bin: usize) -> f64 {
         let [left, right] = self.beside(bin, BACKGROUND_CELLS);
         let close = self.beside(bin, CLOSE_CELLS).concat();
-        let mean = |powers: &[f64]| median(powers).map_or(0.0, |median| median / LN_2);
+        // The median of an exponential distribution is ln 2 of its mean.
+        let mean = |powers: &[f64]| upper_median(powers).map_or(0.0, |median| median / LN_2);
         let background = mean(left).max(mean(right)).max(mean(&close));
         background.max(self.floor).max(f64::MIN_POSITIVE)
     }
 
     /// Place of the maximum of a parabola through three levels, in steps from `bin`.
     fn vertex(&self, bin: usize) -> f64 {
+        // In logarithms, in which a window's main lobe is nearly a parabola.
         let level = |bin: usize| self.power[bin].max(f64::MIN_POSITIVE).ln();
         let (before, here, after) = (level(bin - 1), level(bin), level(bin + 1));
         let curvature = before - 2.0 * here + after;
@@ -174,10 +183,4 @@ pub(super) fn hann_window(length: usize) -> Rc<[f64]> {
         }
         Rc::clone(last)
     })
-}
-
-fn median(powers: &[f64]) -> Option<f64> {
-    let mut sorted = powers.to_vec();
-    let middle = sorted.len() / 2;
-    (!sorted.is_empty()).then(|| *sorted.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

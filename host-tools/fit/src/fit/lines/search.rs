@@ -22,6 +22,7 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::peaks::{LineSpectrum, Peak};
 use super::track::{amplitudes, at_even_places, followed, refined, steady_turns, subtract, wave};
+use crate::dsp::sums::upper_median;
 
 /// Chance of any line in a texture that has none.
 pub(super) const LEVEL: f64 = 1e-3;
@@ -215,13 +216,11 @@ impl Search<'_> {
         match support.hypothesis {
             Hypothesis::Place(wavelength_mm) => {
                 let shown_by = self.remove_line(wavelength_mm, &support);
-                let mut wavelengths: Vec<f64> = shown_by
-                    .iter()
-                    .map(|&(trial, hz)| self.trials[trial].actual_speed_mm_s() / hz)
-                    .collect();
-                wavelengths.sort_by(f64::total_cmp);
+                let of_trial =
+                    |&(trial, hz): &(usize, f64)| self.trials[trial].actual_speed_mm_s() / hz;
+                let of_trials: Vec<f64> = shown_by.iter().map(of_trial).collect();
                 outcome.lines.push(Found {
-                    wavelength_mm: wavelengths[wavelengths.len() / 2],
+                    wavelength_mm: upper_median(&of_trials).unwrap_or(wavelength_mm),
                     shown_by,
                     speeds: support.speeds,
                 });
@@ -313,6 +312,7 @@ impl Search<'_> {
         let speeds = by_speed(seen);
         let shown = || speeds.iter().filter(|speed| speed.ln_chance() < ln_bound);
         let count = shown().count();
+        // Half of the speeds, by which Markov's inequality holds the level; see the head of this module.
         if count < 2 || 2 * count < speeds.len() {
             return None;
         }

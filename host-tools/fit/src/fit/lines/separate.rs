@@ -13,6 +13,7 @@ use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
 use super::track::{amplitudes, followed, steady_mm, subtract, wave_at};
 use super::wander::{Course, Weave, find};
 use crate::dsp::fourier::Complex;
+use crate::dsp::sums::upper_median;
 
 /// Relative error of the speeds in a rig's list.
 const EXACT_LIST: f64 = 1e-3;
@@ -333,6 +334,8 @@ fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measu
     let mut sums = vec![(0.0, 0.0); signals.len()];
     for (line, wavelength_mm) in known.iter().zip(&wavelengths_mm) {
         for &(trial, hz) in &line.found.shown_by {
+            // A frequency is known to a part of a cell, whatever it is, so that the relative variance falls with its
+            // square.
             let weight = hz * hz;
             sums[trial].0 += weight * hz * wavelength_mm / speeds_mm_s[trial];
             sums[trial].1 += weight;
@@ -350,16 +353,14 @@ fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measu
 ///
 /// The speeds have errors of their own, which no length of a recording lessens: the weights are bounded by the scatter.
 fn weighted_mean(values: &[(f64, f64)]) -> Option<(f64, f64)> {
-    let mut sorted: Vec<f64> = values.iter().map(|(value, _)| *value).collect();
-    sorted.sort_by(f64::total_cmp);
-    let middle = *sorted.get(sorted.len() / 2)?;
-    let mut deviations: Vec<f64> = sorted
-        .iter()
-        .map(|value| (value / middle - 1.0).abs())
-        .collect();
-    deviations.sort_by(f64::total_cmp);
-    let spread = 1.48 * deviations[deviations.len() / 2];
+    let (of_trials, _): (Vec<f64>, Vec<f64>) = values.iter().copied().unzip();
+    let middle = upper_median(&of_trials)?;
+    let deviations = of_trials.iter().map(|value| (value / middle - 1.0).abs());
+    // The median deviation of a Gaussian variable is 0.6745 of its standard deviation (Hampel, JASA 69, 1974, 383).
+    let spread = 1.48 * upper_median(&deviations.collect::<Vec<_>>())?;
     let most = values.iter().map(|(_, cycles)| *cycles).fold(0.0, f64::max);
+    // The relative variance is that of a frequency, known to a part of a cycle over the recording, and that of a speed;
+    // in units of the longest recording, which cancel.
     let weight = |cycles: f64| 1.0 / ((most / cycles).powi(2) + (spread * most).powi(2));
     let total: f64 = values.iter().map(|(_, cycles)| weight(*cycles)).sum();
     let sum: f64 = values

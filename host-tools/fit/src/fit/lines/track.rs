@@ -131,6 +131,7 @@ impl Averages {
         }
         let phases = unwrapped(&phasors);
         let wander = rms(&without_straight_line(&self.centres(), &phases));
+        // Half of the noise's power is at right angles to the line's phasor, and turns it.
         // A phase in noise wanders by the noise alone.
         let by_noise = (0.5 * noise / power).sqrt();
         if wander < LEAST_WANDER_RAD.max(LEAST_WANDER_OVER_NOISE * by_noise) {

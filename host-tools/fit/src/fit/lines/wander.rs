@@ -10,7 +10,7 @@ use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
 use super::steady::{Band, WholeSpectrum};
 use super::track::{amplitudes, wave, without_straight_line};
 use crate::dsp::fourier::Complex;
-use crate::dsp::sums::variance;
+use crate::dsp::sums::{upper_median, variance};
 use crate::dsp::wide;
 
 /// Logarithm of the chance below which a band makes a hypothesis.
@@ -257,9 +257,8 @@ fn courses(
         Some((heard.index, course, wavelength_mm))
     };
     let followed: Vec<(usize, Course, f64)> = heard.par_iter().filter_map(course).collect();
-    let mut wavelengths: Vec<f64> = followed.iter().map(|(.., mm)| *mm).collect();
-    wavelengths.sort_by(f64::total_cmp);
-    let wavelength_mm = *wavelengths.get(wavelengths.len() / 2)?;
+    let wavelengths: Vec<f64> = followed.iter().map(|(.., mm)| *mm).collect();
+    let wavelength_mm = upper_median(&wavelengths)?;
     let mut courses: Vec<Option<Course>> = signals.iter().map(|_| None).collect();
     for (index, mut course, own_mm) in followed {
         // Each course was told in its own wavelengths.
@@ -488,6 +487,7 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
     let functions: Vec<Vec<Option<f64>>> = paths
         .par_iter()
         .map(|path| {
+            // A lag is one of place. At a nearly even speed it is one of samples, which needs no search.
             let per_sample = (path[path.len() - 1] - path[0]) / (path.len() - 1) as f64;
             let of_lag = |lag_mm: &f64| {
                 let lag = (lag_mm / per_sample).round() as usize;
@@ -504,11 +504,11 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
         .iter()
         .enumerate()
         .filter_map(|(at, lag_mm)| {
-            let mut values: Vec<f64> = functions.iter().filter_map(|f| f[at]).collect();
-            values.sort_by(f64::total_cmp);
+            let values: Vec<f64> = functions.iter().filter_map(|f| f[at]).collect();
             // Most of the trials, because few long paths would tell of another mean.
             let is_known = 2 * values.len() > functions.len();
-            is_known.then(|| (*lag_mm, values[values.len() / 2].max(f64::MIN_POSITIVE)))
+            let middle = upper_median(&values).filter(|_| is_known)?;
+            Some((*lag_mm, middle.max(f64::MIN_POSITIVE)))
         })
         .collect();
     // For each length the best power follows in closed form, so that only lengths are searched.

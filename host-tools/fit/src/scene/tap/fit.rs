@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::dsp::fourier;
+use crate::dsp::sums::upper_median;
 
 /// Time constants at which the search starts, s.
 const DECAYS_S: [f64; 12] = [
@@ -135,6 +136,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
         let (f, d) = (best.frequency_hz.ln(), best.decay_s.ln());
         let by_f = at(f + STEP, d);
         let by_d = at(f, d + STEP);
+        // The normal equations of two unknowns, whose amplitudes were eliminated, in closed form.
         let (mut ff, mut fd, mut dd, mut fr, mut dr) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (n, r) in best.residual.iter().enumerate() {
             let (jf, jd) = ((by_f.residual[n] - r) / STEP, (by_d.residual[n] - r) / STEP);
@@ -200,14 +202,12 @@ const RISE_S: f64 = 0.01;
 /// An impact is louder than the noise and follows a quiet time. The noise's RMS is estimated from the median magnitude,
 /// which is 0.6745 of the RMS of Gaussian noise.
 pub fn onsets(samples: &[f64], rate_hz: f64) -> Vec<usize> {
-    let mut magnitudes: Vec<f64> = samples.iter().map(|x| x.abs()).collect();
+    let magnitudes: Vec<f64> = samples.iter().map(|x| x.abs()).collect();
     let loudest = magnitudes.iter().copied().fold(0.0, f64::max);
     if !(loudest > 0.0 && loudest.is_finite()) {
         return Vec::new();
     }
-    let middle = magnitudes.len() / 2;
-    let (_, median, _) = magnitudes.select_nth_unstable_by(middle, f64::total_cmp);
-    let noise = *median / 0.6745;
+    let noise = upper_median(&magnitudes).unwrap_or(0.0) / 0.6745;
     let loud = (ABOVE_NOISE * noise).max(SHARE_OF_LOUDEST * loudest);
     let (quiet, rise) = ((QUIET_S * rate_hz) as usize, (RISE_S * rate_hz) as usize);
     let mut found = Vec::new();

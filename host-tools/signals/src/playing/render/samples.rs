@@ -1,7 +1,6 @@
 //! Samples of a rendering, one by one or in memory.
 
 use model_format::{OutputSample, Texture};
-use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 use stylus_kernel::update_interval_samples;
 
@@ -11,11 +10,11 @@ use crate::support::error::{Error, Result};
 
 /// Iterator over the samples of a texture or scene along a motion. It keeps the samples of one update interval.
 ///
-/// The same library, motion and seed give the same samples on every computer and with every arithmetic `A`. The
-/// samples begin as those of a stylus do: at their level, and with contact.
+/// The same library, motion and seed give the same samples on every computer. They begin as those of a stylus do: at
+/// their level, and with contact.
 #[derive(Clone, Debug)]
-pub struct Rendering<'a, A: Arithmetic = Wavefront> {
-    player: ScenePlayer<'a, A>,
+pub struct Rendering<'a> {
+    player: ScenePlayer<'a, Wavefront>,
     hand: Hand<'a>,
     clock: SampleClock,
     /// The samples up to the next update.
@@ -49,21 +48,6 @@ impl<'a> Rendering<'a> {
         seconds: f64,
         seed: u64,
     ) -> Result<Self> {
-        Self::by_arithmetic(plan, motion, seconds, seed)
-    }
-}
-
-impl<'a, A: Arithmetic> Rendering<'a, A> {
-    /// As [`Rendering::of_plan`], by the arithmetic `A`: for comparisons of their costs.
-    ///
-    /// # Errors
-    /// As [`Rendering::new`].
-    pub fn by_arithmetic(
-        plan: Plan<'a>,
-        motion: &'a MotionPath,
-        seconds: f64,
-        seed: u64,
-    ) -> Result<Self> {
         let clock = SampleClock::new(seconds, plan.sample_rate_hz())?;
         Ok(Self {
             block: vec![OutputSample::SILENCE; clock.block_samples() as usize],
@@ -83,9 +67,18 @@ impl<'a, A: Arithmetic> Rendering<'a, A> {
     pub fn sample_rate_hz(&self) -> u32 {
         self.clock.sample_rate_hz()
     }
+
+    /// The samples that `collect` takes, in memory.
+    pub fn rendered(mut self, collect: impl FnOnce(&mut Self) -> Vec<OutputSample>) -> Rendered {
+        Rendered {
+            samples: collect(&mut self),
+            sample_rate_hz: self.sample_rate_hz(),
+            saturations: self.saturations(),
+        }
+    }
 }
 
-impl<A: Arithmetic> Iterator for Rendering<'_, A> {
+impl Iterator for Rendering<'_> {
     type Item = OutputSample;
 
     fn next(&mut self) -> Option<OutputSample> {
@@ -107,18 +100,7 @@ impl<A: Arithmetic> Iterator for Rendering<'_, A> {
     }
 }
 
-impl<A: Arithmetic> ExactSizeIterator for Rendering<'_, A> {}
-
-impl<A: Arithmetic> Rendering<'_, A> {
-    /// The samples that `collect` takes, in memory.
-    pub fn rendered(mut self, collect: impl FnOnce(&mut Self) -> Vec<OutputSample>) -> Rendered {
-        Rendered {
-            samples: collect(&mut self),
-            sample_rate_hz: self.sample_rate_hz(),
-            saturations: self.saturations(),
-        }
-    }
-}
+impl ExactSizeIterator for Rendering<'_> {}
 
 /// A rendering in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]

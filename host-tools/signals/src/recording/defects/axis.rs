@@ -158,11 +158,6 @@ mod tests {
             prop_assert_eq!(largest_fourth_difference(&values), largest);
         }
     }
-}
-
-#[cfg(test)]
-mod quantisation_tests {
-    use super::*;
 
     #[test]
     fn steps_of_a_tenth_of_the_level_are_thirty_decibels_below_it() {

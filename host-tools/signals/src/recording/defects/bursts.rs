@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::axis::Axis;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
-use crate::dsp::sums::{dot, energy, mean, sliding};
+use crate::dsp::sums::{dot, energy, mean, sliding, upper_median};
 
 /// Order of the predictor.
 const ORDER: usize = 16;
@@ -154,9 +154,7 @@ impl<'a> Errors<'a> {
         let of_samples = sliding(&centred, &backward);
         let squares: Vec<f64> = of_samples.iter().map(|e| e * e).collect();
         let energy = sliding(&squares, &[1.0; WINDOW]);
-        let mut ordered = energy.clone();
-        let middle = ordered.len() / 2;
-        let (_, &mut median, _) = ordered.select_nth_unstable_by(middle, f64::total_cmp);
+        let median = upper_median(&energy)?;
         (median > 0.0).then_some(Self {
             axis,
             predictor,

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::grid::{GridAxis, LEAST_FORCE_N, LEAST_SPEED_MM_S, proposed_grid};
 use super::read::Freehand;
+use crate::dsp::sums::upper_median;
 use crate::support::error::{Error, Result};
 use crate::support::number::counted;
 
@@ -440,10 +441,9 @@ fn steady_end(blocks: &[Block], begin: usize, options: &Options) -> usize {
     blocks.len()
 }
 
+/// The median; 0 of none, as of the steps of a block of one sample.
 fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    let middle = sorted.len() / 2;
-    *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
+    upper_median(values).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -234,6 +234,9 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
         .enumerate()
         .map(|(index, level)| (index as f64 - 0.5 * (n - 1.0)) * level)
         .sum();
+    // Of the straight line by least squares: numbers 0 to n - 1 have squares about their mean of n (n² - 1) / 12, so
+    // that the slope is the moment over that, the explained sum the square of the moment over that, and the ramp n - 1
+    // slopes.
     let line = 12.0 * moment * moment / (n * (n * n - 1.0));
     let ramp_db = 12.0 * moment / (n * (n + 1.0));
     let step = all - left(&best);

@@ -9,6 +9,7 @@ use super::copies::{Sketch, copies};
 use super::unlike::unlike_neighbours;
 use super::verdict::{Kind, Verdict};
 use crate::dsp::autocorrelation::PaddedSpectrum;
+use crate::dsp::sums::upper_median;
 
 /// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
 /// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
@@ -80,9 +81,8 @@ fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut 
     if loud.len() < FEWEST_TRIALS {
         return;
     }
-    let mut levels: Vec<f64> = loud.iter().map(|&index| level(index)).collect();
-    levels.sort_by(f64::total_cmp);
-    let median = levels[levels.len() / 2];
+    let levels: Vec<f64> = loud.iter().map(|&index| level(index)).collect();
+    let median = upper_median(&levels).unwrap_or(0.0);
     for index in loud {
         let off_db = level(index) - median;
         let is_doubted = verdicts[index]
@@ -115,12 +115,11 @@ pub fn mains_line(spectrum: &PaddedSpectrum) -> Option<f64> {
     MAINS_HZ.into_iter().find_map(|mains| {
         let line = bins(mains - 1.0, mains + 1.0);
         let peak = line.max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
-        let mut around: Vec<f64> = bins(mains - 10.0, mains - 3.0)
+        let around: Vec<f64> = bins(mains - 10.0, mains - 3.0)
             .chain(bins(mains + 3.0, mains + 10.0))
             .map(|bin| power[bin])
             .collect();
-        around.sort_by(f64::total_cmp);
-        let median = *around.get(around.len() / 2)?;
+        let median = upper_median(&around)?;
         let ratio = 10f64.powf(HUM_RATIO_DB / 10.0);
         (power[peak] > ratio * median && power[peak] > 0.0).then_some(peak as f64 * bin_hz)
     })
