@@ -143,6 +143,14 @@ fn what_cannot_be_used_is_refused_in_one_line_and_nothing_is_written() {
 }
 
 #[test]
+fn an_output_can_be_named_as_in_other_programs() {
+    let bench = small_set();
+    for option in ["--out", "--output", "-o"] {
+        bench.succeed(&format!("fit set {option} a.lib --overwrite"));
+    }
+}
+
+#[test]
 fn damaged_libraries_are_refused_by_every_command_with_the_place() {
     let bench = small_set();
     bench.succeed("fit set --out good.lib");

@@ -89,8 +89,8 @@ const fn number(text: &str) -> u32 {
     }
 }
 
-/// Number of times that an exchange is tried in a start.
-const TRIES: usize = 3;
+/// Number of times that an exchange of images is tried in a start.
+const EXCHANGE_TRIES: usize = 3;
 
 /// Number of LD3's pin in port B.
 const LD3: usize = 14;
@@ -109,7 +109,7 @@ extern "C" fn main() -> ! {
         set_watchdog(Pr::DIVIDE_BY256);
     };
     // Each try goes on where the one before failed.
-    if (0..TRIES).all(|_| loader::prepare(Banks, cause, &mut begin).is_err()) {
+    if (0..EXCHANGE_TRIES).all(|_| loader::prepare(Banks, cause, &mut begin).is_err()) {
         stay();
     }
     if has_exchanged {

@@ -18,7 +18,7 @@ use super::summary::{
     Scores, TextureEvaluation, TrialEvaluation, judged_hz, summarise, table, tables,
     target_in_words,
 };
-use super::tables::Table;
+use super::table::Table;
 use super::verdict;
 use crate::dsp::high_pass::high_pass;
 use crate::dsp::spectrum::{self, BAND_COUNT, BAND_LABELS_HZ};

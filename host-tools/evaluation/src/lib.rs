@@ -21,5 +21,5 @@ pub mod played;
 pub mod stress;
 pub mod strokes;
 pub mod summary;
-pub mod tables;
+pub mod table;
 pub mod verdict;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::perception::ScoringRange;
-use super::tables::{Table, number};
+use super::table::{Table, number};
 use super::verdict::{NEAR_DB, further};
 use crate::dsp::high_pass::high_pass;
 use crate::dsp::motion_law::{LevelAt, MotionLaw};

@@ -7,7 +7,7 @@ use super::impulses::Impulses;
 use super::liveliness::{self, Summary, TrialLiveliness};
 use super::loudness::{Loudness, Placed, TrialLoudness};
 use super::perception::{Perceived, ScoringRange};
-use super::tables::{Table, number, percent};
+use super::table::{Table, number, percent};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.

@@ -9,7 +9,7 @@ use crate::evaluation::frontier::{
     CHOICES_NOTE, CLOCKS_HZ, Filter, Frontier, Point, Structure, clock_headings, interval_ms,
     moving, share,
 };
-use crate::evaluation::tables::{Table, percent};
+use crate::evaluation::table::{Table, percent};
 use crate::fit::Order;
 use crate::html::Page;
 use crate::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};

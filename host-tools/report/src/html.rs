@@ -12,7 +12,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use crate::evaluation::tables::Table;
+use crate::evaluation::table::Table;
 use crate::family;
 use crate::plot::Svg;
 use crate::support::atomic_file;

@@ -27,6 +27,21 @@ pub fn with_examples(command: Command, path: &str) -> Command {
     })
 }
 
+/// Adds `-o` and `--output`, which most programs have, as other names of `--out` to every command that has it.
+pub fn with_short_outputs(command: Command) -> Command {
+    command.mut_subcommands(|inner| {
+        let has_output = inner
+            .get_arguments()
+            .any(|argument| argument.get_id() == "out");
+        let inner = if has_output {
+            inner.mut_arg("out", |out| out.short('o').alias("output"))
+        } else {
+            inner
+        };
+        with_short_outputs(inner)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;

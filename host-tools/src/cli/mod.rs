@@ -35,7 +35,7 @@ use std::process::ExitCode;
 use clap::builder::FalseyValueParser;
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use examples::with_examples;
+use examples::{with_examples, with_short_outputs};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{progress, temporaries};
 
@@ -106,7 +106,7 @@ enum Command {
 
 /// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
-    let mut command = with_examples(Arguments::command(), "stylus");
+    let mut command = with_short_outputs(with_examples(Arguments::command(), "stylus"));
     let parsed = command.try_get_matches_from_mut(std::env::args_os());
     let arguments = match parsed.and_then(|matches| {
         files::remember_inputs(&command, &matches);

@@ -2,7 +2,7 @@
 //! columns that have one value, and says it below; then it wraps its cells; at last it leaves out its last columns, by
 //! name. None becomes several tables.
 
-use host_tools::evaluation::tables::Table;
+use host_tools::evaluation::table::Table;
 use host_tools::support::visible::visible_line;
 
 use super::lines::{LINE_CHARS, folded_text, wrapped};

@@ -106,7 +106,7 @@ impl CsvTable {
         Ok(Lines {
             path: &self.path,
             reader,
-            first_lines: &self.first_lines,
+            first: &self.first_lines,
             bytes: Vec::new(),
             line: String::new(),
             number: 0,
@@ -275,7 +275,7 @@ fn utf_16(path: &Path, limit: Limit) -> Result<Option<String>> {
 struct Lines<'a> {
     path: &'a Path,
     reader: Box<dyn BufRead + 'a>,
-    first_lines: &'a FirstLines,
+    first: &'a FirstLines,
     bytes: Vec<u8>,
     /// The line, ended by a line feed. If spaces separate, one is between two words.
     line: String,
@@ -314,14 +314,14 @@ impl Lines<'_> {
             Some(rest) if self.number == 1 => rest,
             _ => text.as_ref(),
         };
-        let text = if self.first_lines.commented_header == Some(self.number) {
+        let text = if self.first.commented_header == Some(self.number) {
             comment(text).unwrap_or(text)
         } else {
             text
         };
         self.line.clear();
-        let separator = self.first_lines.separator;
-        if self.first_lines.labels.is_some() {
+        let separator = self.first.separator;
+        if self.first.labels.is_some() {
             for (index, field) in split(text, separator).enumerate() {
                 self.line.extend((index > 0).then_some(separator));
                 // A field without its name is refused as it is.
@@ -352,7 +352,7 @@ impl Lines<'_> {
 
     /// Returns whether the line is neither empty nor a comment, nor one of the preamble.
     fn is_content(&self) -> bool {
-        self.number >= self.first_lines.begin && is_content(&self.line)
+        self.number >= self.first.begin && is_content(&self.line)
     }
 
     fn too_long(&self) -> Error {
@@ -539,11 +539,8 @@ impl<'a> Rows<'a> {
     }
 
     /// Lets the rows end before a last line that is cut off, as where a logger loses its power.
-    pub fn until_cut_off(self) -> Self {
-        Self {
-            may_be_cut_off: true,
-            ..self
-        }
+    pub fn end_before_cut_off(&mut self) {
+        self.may_be_cut_off = true;
     }
 
     /// Returns true if the rows have ended before a last line that is cut off.

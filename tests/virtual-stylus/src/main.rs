@@ -181,7 +181,7 @@ fn announce(links: &[String]) -> Option<Announcement> {
 
 fn options(arguments: &Arguments, flash: Contents) -> Result<Options> {
     let lines = arguments.motion.as_deref().map(read_csv).transpose()?;
-    let mut pins = force_pins(lines.unwrap_or_default());
+    let mut pins = sensor_pins(lines.unwrap_or_default());
     if let Some(source) = &arguments.plant {
         let mut parameters = Parameters::read(source)?;
         let seed = arguments.plant_seed.unwrap_or_default();
@@ -197,8 +197,8 @@ fn options(arguments: &Arguments, flash: Contents) -> Result<Options> {
     })
 }
 
-/// Pins with the accelerometer at rest and the force of the motion.
-fn force_pins(lines: Vec<MotionLine>) -> Box<dyn Pins> {
+/// Pins of the sensors: the accelerometer at rest, and the force of the motion.
+fn sensor_pins(lines: Vec<MotionLine>) -> Box<dyn Pins> {
     /// Channel of the converter to which the force sensor is connected.
     const FORCE: u8 = 5;
     let (zero, scale) = (sensors::force_zero_volts(), sensors::newtons_per_volt());

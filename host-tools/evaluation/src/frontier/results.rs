@@ -10,7 +10,7 @@ use super::still::Still;
 use super::{CLOCKS_HZ, DEVICE_CLOCK_HZ};
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::fit::Order;
-use crate::tables::{Table, percent};
+use crate::table::{Table, percent};
 
 /// A structure at an order, with its costs and errors.
 #[derive(Clone, Debug, Serialize)]

@@ -16,7 +16,7 @@ use crate::fit::densify::Direction;
 use crate::fit::whole_signal;
 use crate::recording::Trial;
 use crate::support::error::Result;
-use crate::tables::Table;
+use crate::table::Table;
 
 /// A row of the table: how the removed node was predicted.
 #[derive(Clone, Debug, PartialEq, Eq)]

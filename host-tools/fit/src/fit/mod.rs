@@ -1,29 +1,37 @@
 //! From a recording set to the textures of a library, in five steps:
 //!
-//! 1. **Recordings** (`recordings`), a texture at a time: each trial is read, cut by triage, high-passed, reduced to
-//!    one axis and correlated. For another rate than 5 kHz it is read a second time. The share of the rig's own noise
-//!    (`floor`) is measured, and subtracted if that is asked for. The texture's lines are taken out of all its trials.
-//!    Lags and third-octave bands are estimated up to three times: at first, without the noise, and without the lines.
-//! 2. **Reports** (`reports`): all trials of the set are compared by waveform, mains line, level and bands, which tells
-//!    copies, hum, wrong scales and trials unlike the others. No model is made of a trial if its speed or force is 0,
-//!    or if `--drop` names a verdict on it. Its own verdicts keep it from the lines of step 1, too; those of this step
-//!    come after them.
-//! 3. **Models** (`fitted`), a texture at a time: the trials of a node are pooled, and give one linear predictor. Its
-//!    order is chosen per node: under `auto` by AIC, then lowered as far as the bands allow. A trial 6 dB above the
-//!    median of three or more counts at the median. Holes of the grid are filled, the lines join it, and all is
-//!    quantised (`texture`).
-//! 4. **Room** (`fitted`): what all models leave of a library is divided equally among the textures.
-//! 5. **Excitation** ([`excitation`]), a texture at a time: codebooks and a level track from the residuals of its
-//!    trials, by the quantised models. A node that would play louder than its recordings is made softer. Steps 4 and 5
-//!    are left out where noise of steady level is asked for. Signals beyond 128 MiB are let go after step 1, and
-//!    read again for this step.
+//! 1. **Recordings** (`recordings`; `trial` does the work on each trial, `estimate` its lags), a texture at a time.
+//!    Each trial is read, checked and cut by triage, high-passed if it holds slow motion, reduced to one axis, and
+//!    correlated. The rig's own noise (`floor`) is measured, and subtracted if the user asks for it. Then the texture's
+//!    lines are removed from its trials, except from trials that are silent, idle, cut by triage, or dropped by
+//!    `--drop`. After each of these changes a trial's lags and third-octave bands are estimated again; its power
+//!    remains that of the recording. Triage always sees 5 kHz; for another rate the trial is read a second time, and
+//!    has neither lines nor excitation.
+//! 2. **Reports** (`reports`). Copies are sought in the whole set. Within a texture, trials are compared by mains line,
+//!    level and bands, which shows hum, wrong scales and trials unlike the others. No model is made of a trial if its
+//!    speed or force is 0, or if `--drop` names one of its verdicts. A verdict of this step comes too late for the
+//!    lines: such a trial has already taken part in the search for them.
+//! 3. **Models** (`grid` fits them, `fitted` holds what a texture has), a texture at a time. The lags of a node's
+//!    trials are pooled, and give one linear predictor. A trial 6 dB above the median of three or more counts at the
+//!    median. Under `auto` the order of each node is chosen by AIC, then lowered as far as the bands allow. Holes of
+//!    the grid are filled, the lines join it, and all is quantised (`texture`).
+//! 4. **Room** (`fitted`). The bytes that the models leave of a library are divided equally among the textures.
+//! 5. **Excitation** ([`excitation`]), a texture at a time: a codebook with a level track, or recorded snippets
+//!    (moments), from the residuals of its trials by the quantised models. A node that would play louder than its
+//!    recordings is made softer. Steps 4 and 5 are left out if the user asks for noise of steady level.
+//!
+//! **Memory.** Step 1 needs the signals of one texture, several times over while lines are sought. For step 5 the
+//! signals of textures are kept, first come first served, up to `HELD_SIGNALS`; a set of one texture keeps all of
+//! them. The others are read again: all trials of the texture, by the whole of step 1, if lines or the rig's noise were
+//! removed, and otherwise the used trials without triage. Trials and nodes are computed in parallel, textures in turn.
 //!
 //! [`encoded`] writes the result as a library's bytes. The command snaps speeds and forces before step 1, densifies
 //! after step 5, and keeps a [`record`] of the fit beside the library.
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
-//! ([`parts`]) leave what the first step tells in files, and go on from there. [`densify`] makes the grids denser.
-//! A fit to a free hand ([`fit_strokes`]) makes its trials itself, and sets the nodes' levels before and after.
+//! ([`parts`]) write the results of step 1 to files; a last run merges them, and reads the recordings again for step 5.
+//! [`densify`] adds nodes to a grid. A fit to a free hand ([`fit_strokes`]) cuts its own trials, and sets the nodes'
+//! levels before and after step 5.
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file, except that
 //! `parts` and `record` write their own.
@@ -65,17 +73,17 @@ pub use trial::{Analysis, FLOOR_BANDS, FloorShares, Signal, analyse, signal, who
 use blocks::Part;
 use fitted::Source;
 
-/// Memory for signals that wait for the last step in place of being read again, bytes.
+/// Memory for signals that are kept for step 5 instead of being read again, bytes.
 const HELD_SIGNALS: usize = 128 << 20;
 
-/// Fits `set` with the excitation that its recordings have, telling `progress` of the number of trials whenever some
-/// are done, and of none between the later steps.
+/// Fits `set` with the excitation that its recordings have. Calls `progress` with the number of trials whenever some
+/// are done, and with 0 between the later steps.
 ///
 /// The result does not depend on the number of threads.
 ///
 /// # Errors
-/// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the chosen
-/// library cannot hold; options that [`Options::check_rate`] refuses.
+/// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; more models than a library
+/// holds; options that [`Options::check_rate`] refuses.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn(usize) + Sync) -> Result<Fit> {
     options.check_rate()?;
     let options = &options.at_their_rate();
@@ -89,8 +97,8 @@ pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn(usize) + Syn
     fit_recordings(set, recordings, options, Part::Whole, &progress)
 }
 
-/// Reads the recordings of each texture of `set`, and analyses the `part` of them that is fitted, telling `progress` of
-/// each trial done. Of all signals, `most_held` bytes are held at most, beside those of one texture.
+/// Reads the recordings of each texture of `set`, and analyses the `part` of them that is fitted. Calls `progress`
+/// after each trial. At most `most_held` bytes of signals are kept, in addition to the texture that is being read.
 ///
 /// # Errors
 /// The first trial that cannot be used.
@@ -142,7 +150,7 @@ pub fn fit_recordings(
     progress: &(impl Fn(usize) + Sync),
 ) -> Result<Fit> {
     let mut fit = models(set, &recordings, options)?;
-    // Residuals need the room of the statistics.
+    // Residuals need as much memory as the statistics, which are dropped here.
     let held: Vec<_> = recordings.into_iter().map(Recordings::into_takes).collect();
     progress(0);
     let source = Source {

@@ -102,7 +102,8 @@ struct Columns<'a> {
 
 impl<'a> Columns<'a> {
     fn read(table: &'a CsvTable) -> Result<Self> {
-        let mut rows = table.rows()?.until_cut_off();
+        let mut rows = table.rows()?;
+        rows.end_before_cut_off();
         let mut read = Self {
             values: Vec::new(),
             names: None,

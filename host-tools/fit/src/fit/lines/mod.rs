@@ -7,13 +7,14 @@
 //! nor a hole.
 //!
 //! Threads that are not evenly spaced make a band instead of a line. If there is no narrow line, bands of a steady
-//! amplitude are sought (`steady`), whose phase tells the place with its wander (`wander`).
+//! amplitude are sought (`bands`), whose phase tells the place with its wander (`wander`).
 
+mod bands;
 mod findings;
 mod peaks;
 mod search;
 mod separate;
-mod steady;
+
 #[cfg(test)]
 mod tests;
 mod track;

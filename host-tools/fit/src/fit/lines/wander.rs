@@ -6,8 +6,8 @@ use std::ops::Range;
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
 
+use super::bands::{Band, WholeSpectrum};
 use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
-use super::steady::{Band, WholeSpectrum};
 use super::track::{amplitudes, wave, without_straight_line};
 use crate::dsp::fourier::Complex;
 use crate::dsp::sums::{upper_median, variance};

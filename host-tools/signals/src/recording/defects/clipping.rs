@@ -7,6 +7,10 @@ use super::axis::Axis;
 /// Smallest number of clipped samples that counts, because one sample is no evidence in a short recording.
 const MIN_CLIPPED_SAMPLES: usize = 8;
 
+/// Least number of equal extreme samples in a row that are clipped: an unclipped signal reaches its extreme once, or
+/// twice at the top of a slow wave.
+const LEAST_RUN: usize = 3;
+
 /// Returns the share of clipped samples on the worst axis.
 ///
 /// `axes` must have the recording's own sample rate, because resampling rounds flat tops.
@@ -14,10 +18,8 @@ pub(super) fn clipped_share(axes: &[Axis<'_>]) -> f64 {
     axes.iter().map(clipped_share_of).fold(0.0, f64::max)
 }
 
-/// Returns the share of samples at the highest or lowest value, if they are in runs of three or more.
-///
-/// An unclipped signal reaches its extreme once, or twice at the top of a slow wave. A signal of only one or two values
-/// does not count as clipped.
+/// Returns the share of samples at the highest or lowest value, if they are in runs of [`LEAST_RUN`] or more. A signal
+/// of only one or two values does not count as clipped.
 fn clipped_share_of(axis: &Axis<'_>) -> f64 {
     let (samples, outside) = (axis.samples, axis.at_limits.len());
     if axis.low >= axis.high || outside < MIN_CLIPPED_SAMPLES || outside == samples.len() {
@@ -25,7 +27,7 @@ fn clipped_share_of(axis: &Axis<'_>) -> f64 {
     }
     let flat = |run: &[f64]| run.iter().all(|x| (x - run[0]).abs() <= axis.tolerance);
     let runs = axis.at_limits.iter().filter(|&&at| {
-        let run = samples.get(at..at + 3);
+        let run = samples.get(at..at + LEAST_RUN);
         run.is_some_and(flat)
     });
     if runs.count() < MIN_CLIPPED_SAMPLES {
@@ -43,10 +45,10 @@ pub struct Clip {
     pub seconds: f64,
 }
 
-/// Returns the runs of three or more equal samples at the highest or lowest value of `axis`, in the order of time; none
-/// if the signal has one or two values only. Few runs do not make a recording clipped, but none of them is a surface's.
+/// Returns the runs of [`LEAST_RUN`] or more equal samples at the highest or lowest value of `axis`, in the order of
+/// time; none if the signal has one or two values only. Few runs do not make a recording clipped, but none of them is a
+/// surface's.
 pub(super) fn clips(axis: &Axis<'_>, rate_hz: f64) -> Vec<Clip> {
-    const LEAST_RUN: usize = 3;
     let samples = axis.samples;
     if axis.low >= axis.high || axis.at_limits.len() == samples.len() {
         return Vec::new();
