@@ -7,13 +7,13 @@ use model_format::SAMPLE_RATE_HZ;
 /// Sample rate of a page's sounds, Hz. Every browser plays it.
 const SOUND_RATE_HZ: u32 = 20_000;
 
-/// Longest sound of a report, s. It has 120 KB.
+/// Longest sound of a report, s. As a WAV file it has 120 KB.
 const SOUND_S: f64 = 3.0;
 
 /// Largest size of all sounds of a report as WAV files, bytes. In the page they take a third more.
 pub(super) const SOUNDS_BYTES: usize = 24_000_000;
 
-/// Largest share of [`SOUNDS_BYTES`] that the sounds of all nodes of a report take, bytes.
+/// Largest part of [`SOUNDS_BYTES`] that the sounds of all nodes of a report take, bytes.
 const NODES_BYTES: usize = 5_000_000;
 
 /// Shortest and longest duration of a node's recording and of its synthesis, s.

@@ -1,4 +1,4 @@
-//! A simulated actuator (plant) at the output's pin, and the device's own kernel that drives it.
+//! A simulated actuator (plant) at the output's pin, and the device's own kernel, which drives it.
 
 use std::io::Write;
 

@@ -20,7 +20,7 @@ pub struct Board {
     pub option_bytes: OptionByteValues,
     /// The clocks.
     pub clocks: ClockValues,
-    /// The memories.
+    /// Counters of the memories' error correction.
     pub error_correction: ErrorCorrectionValues,
     /// The output's pin, or the failure to read it.
     pub output: Result<OutputValues, SelfTestError>,

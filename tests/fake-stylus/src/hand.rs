@@ -49,7 +49,7 @@ impl Hand {
         }
     }
 
-    /// Noise of the force's converter at `tick`, codes.
+    /// Returns the noise of the force's converter at `tick`, codes.
     fn disturbance(&self, tick: u64) -> u16 {
         let hashed = tick.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
         (hashed % (2 * u64::from(self.force_noise) + 1)) as u16

@@ -125,7 +125,7 @@ impl Bench {
         }
     }
 
-    /// Adds a test that passes if `holds`: whether `value` is within `limits`.
+    /// Adds a test that passes if `holds` is true. `value` and `limits` are shown in the report.
     pub fn judge(
         &mut self,
         name: &str,

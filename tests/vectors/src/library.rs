@@ -13,7 +13,7 @@ use model_format::{
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 
-/// The grid that the path covers.
+/// Speeds and forces of the grid that the path covers.
 const SPEEDS_MM_S: [f32; 3] = [40.0, 120.0, 240.0];
 const FORCES_N: [f32; 2] = [0.5, 2.0];
 
@@ -258,7 +258,7 @@ impl Model {
     }
 }
 
-/// Models over (speed, force), speed-major, with their output powers, (m/s²)².
+/// Models at the nodes of a grid of speeds and forces, speed-major, with their output powers, (m/s²)².
 struct Grid {
     speeds_mm_s: Vec<f32>,
     forces_n: Vec<f32>,

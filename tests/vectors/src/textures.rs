@@ -70,9 +70,9 @@ pub const VECTORS: [Vector; 17] = [
 pub struct Measured {
     /// Name of the texture in the library. The texture's highest order is the limit, 400.
     pub texture: &'static str,
-    /// Most instructions that one sample may take.
+    /// Largest number of instructions that one sample may take.
     pub budget_instructions: u32,
-    /// Most instructions that one update may take.
+    /// Largest number of instructions that one update may take.
     pub update_budget_instructions: u32,
 }
 

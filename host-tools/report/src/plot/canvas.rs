@@ -37,7 +37,7 @@ pub const TEXT: u32 = 13;
 /// Height of a row of the legend, shown pixels.
 const LEGEND_ROW: u32 = 20;
 
-/// Width of a legend's lines, halves of a shown pixel.
+/// Thickness of a legend's lines, halves of a shown pixel.
 const LEGEND_LINE: u32 = 4;
 
 /// Height of the heading, shown pixels.
@@ -393,7 +393,7 @@ pub const LEFT: u32 = 76;
 pub struct Stroke {
     /// Colour of the curve.
     pub colour: RGBColor,
-    /// Width of the curve, halves of a shown pixel.
+    /// Thickness of the curve, halves of a shown pixel.
     pub half_pixels: u32,
     /// True if the curve is dashed.
     pub dashed: bool,

@@ -47,7 +47,7 @@ pub const TIME_S: Quantity = Quantity::new("time", "s");
 pub const TIME_MS: Quantity = Quantity::new("time", "ms");
 /// The paper's cost.
 pub const COST: Quantity = Quantity::new("mismatch C", "%");
-/// The density of a signal's power over frequency.
+/// Power spectral density.
 pub const POWER_DENSITY: Quantity = Quantity::new("power spectral density", "dB re 1 (m/s²)²/Hz");
 
 impl Quantity {
@@ -155,7 +155,7 @@ pub struct Series {
     pub name: String,
     /// Kind of the series.
     pub kind: Kind,
-    /// Colour of the series, if it has one.
+    /// Colour of the series; `None` for cells and levels.
     #[serde(serialize_with = "as_hex")]
     pub colour: Option<RGBColor>,
     /// Values along the horizontal axis.

@@ -225,8 +225,8 @@ pub struct ShareLinkArguments {
     link: LinkAddress,
 }
 
-/// Runs `stylus share-link`, which commands start to share a link; nobody types it. The one line that it prints is for
-/// the command that has started it.
+/// Runs `stylus share-link`. Other commands start it to share a link; users never type it. Its only line of output is
+/// for the command that started it.
 #[cfg(unix)]
 pub fn share_link(arguments: &ShareLinkArguments) {
     match serve(&arguments.link, || say(BROKER_READY)) {

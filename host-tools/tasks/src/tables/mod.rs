@@ -3,7 +3,7 @@
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of `INSTANT` | constants | `cargo tasks tables --check`, at once |
+//! | the tables of `INSTANT` | constants | `cargo tasks tables --check`, at once |
 //! | [`MEMORY`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
 //!

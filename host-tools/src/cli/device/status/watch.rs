@@ -18,7 +18,7 @@ use crate::cli::output::{print, warn};
 /// Interval at which Ctrl-C is checked.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// The state in one interval.
+/// The state at the end of one interval.
 #[derive(Serialize)]
 struct Reading {
     seconds: f64,
