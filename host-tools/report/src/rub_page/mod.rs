@@ -1,5 +1,5 @@
-//! A library as one page on which the user rubs with the mouse: kernel, library, the recordings' clips and spectra,
-//! style and scripts are in it, and its content security policy forbids every request.
+//! A library as one page to rub on, by pointer or touch: kernel, library, the recordings' clips and spectra, style and
+//! scripts are in it, and its content security policy forbids every request.
 //!
 //! The kernel is the device's own, compiled to the WebAssembly module of `host-tools/browser`, whose page specifies the
 //! form of the data. The compiled module is kept next to this file, so that a page can be written without a compiler. A

@@ -262,8 +262,7 @@ impl Bench<'_> {
         Ok((coil, coil.changes().to_vec()))
     }
 
-    /// Measures a stylus that is held still in this `pose`. Faults of only the force sensor are checked if
-    /// `is_force_alone`.
+    /// Measures a stylus that is held still in this `pose`. With `is_force_alone`, the accelerometer is not checked.
     fn measure(&self, pose: &str, is_force_alone: bool) -> Result<AtRest> {
         if !self.arguments.yes {
             answer(&format!("hold the stylus still, {pose}, then press Enter"))?;
