@@ -1,5 +1,5 @@
-//! The `stylus` command: from recordings of a surface to a library of texture models, and to the samples that the
-//! stylus plays.
+//! The `stylus` command: it turns recordings of a surface into a library of texture models, and the library into the
+//! samples that the stylus plays.
 
 mod cli;
 

@@ -1,5 +1,5 @@
-//! An evaluation as a folder: one page, which needs nothing else, on recordings and what the stylus makes of them; and
-//! beside it each picture as a file of its own.
+//! An evaluation as a folder: a self-contained page on recordings and their synthesis, and each of its pictures as a
+//! separate file.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,8 @@ use crate::texture::grid::as_written;
 /// The page's name in its folder.
 const PAGE: &str = "index.html";
 
-/// Speed, mm/s, and force, N, of the paper's own example (its figure 10); the nearest trial stands for its texture.
+/// Speed, mm/s, and force, N, of the paper's own example (its figure 10). The trial nearest to them represents its
+/// texture.
 const EXAMPLE: (f64, f64) = (120.0, 1.0);
 
 /// Highest frequency of spectrograms, Hz.
@@ -45,17 +46,17 @@ pub struct Inputs<'a> {
     pub evaluation: &'a Evaluation,
     /// Options of the comparison.
     pub options: &'a evaluate::Options,
-    /// The removed-node test, where it was made.
+    /// The removed-node test, if it was made.
     pub removed_nodes: Option<&'a LeaveOneOut>,
-    /// Recorded takes that were given and not used, each with the reason.
+    /// Recorded takes that were given but not used, each with the reason.
     pub unused_takes: &'a [String],
 }
 
-/// Writes the page and its pictures into `folder`, which is there, telling `progress` of each texture done.
-/// Returns the page's path.
+/// Writes the page and its pictures into the existing `folder`, and calls `progress` after each texture. Returns the
+/// page's path.
 ///
 /// # Errors
-/// A folder that cannot be written to, or a recording that cannot be used any more.
+/// The folder cannot be written to, or a recording cannot be used any more.
 pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
     let mut report = Report::new(inputs, folder);
     report.overview();
@@ -70,15 +71,15 @@ pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<
     Ok(page)
 }
 
-/// An evaluation that is being written as a page.
+/// An evaluation while it is written as a page.
 struct Report<'a> {
     inputs: &'a Inputs<'a>,
     folder: &'a Path,
-    /// Stems of the pictures' names, by texture.
+    /// First part of the pictures' file names, for each texture.
     stems: Stems,
-    /// Colours of C, %, in all maps of the page.
+    /// Colour scale of C, %, in all maps of the page.
     cost_scale: Scale,
-    /// Bytes of sounds: all those of the nodes, which the page will hold, and the others that it holds so far.
+    /// Total size of the sounds, bytes: those of all nodes, which the page will hold, and the other sounds so far.
     sound_bytes: usize,
     page: Page,
 }
@@ -92,7 +93,7 @@ struct Example<'a> {
 }
 
 impl Example<'_> {
-    /// Returns, in words, which part of the trial's recording is drawn, and if the model was fitted to it.
+    /// Returns, in words, which part of the trial's recording is drawn, and whether the model was fitted to it.
     fn part(&self) -> String {
         let block_s = self.comparison.longest_block().len() as f64 / RATE_HZ;
         match self.judged.judge {
@@ -106,7 +107,7 @@ impl Example<'_> {
         }
     }
 
-    /// Returns, in words, the trial's own C, which the map has, because the picture has that of the drawn block alone.
+    /// Returns, in words, the trial's own C, as in the map. The picture has only the C of the drawn block.
     fn cost(&self) -> String {
         let own = self.judged.scores.cost;
         own.map_or_else(String::new, |cost| {
@@ -118,7 +119,8 @@ impl Example<'_> {
         })
     }
 
-    /// The recording, the synthesis and other versions, with their names: as sounds, and in the picture of waveforms.
+    /// Returns the recording, the synthesis and other versions, each with its name. They are the sounds, and the rows
+    /// of the picture of waveforms.
     fn signals(&self) -> Vec<(String, &[f64])> {
         let comparison = &self.comparison;
         let mut signals = vec![
@@ -139,7 +141,7 @@ impl<'a> Report<'a> {
         let evaluation = inputs.evaluation;
         let trials = evaluation.trials.iter();
         let costs = trials.filter_map(|trial| trial.scores.cost);
-        // Two bytes of each sample.
+        // Each sample has two bytes.
         let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
         Self {
             inputs,
@@ -151,7 +153,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes what was compared, and how.
+    /// Writes what was compared, and by which method.
     fn overview(&mut self) {
         let (evaluation, page) = (self.inputs.evaluation, &mut self.page);
         if evaluation.simulated {
@@ -188,7 +190,7 @@ impl<'a> Report<'a> {
         Ok(())
     }
 
-    /// Writes the tables, all but one folded, and the takes that judged nothing.
+    /// Writes the tables, all but one folded, and lists the takes that judged nothing.
     fn figures(&mut self) {
         let Inputs {
             evaluation,
@@ -231,8 +233,8 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes what a reader asks for first: both signals, to be seen and heard, the verdict, and both spectra. The rest
-    /// on the example is folded.
+    /// Writes first what a reader looks for: both signals, as picture and sounds, the verdict, and both spectra. The
+    /// rest on the example is folded.
     fn texture(&mut self, name: &str, verdict: &str) -> Result<()> {
         self.page.section(name);
         let Some(example) = self.example(name)? else {
@@ -281,7 +283,7 @@ impl<'a> Report<'a> {
         self.waveforms(&example, &stem)
     }
 
-    /// The waveforms of an example, and what the spectrum does not show of it, folded.
+    /// Adds, folded, an example's waveforms and the figures on properties that the spectrum does not show.
     fn waveforms(&mut self, example: &Example<'_>, stem: &str) -> Result<()> {
         let signals = example.signals();
         let signals: Vec<(&str, &[f64])> = signals.iter().map(|(n, s)| (n.as_str(), *s)).collect();
@@ -304,7 +306,8 @@ impl<'a> Report<'a> {
         Ok(())
     }
 
-    /// Reads and plays the trial of a texture that is nearest to the paper's own example. `None` if all are silent.
+    /// Returns the non-silent trial of a texture nearest to the paper's own example, with its synthesis. `None` if all
+    /// are silent.
     fn example(&self, texture: &str) -> Result<Option<Example<'a>>> {
         let Some(index) = self.example_index(texture) else {
             return Ok(None);
@@ -324,7 +327,7 @@ impl<'a> Report<'a> {
         }))
     }
 
-    /// Index of the trial of a texture that is nearest to [`EXAMPLE`] and not silent.
+    /// Returns the index of the non-silent trial of a texture that is nearest to [`EXAMPLE`].
     fn example_index(&self, texture: &str) -> Option<usize> {
         let trials = self.inputs.evaluation.trials.iter().enumerate();
         let heard = trials.filter(|(_, trial)| trial.texture == texture && !trial.is_silent);
@@ -333,17 +336,17 @@ impl<'a> Report<'a> {
         nearest.map(|(index, _)| index)
     }
 
-    /// Returns an example's signals as sounds, or none when the page holds [`SOUNDS_BYTES`] of them.
+    /// Returns an example's signals as sounds; none if they would exceed [`SOUNDS_BYTES`].
     fn sounds(&mut self, example: &Example<'_>) -> Result<Vec<Sound>> {
         let heard = example.signals();
-        // One scale for all, because a difference in level is a difference between them.
+        // All sounds have one scale, so that differences in level are heard.
         let values = heard.iter().flat_map(|(_, signal)| signal.iter());
         let full_scale = values.map(|value| value.abs()).fold(0.0, f64::max);
         let simulated = self.inputs.evaluation.simulated;
         let origin = if simulated { " (SIMULATED)" } else { "" };
         let mut sounds: Vec<Sound> = Vec::new();
         for (index, (what, signal)) in heard.iter().enumerate() {
-            // The panel of the synthesis is called so whatever parts it has.
+            // The panel of the synthesis has this name, whatever the synthesis's parts.
             let panel = if index == 1 { "synthesised" } else { what };
             sounds.push(Sound {
                 panel: panel.to_owned(),
@@ -363,7 +366,7 @@ impl<'a> Report<'a> {
         Ok(sounds)
     }
 
-    /// Puts the excerpts of all trials at nodes of `texture` on the page, all to one scale, to be played by its maps.
+    /// Adds the excerpts of all trials at nodes of `texture`, on one scale, for the maps to play.
     fn nodes(&mut self, texture: &str) {
         let Evaluation {
             trials, excerpts, ..
@@ -378,7 +381,7 @@ impl<'a> Report<'a> {
         let mut places: Vec<(f64, f64)> = Vec::new();
         for (trial, excerpt) in own() {
             let place = (trial.speed_mm_s, trial.force_n);
-            // The first of several trials at a node is the one whose C the map shows.
+            // Of several trials at a node, the map shows the C of the first.
             if places.contains(&place) {
                 continue;
             }
@@ -391,10 +394,10 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Draws C of every node of a texture that was judged, if it has more than one node.
+    /// Draws C of every node of a texture that was judged. A texture of one node has no map.
     fn cost_map(&mut self, texture: &Texture<'_>) -> Result<()> {
         let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
-        // Of one node the table says all.
+        // For a single node the table is enough.
         if speeds.len() * forces.len() <= 1 {
             return Ok(());
         }
@@ -403,7 +406,7 @@ impl<'a> Report<'a> {
             .flat_map(|speed| forces.values().map(move |force| (speed, force)));
         let cell = |(node, (speed, force)): (Node<'_>, (f32, f32))| {
             let mut trials = self.inputs.evaluation.trials.iter();
-            // A library's axes are the recordings' own values as `f32`, and so are equal when those are.
+            // A library's axes are the recordings' own values rounded to `f32`, so equal values compare as equal.
             let here = trials.find(|trial| {
                 trial.texture == texture.name()
                     && trial.speed_mm_s as f32 == speed
@@ -439,25 +442,25 @@ impl<'a> Report<'a> {
         self.figure(&picture, &name, &caption, &[])
     }
 
-    /// Puts a picture with players on the page, and as `name` into the folder.
+    /// Adds a picture with players to the page, and writes it into the folder as `name`.
     fn figure(&mut self, picture: &Svg, name: &str, caption: &str, sounds: &[Sound]) -> Result<()> {
         picture.write(&self.folder.join(format!("{name}.svg")))?;
         self.page.figure(picture, caption, sounds);
         Ok(())
     }
 
-    /// The heading of a picture, which says whether it is simulated.
+    /// The heading of a picture, which says SIMULATED if the recordings are simulated.
     fn caption<'t>(&self, title: &'t str) -> Caption<'t> {
         Caption::new(title, self.inputs.evaluation.simulated)
     }
 }
 
-/// Squared distance of a speed and a force from [`EXAMPLE`], as shares of it.
+/// Squared distance of a speed and a force from [`EXAMPLE`], both relative to it.
 fn distance(speed_mm_s: f64, force_n: f64) -> f64 {
     (speed_mm_s / EXAMPLE.0 - 1.0).powi(2) + (force_n / EXAMPLE.1 - 1.0).powi(2)
 }
 
-/// Writes Table I.
+/// Writes the removed-node test as the paper's Table I.
 fn removed_node_tables(page: &mut Page, test: &LeaveOneOut) {
     page.section("Removed nodes: Table I of the paper")
         .paragraph(&format!(

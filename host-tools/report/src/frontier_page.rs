@@ -1,4 +1,4 @@
-//! The comparison of accuracy against time as a page: pictures, tables, and what every figure is.
+//! The comparison of accuracy and computing time as a page: pictures, tables, and explanations of the figures.
 
 use std::path::Path;
 
@@ -15,19 +15,19 @@ use crate::html::Page;
 use crate::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
 use crate::support::error::Result;
 
-/// The interval that a device has, samples.
+/// Interval of updates on a device, samples.
 const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;
 
-/// Cycles along a picture's horizontal axis.
+/// Quantity of the cycles along a picture's horizontal axis.
 const CYCLES: Quantity = Quantity::new("cycles per sample, Cortex-M7, modelled", "");
 
-/// Errors along a picture's vertical axis.
+/// Quantity of the errors along a picture's vertical axis.
 const ERROR: Quantity = Quantity::new("RMS error", "dB");
 
 /// Writes the page.
 ///
 /// # Errors
-/// A picture that cannot be laid out, or a file that cannot be written.
+/// A picture cannot be laid out, or the file cannot be written.
 pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     let mut page = Page::new("What accuracy costs in time");
     if frontier.simulated {
@@ -62,7 +62,7 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     page.write(path)
 }
 
-/// Error at rest and in motion against time, with its caption.
+/// Draws the total error, at rest and in motion, against time. Returns the picture and its caption.
 fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     let is_fixed = |filter: &Filter| matches!(filter.order, Order::Fixed(_));
     let point = |point: &Point| FrontPoint {
@@ -108,7 +108,7 @@ fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     Ok((picture, words))
 }
 
-/// Error in motion by the interval of updates, with its caption.
+/// Draws the error in motion against the interval of updates. Returns the picture and its caption.
 fn interval_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     let intervals = series(|structure| {
         let own = points_of(frontier, structure);

@@ -1,8 +1,9 @@
 //! A page for a report: one file that holds its pictures, sounds, style and script, and needs no network.
 //!
-//! All that is said can be read without the script, which tells values where one points, and plays nodes of maps.
-//! Colours are those of the reader's scheme; text is no wider than is read with ease. Tables may fill the window; what
-//! is wider, and pictures on a narrow window, scroll in themselves, so that the page never does.
+//! All statements can be read without the script. The script shows values where a reader points, and plays nodes of
+//! maps. Colours follow the reader's scheme, light or dark, and text is no wider than can be read with ease. Tables may
+//! fill the window. Wider tables, and pictures in a narrow window, scroll by themselves, so that the page as a whole
+//! never does.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -20,23 +21,23 @@ use crate::support::error::Result;
 pub use crate::support::visible::escaped;
 use crate::support::visible::page_json;
 
-/// The page's policy: nothing is fetched, from anywhere; scripts and pictures are those in the page.
+/// The page's content security policy: nothing is fetched from anywhere, and all scripts and pictures are in the page.
 pub const POLICY: &str = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; \
      script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
-/// Headings from which on a page has contents.
+/// Number of headings from which on a page has a table of contents.
 const CONTENTS_FROM: usize = 3;
 
-/// A page in the making. All text is escaped. Each call appends to the page.
+/// A page that is being built. Each call appends to it. All text is escaped.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
     body: String,
-    /// Headings with their anchors, escaped.
+    /// Headings with their anchors. The texts are escaped.
     headings: Vec<Heading>,
-    /// Tables so far, whose captions name them.
+    /// Number of tables so far, from which their captions' names are made.
     tables: usize,
-    /// Sounds of nodes of maps.
+    /// Sounds of the nodes of maps.
     nodes: Nodes,
 }
 
@@ -53,13 +54,13 @@ struct Nodes {
 /// Sounds of a texture's nodes.
 #[derive(Clone, Debug, Default, Serialize)]
 struct NodesOfTexture {
-    /// Speed, mm/s, and force, N.
+    /// Speed, mm/s, and force, N, of each node.
     nodes: Vec<(f64, f64)>,
     /// Recording and synthesis of each node: 16 bits per sample, low byte first, in base64.
     clips: Vec<[String; 2]>,
 }
 
-/// A heading that the contents lead to.
+/// A heading to which the table of contents links.
 #[derive(Clone, Debug)]
 struct Heading {
     anchor: String,
@@ -67,7 +68,7 @@ struct Heading {
 }
 
 impl Page {
-    /// A page that begins with its title.
+    /// Creates a page that begins with its title.
     pub fn new(title: &str) -> Self {
         Self {
             title: escaped(title),
@@ -78,7 +79,7 @@ impl Page {
         }
     }
 
-    /// The heading of a section.
+    /// Adds the heading of a section.
     pub fn section(&mut self, heading: &str) -> &mut Self {
         let anchor = format!("s{}-{}", self.headings.len() + 1, slug(heading));
         let text = escaped(heading);
@@ -87,22 +88,22 @@ impl Page {
         self
     }
 
-    /// A paragraph.
+    /// Adds a paragraph.
     pub fn paragraph(&mut self, text: &str) -> &mut Self {
         self.element("p", text)
     }
 
-    /// A paragraph that must not be overlooked.
+    /// Adds a paragraph that must not be overlooked.
     pub fn notice(&mut self, text: &str) -> &mut Self {
         self.push(&format!("<p class=\"notice\">{}</p>", escaped(text)))
     }
 
-    /// The verdict on what is above.
+    /// Adds the verdict on the content above.
     pub fn verdict(&mut self, text: &str) -> &mut Self {
         self.push(&format!("<p class=\"verdict\">{}</p>", escaped(text)))
     }
 
-    /// A list of points.
+    /// Adds a list of points.
     pub fn list<T: AsRef<str>>(&mut self, points: &[T]) -> &mut Self {
         self.push("<ul>");
         for point in points {
@@ -111,12 +112,13 @@ impl Page {
         self.push("</ul>")
     }
 
-    /// A table with its title above it; columns of numbers are aligned to the right. Cells that a row lacks stay empty.
+    /// Adds a table with its title above it. Columns of numbers are right-aligned, and cells that a row lacks stay
+    /// empty.
     pub fn table(&mut self, table: &Table) -> &mut Self {
         self.tables += 1;
-        // What scrolls has to be reached by keys, and so needs a name (WCAG 2.1, 2.1.1 and 4.1.2).
+        // A scrollable element must be reachable by keyboard, and so needs a name (WCAG 2.1, 2.1.1 and 4.1.2).
         let name = format!("table-{}", self.tables);
-        // Beside the table, because a caption in it is as wide as the table, and scrolls with it.
+        // The title is outside the table, because a caption inside would be as wide as the table and scroll with it.
         self.push(&format!(
             "<p class=\"caption\" id=\"{name}\">{}</p>\n\
              <div class=\"wide\" role=\"region\" tabindex=\"0\" aria-labelledby=\"{name}\">\
@@ -150,8 +152,8 @@ impl Page {
         self.push("</tbody></table></div>")
     }
 
-    /// A picture, with what it shows below it, which also stands for it where it cannot be seen, and players; each
-    /// player belongs to the panel of its name.
+    /// Adds a picture with its caption and players. The caption also describes the picture to readers who cannot see
+    /// it. Each player belongs to the panel of its name.
     pub fn figure(&mut self, picture: &Svg, caption: &str, sounds: &[Sound]) -> &mut Self {
         let caption = escaped(caption);
         let players = players(sounds);
@@ -163,7 +165,7 @@ impl Page {
         ))
     }
 
-    /// Keeps the sounds of a node of a texture's maps, which a click on the node plays: recording and synthesis.
+    /// Keeps the recording and the synthesis of a node of a texture's maps, which a click on the node plays.
     pub fn node(&mut self, texture: &str, place: (f64, f64), rate_hz: u32, clips: [&[i16]; 2]) {
         let longest = clips[0].len().max(clips[1].len());
         self.nodes.rate_hz = rate_hz;
@@ -177,18 +179,18 @@ impl Page {
         }));
     }
 
-    /// A part that `fill` adds, folded under `summary` until it is asked for.
+    /// Adds a part that `fill` writes, folded under `summary` until the reader opens it.
     pub fn folded(&mut self, summary: &str, fill: impl FnOnce(&mut Self)) -> &mut Self {
         self.push(&format!("<details><summary>{}</summary>", escaped(summary)));
         fill(self);
         self.push("</details>")
     }
 
-    /// The page's text.
+    /// Returns the page's text.
     pub fn finish(&self) -> String {
         let Self { title, body, .. } = self;
         let contents = self.contents();
-        // Scripts come last, because they read what is on the page when they begin.
+        // The scripts come last, because they read the page's content when they start.
         let content = format!(
             "<main>\n<h1>{title}</h1>\n{contents}{body}</main>\n{nodes}<script>\n{plots}</script>\n\
              <script>\n{players}</script>\n",
@@ -199,15 +201,15 @@ impl Page {
         family::document(POLICY, title, "", &content)
     }
 
-    /// Writes the page into a file, whole or not at all.
+    /// Writes the page into a file. The file is written completely or not at all.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.finish().as_bytes())
     }
 
-    /// The sounds of nodes, which end no script element whatever a texture is called.
+    /// The sounds of nodes as a script element of JSON. No texture's name can end the element.
     fn nodes(&self) -> String {
         if self.nodes.textures.is_empty() {
             return String::new();
@@ -216,14 +218,14 @@ impl Page {
         format!("<script type=\"application/json\" id=\"nodes\">{text}</script>\n")
     }
 
-    /// The contents, if there is enough on the page to be looked for.
+    /// The table of contents; empty if the page has few headings.
     fn contents(&self) -> String {
         if self.headings.len() < CONTENTS_FROM {
             return String::new();
         }
         let mut list = String::new();
         for Heading { anchor, text } in &self.headings {
-            // Writing into a string does not fail.
+            // Writing into a string cannot fail.
             let _ = writeln!(list, "<li><a href=\"#{anchor}\">{text}</a></li>");
         }
         format!(
@@ -246,20 +248,21 @@ impl Page {
 /// A sound of a page.
 #[derive(Clone, Debug)]
 pub struct Sound {
-    /// Name of the picture's panel that shows the sound; empty if none does.
+    /// Name of the picture's panel that shows the sound; empty if no panel does.
     pub panel: String,
     /// Label of the sound.
     pub label: String,
-    /// The bytes of a WAV file, which the page then holds.
+    /// The bytes of a WAV file, which is embedded in the page.
     pub wav: Vec<u8>,
 }
 
-/// Players, each with its label before it; nothing without sounds.
+/// Returns players, each after its label; an empty text without sounds.
 fn players(sounds: &[Sound]) -> String {
     if sounds.is_empty() {
         return String::new();
     }
-    // The metadata at once, so that a player shows how long its sound is; it is in the page anyway.
+    // The metadata is loaded at once, so that a player shows its sound's length. It costs nothing, because it is in the
+    // page.
     let player = |sound: &Sound| {
         let (label, panel) = (escaped(&sound.label), escaped(&sound.panel));
         let data = STANDARD.encode(&sound.wav);
@@ -272,18 +275,18 @@ fn players(sounds: &[Sound]) -> String {
     format!("<div class=\"sounds\">\n{players}</div>")
 }
 
-/// Letters and digits of `text`, with one hyphen for all between them.
+/// Letters and digits of `text`, with one hyphen for all characters between them.
 fn slug(text: &str) -> String {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric());
     let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
     words.join("-").to_lowercase()
 }
 
-/// Asserts that a page needs nothing but itself.
+/// Asserts that a page fetches nothing.
 #[cfg(test)]
 pub(super) fn assert_fetches_nothing(page: &str) {
     assert!(page.contains("default-src 'none'"));
-    // The names of namespaces are not fetched.
+    // The names of XML namespaces look like addresses but are not fetched.
     let page = page
         .replace("http://www.w3.org/2000/svg", "")
         .replace("http://www.w3.org/1999/xlink", "");
@@ -305,7 +308,7 @@ mod tests {
         waveforms(&Caption::new("picture", false), &[], 5000.0).unwrap()
     }
 
-    /// A page with everything, made of `text`.
+    /// A page with every kind of element, all with `text`.
     fn page_of(text: &str) -> String {
         let mut page = Page::new(text);
         page.section(text)
@@ -320,7 +323,7 @@ mod tests {
             .finish()
     }
 
-    /// The tags of a page, without what is between them.
+    /// The tags of a page, without the text between them.
     fn tags(page: &str) -> Vec<&str> {
         page.split('<')
             .skip(1)
@@ -331,7 +334,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_text_becomes_markup(text in "[<>&\"'/a-z =!-]{0,40}") {
-            // What begins with a letter is no number, whose cell has a class.
+            // A text that begins with a letter is not a number; cells of numbers have a class.
             let (page, plain) = (page_of(&format!("a{text}")), page_of("plain"));
             prop_assert_eq!(tags(&page), tags(&plain));
             prop_assert_eq!(page.matches('"').count(), plain.matches('"').count());
@@ -340,7 +343,7 @@ mod tests {
 
     #[test]
     fn every_tag_that_opens_is_closed() {
-        // What is in a script is no markup.
+        // The content of a script is not markup.
         let page = page_of("text");
         let pieces = page.split("<script>");
         let page: String = pieces
@@ -366,7 +369,7 @@ mod tests {
     fn a_page_needs_nothing_but_itself() {
         let page = page_of("text");
         assert!(page.contains(picture().as_str()));
-        // Those of the page itself, and no others, whatever its text.
+        // Only the page's own scripts, whatever its text.
         assert_eq!(page.matches("<script").count(), 2);
         super::assert_fetches_nothing(&page);
         let page = page.replace("href=\"data:,\"", "");

@@ -1,8 +1,8 @@
-//! Results as pictures and pages that need nothing else to be read.
+//! Self-contained pictures and pages of results.
 //!
-//! Invariant: a report draws and words the results of other wings; it judges nothing itself.
+//! Invariant: a report draws and describes results that other wings computed. It does not judge anything itself.
 
-// The wings below, by the names that this crate has for them.
+// The wings below this crate, by the names that this crate uses.
 use stylus_fit::{fit, texture};
 use stylus_signals::{playing, recording};
 use {stylus_dsp as dsp, stylus_evaluation as evaluation, stylus_support as support};

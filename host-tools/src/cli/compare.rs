@@ -132,7 +132,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&summary(&plan, arguments.design, out, size))
 }
 
-/// Returns an error if pairs are asked for that the design or a missing library does not allow.
+/// Returns an error if pairs are requested that the design or a missing library does not allow.
 fn check(arguments: &Arguments) -> Result<()> {
     if arguments.design == Design::Staircase
         && (!arguments.pairs.is_empty() || arguments.before.is_some())
@@ -158,7 +158,7 @@ fn check(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The page of `plan` at `out`, of `size` bytes, in one line.
+/// Describes in one line the page of `plan` at `out`, of `size` bytes.
 fn summary(plan: &Plan, design: Design, out: &Path, size: usize) -> String {
     let origin = if plan.simulated {
         ", of SIMULATED recordings"
@@ -188,7 +188,7 @@ fn excerpt(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Table of scores, and an explanation of its columns.
+/// Returns a table of scores, and an explanation of its columns.
 fn scores(scores: &[Score]) -> String {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let row = |score: &Score| {

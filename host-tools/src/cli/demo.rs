@@ -25,7 +25,7 @@ use model_format::Library;
 use super::output::{print, warn_of};
 use host_tools::texture::library::decode_library;
 
-/// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
+/// Motion along which every texture is rendered: a stroke that speeds up, presses harder, and comes to rest.
 const STROKE: &str = "\
 time_s,speed_mm_s,force_n
 0,0,0
@@ -37,13 +37,13 @@ time_s,speed_mm_s,force_n
 5.5,0,0
 ";
 
-/// Full scale of the renders for listening, m/s².
+/// Full scale of the renderings for listening, m/s².
 const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
 
-/// The page to rub in that of all outputs.
+/// Name of the page to rub on, in the output folder.
 const PAGE: &str = "page.html";
 
-/// Folder of the renderings in that of all outputs.
+/// Name of the folder of renderings, in the output folder.
 const RENDERED: &str = "render";
 
 #[derive(clap::Args)]
@@ -58,7 +58,8 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let begin = Instant::now();
-    // The demo replaces its own earlier result unasked, because nobody edits that; a folder with any other file stays.
+    // The demo replaces its own earlier result without asking, because nobody edits that. A folder with any other file
+    // is kept.
     let page =
         OutputFolder::begin(&arguments.out, true)?.fill(|folder| all(arguments, folder, begin))?;
     let out = arguments.out.display();
@@ -73,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Runs every step into `folder`; gives the path of the report's page after the end.
+/// Runs every step, with outputs in `folder`. Returns the path that the report's page will have at the end.
 fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<PathBuf> {
     let out = folder.path();
     let step = |number: u32, what: &str| {
@@ -151,7 +152,8 @@ fn fit_into(
     Ok((fit, bytes, record))
 }
 
-/// Evaluates `library`, gives the answer, and writes the report into `out`; gives its page, too.
+/// Evaluates `library`, prints the answer, and writes the report into `out`. Returns the evaluation and the path of the
+/// report's page.
 fn evaluated(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -177,7 +179,7 @@ fn evaluated(
     Ok((evaluation, page))
 }
 
-/// The parts that the textures play, with the names of those that play the same.
+/// Returns the parts that the textures play, each combination with the names of its textures.
 fn parts_in_words(library: &Library<'_>) -> String {
     let mut by_parts: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for texture in library.textures() {
@@ -191,7 +193,7 @@ fn parts_in_words(library: &Library<'_>) -> String {
     plays.join("; ")
 }
 
-/// The `folder`, which is made.
+/// Creates `folder` and returns it.
 fn created(folder: PathBuf) -> Result<PathBuf> {
     std::fs::create_dir(&folder).map_err(Error::io("create", &folder))?;
     Ok(folder)

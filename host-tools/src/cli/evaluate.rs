@@ -107,7 +107,7 @@ enum Axis {
     Force,
 }
 
-/// The numbers of both comparisons.
+/// The numbers of the evaluation and of the removed-node test.
 #[derive(Serialize)]
 struct Numbers<'a> {
     #[serde(flatten)]
@@ -165,7 +165,7 @@ fn benchmark(
     )))
 }
 
-/// The texture of this name, or the only one.
+/// Returns the texture called `name`; without a name, the only one.
 fn stroked<'a>(library: &Library<'a>, name: Option<&str>) -> Result<Texture<'a>> {
     if let Some(name) = name {
         return evaluate::texture_named(library, name);
@@ -321,7 +321,7 @@ fn write_numbers(
     atomic_file::write(json, to_json(&numbers).as_bytes())
 }
 
-/// Evaluates `library` by `judges` with a progress bar.
+/// Evaluates `library` against `judges`, with a progress bar.
 pub fn evaluate_set(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -348,10 +348,10 @@ fn removed_node_test(
     Ok(test)
 }
 
-/// `set` with the speeds and forces that the fit of this `record` took for its own.
+/// Returns `set` with its speeds and forces replaced by the ones to which the fit of `record` assigned them.
 ///
 /// # Errors
-/// Values that its tolerance does not tell apart.
+/// Values are so close that the record's tolerance cannot distinguish them.
 pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<RecordingSet> {
     match record {
         Some(record) => record.as_fitted(set),
@@ -359,7 +359,8 @@ pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<Record
     }
 }
 
-/// Chooses the judges of `set` among the takes `others`, if given, and warns of takes that the fit has seen.
+/// Chooses the judges of `set` among the takes `others`, if given. Warns of takes that judge nothing, and of trials
+/// that are judged without another take.
 pub fn choose(
     set: &RecordingSet,
     others: Option<RecordingSet>,
@@ -387,7 +388,7 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// A verdict per texture, and one table with what its columns are.
+/// Returns a verdict per texture, and one table with an explanation of its columns.
 pub fn answer(evaluation: &Evaluation) -> String {
     let verdicts = evaluation.verdicts();
     let verdicts: Vec<String> = verdicts.map(|v| wrapped(&v, LINE_CHARS, "  ")).collect();
@@ -399,7 +400,7 @@ pub fn answer(evaluation: &Evaluation) -> String {
     )
 }
 
-/// The answer, and how it was judged; with `--full` all tables.
+/// Returns the answer and the method of judging; with `--full` also all tables.
 fn summary(evaluation: &Evaluation) -> String {
     let how = folded_text(&format!(
         "Held out: {}\n{}{}",
@@ -429,7 +430,7 @@ fn origin(simulated: bool) -> &'static str {
     }
 }
 
-/// The table of the removed-node test, and an explanation of their columns.
+/// Returns the table of the removed-node test, and an explanation of its columns.
 fn removed_nodes(test: &LeaveOneOut) -> String {
     let test_of = folded_text(&format!(
         "{} removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed by a {}",

@@ -1,12 +1,12 @@
-//! Examples at the end of the help of each command. They stand in one page, so that they are read together, and each is
-//! parsed by a test.
+//! Examples at the end of the help of each command. They are kept in one file, so that they can be read together. A
+//! test parses each of them.
 
 use clap::Command;
 
-/// One example per line, with a word on it after `#`.
+/// One example per line, with a short explanation after `#`.
 const EXAMPLES: &str = include_str!("examples.txt");
 
-/// The examples of the command that is called `path`, such as `stylus scene check`.
+/// Returns the examples of the command called `path`, such as `stylus scene check`.
 fn examples(path: &str) -> Vec<&'static str> {
     let is_of = |line: &&str| {
         let rest = line.strip_prefix(path);
@@ -15,7 +15,7 @@ fn examples(path: &str) -> Vec<&'static str> {
     EXAMPLES.lines().filter(is_of).collect()
 }
 
-/// Returns `command`, which is called `path`, with examples at the end of the help of each command in it.
+/// Returns `command`, which is called `path`, with examples at the end of the help of each of its subcommands.
 pub fn with_examples(command: Command, path: &str) -> Command {
     command.mut_subcommands(|inner| {
         let path = format!("{path} {}", inner.get_name());
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
     use crate::cli::Arguments;
 
-    /// Commands without commands in them, by their names, but for what only programs start.
+    /// Names of the commands without subcommands, except those that only programs start.
     fn leaves(command: &Command, path: &str) -> Vec<String> {
         let inner = command
             .get_subcommands()
@@ -79,7 +79,7 @@ mod tests {
         }
     }
 
-    /// The command at `path`, built.
+    /// Returns the command at `path`, with clap's build step done.
     fn command_at(path: &str) -> Command {
         let mut all = Arguments::command();
         all.build();
@@ -90,7 +90,7 @@ mod tests {
         found.clone()
     }
 
-    /// Options that a line of usage shows without brackets, neither its own nor those of a choice.
+    /// Returns the options that a line of usage shows as required, outside of brackets and choices.
     fn required(usage: &str) -> Vec<&str> {
         let mut depth = 0;
         let words = usage.split_whitespace().filter(|word| {
@@ -115,10 +115,10 @@ mod tests {
         }
     }
 
-    /// Options whose values are of several kinds. `play` takes the sensors for a motion, too; an upload knows which
-    /// slot it activates; `evaluate` has a report beside its JSON, and reads strokes where `record` makes them; a
-    /// listening test has a number of trials where `record` has a list; parts are results in a folder, or what textures
-    /// are made of; `import-hatt` counts speeds and forces.
+    /// Options whose values differ between commands on purpose. The motion of `play` may be the sensors. `upload` needs
+    /// no slot for `activate`. The JSON of `evaluate` is a file, because it has a report too. `record` makes strokes,
+    /// and `evaluate` reads them. Trials are a number in a listening test, and a list in `record`. Parts are results in
+    /// a folder, or components of textures. `import-hatt` counts speeds and forces.
     const OF_SEVERAL_KINDS: [&str; 8] = [
         "motion", "activate", "json", "strokes", "trials", "parts", "speeds", "forces",
     ];
@@ -136,7 +136,7 @@ mod tests {
                 let values = option.get_possible_values();
                 let choices: Vec<&str> = values.iter().map(PossibleValue::get_name).collect();
                 let of_value = format!("{:?}", option.get_value_parser().type_id());
-                // Numbers of any width are numbers.
+                // Numbers of all widths count as one kind.
                 let of_value = of_value.trim_end_matches(|c: char| c.is_ascii_digit());
                 let kind = format!("{} of {choices:?}", of_value.replace('u', "f"));
                 let (of, before) = known

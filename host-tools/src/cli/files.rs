@@ -1,5 +1,5 @@
-//! Files that commands write: the rule for what is there already, checked before the work, WAV files with their lines
-//! on standard output, and renderings at the stylus's pin.
+//! Files that commands write: the rule for existing files, which is checked before the work; WAV files, with their
+//! lines on standard output; and renderings at the stylus's pin.
 
 use std::any::TypeId;
 use std::ffi::OsStr;
@@ -30,9 +30,10 @@ pub struct Overwrite {
 }
 
 impl Overwrite {
-    /// Returns true if what is there is to be replaced.
+    /// Returns true if an existing output is to be replaced.
     pub fn is_asked(&self) -> bool {
-        // Not by clap, which takes a value of the environment as given beside options that exclude all others.
+        // The variable is not read by clap, because clap would count its value as a given option, in conflict with
+        // options that exclude all others.
         let of_environment = std::env::var_os("STYLUS_OVERWRITE");
         let is_no = |value: &OsStr| {
             ["", "0", "n", "no", "f", "false", "off"]
@@ -42,52 +43,52 @@ impl Overwrite {
         self.overwrite || of_environment.is_some_and(|value| !is_no(&value))
     }
 
-    /// Checks a file to write.
+    /// Checks a file that will be written.
     ///
     /// # Errors
-    /// As [`output::check_file`].
+    /// The errors of [`output::check_file`].
     pub fn file(&self, path: &Path) -> Result<()> {
         output::check_file(path, self.is_asked(), &inputs(path))
     }
 
-    /// Checks a file to write that may be the input `own`, which gets more content in its place.
+    /// Checks a file that will be written. It may be the input `own`, if that is extended in place.
     ///
     /// # Errors
-    /// As [`output::check_file`].
+    /// The errors of [`output::check_file`].
     pub fn file_in_place(&self, path: &Path, own: &Path) -> Result<()> {
         let mut others = inputs(path);
         others.retain(|input| input != own);
         output::check_file(path, self.is_asked(), &others)
     }
 
-    /// Checks a folder to write.
+    /// Checks a folder that will be written.
     ///
     /// # Errors
-    /// As [`output::check_folder`].
+    /// The errors of [`output::check_folder`].
     pub fn folder(&self, path: &Path) -> Result<()> {
         output::check_folder(path, self.is_asked(), &inputs(path))
     }
 }
 
-/// Checks a file in a folder that grows, where an earlier one is replaced unasked.
+/// Checks a file in a folder that grows. An earlier file is replaced without asking.
 ///
 /// # Errors
-/// As [`output::check_file`].
+/// The errors of [`output::check_file`].
 pub fn check_in_growing_folder(path: &Path) -> Result<()> {
     output::check_file(path, true, &inputs(path))
 }
 
-/// Arguments with the path of something that a command writes. Every other path is an input, so that the inputs of a
-/// new command are known without a word here.
+/// Names of the arguments with the path of an output. Every other path is an input, so that nothing needs to be added
+/// here for the inputs of a new command.
 const OUTPUTS: [&str; 5] = ["out", "json", "report", "record", "svg"];
 
-/// The folder of `trials`, which makes its list.
+/// The argument of `trials` that names the folder for which the list is written.
 const UNLISTED: &str = "folder";
 
-/// The inputs that are given to the command of this process.
+/// The inputs of this process's command.
 static INPUTS: OnceLock<Vec<Input>> = OnceLock::new();
 
-/// Keeps the inputs among the arguments of `command`, for the checks of its outputs.
+/// Stores the inputs among the arguments of `command`, for the checks of its outputs.
 pub fn remember_inputs(command: &Command, matches: &ArgMatches) {
     let (mut command, mut matches) = (command, matches);
     while let Some((name, inner)) = matches.subcommand() {
@@ -114,7 +115,7 @@ pub fn remember_inputs(command: &Command, matches: &ArgMatches) {
     let _ = INPUTS.set(all);
 }
 
-/// The inputs of the command that `output` must not be one of.
+/// Returns the files of the command's inputs, which `output` must not replace.
 fn inputs(output: &Path) -> Vec<PathBuf> {
     files_behind(INPUTS.get().map_or(&[], Vec::as_slice), output)
 }
@@ -146,15 +147,15 @@ impl RenderedFile {
     /// Checks that the file can be written.
     ///
     /// # Errors
-    /// As [`Overwrite::file`].
+    /// The errors of [`Overwrite::file`].
     pub fn check(&self) -> Result<()> {
         self.overwrite.file(&self.out)
     }
 
-    /// Renders `rendering` of `source` into the file, and prints what is in it.
+    /// Renders `rendering` of `source` into the file, and prints a description of the file.
     ///
     /// # Errors
-    /// Settings, a plant or a rendering that is refused, or a file that cannot be written.
+    /// Settings, a plant or a rendering are refused, or the file cannot be written.
     pub fn render(&self, mut rendering: Rendering<'_>, source: &str) -> Result<()> {
         if self.pin || self.plant.is_some() {
             return self.write_pin(&mut rendering, source);
@@ -167,7 +168,7 @@ impl RenderedFile {
         self.write(&mut rendering, source)
     }
 
-    /// Format of the file.
+    /// Returns the format of the file.
     fn format(&self) -> WavFormat {
         self.pcm16
             .map_or(WavFormat::Float32, |full_scale_m_s2| WavFormat::Pcm16 {
@@ -203,7 +204,8 @@ impl RenderedFile {
         Ok(())
     }
 
-    /// Renders the pin, or the tip behind it, and prints what is in the file and what the safety stages changed.
+    /// Renders the voltage at the pin, or the acceleration of the tip behind it. Prints a description of the file, and
+    /// what the safety stages changed.
     fn write_pin(&self, rendering: &mut Rendering<'_>, source: &str) -> Result<()> {
         let changes = self.settings.iter();
         let settings = settings(changes.map(|(name, value)| (name.as_str(), *value)))?;
@@ -245,7 +247,7 @@ impl RenderedFile {
 /// Reads a plant's file, or the preset of this name.
 ///
 /// # Errors
-/// There is neither, or a file that is no plant's.
+/// There is neither, or the file does not describe a plant.
 pub fn read_plant(source: &Path) -> Result<Parameters> {
     Parameters::read(source).map_err(|error| Error::Request(error.to_string()))
 }

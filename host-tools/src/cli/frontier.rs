@@ -61,9 +61,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&format!("\n{}", page.display()))
 }
 
-/// Fits, plays and compares.
+/// Fits the models, plays them and compares the results.
 fn compute(arguments: &Arguments) -> Result<Frontier> {
-    // Simulated recordings are needed only during the comparison.
+    // Simulated recordings are needed only during the comparison, so they go into a temporary folder.
     let scratch = std::env::temp_dir();
     let scratch = Temporary::folder_in(&scratch).map_err(Error::io("create", &scratch))?;
     let material = match (&arguments.data, &arguments.takes) {
@@ -99,7 +99,7 @@ fn order(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
-/// The answer, and the three choices that it names.
+/// Returns the answer, and the three choices that it names.
 fn summary(frontier: &Frontier) -> String {
     let origin = if frontier.simulated {
         " The recordings are SIMULATED."

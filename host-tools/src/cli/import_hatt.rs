@@ -74,7 +74,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// A row per texture: the grid, the worst error of a node, and errors at the models' own places and between them.
+/// Returns a table with a row per texture: the grid, the worst error of a node, and errors at the models' own places
+/// and between them.
 fn textures(converted: &[Converted]) -> String {
     let rows: Vec<Vec<String>> = converted
         .iter()

@@ -24,12 +24,12 @@ pub struct Recordings {
 }
 
 impl Recordings {
-    /// The paths as they are given.
+    /// Returns the paths as they were given.
     pub fn inputs(&self) -> &[PathBuf] {
         &self.inputs
     }
 
-    /// The values that their files may lack.
+    /// Returns the values to assume where the files lack them.
     pub fn assumed(&self) -> &Assumed {
         &self.assumed
     }
@@ -42,7 +42,7 @@ impl Recordings {
         RecordingSet::open_with(&self.inputs, &self.assumed)
     }
 
-    /// Opens other takes of the same trials, if given, with the same values for what they lack.
+    /// Opens other takes of the same trials, if given. The same values are assumed where their files lack them.
     ///
     /// # Errors
     /// See [`RecordingSet::open_with`].
@@ -53,28 +53,28 @@ impl Recordings {
     }
 }
 
-/// Tells which speed or force `set` has only because neither a list nor an option gives one.
+/// Prints a note on speeds or forces that `set` has only because neither a list nor an option specifies them.
 pub fn tell_nominal_motion(set: &RecordingSet, assumed: &Assumed) {
     let motion = assumed.nominal_motion().filter(|_| !set.is_listed);
     motion.iter().for_each(|text| note(text));
 }
 
-/// Parses the name of a texture to be listed.
+/// Parses the name of a texture for a list of trials.
 pub fn texture_name(text: &str) -> std::result::Result<String, String> {
     texture_fault(text).map_or_else(|| Ok(text.to_owned()), Err)
 }
 
-/// Parses the speed of a trial to be recorded, in mm/s.
+/// Parses the speed of a trial that will be recorded, in mm/s.
 pub fn trial_speed(text: &str) -> std::result::Result<f64, String> {
     not_negative(text).and_then(|_| speed(text))
 }
 
-/// Parses the force of a trial to be recorded, in N.
+/// Parses the force of a trial that will be recorded, in N.
 pub fn trial_force(text: &str) -> std::result::Result<f64, String> {
     not_negative(text).and_then(|_| force(text))
 }
 
-/// Warns of a motion along which a texture is never heard, or whose times are hardly those of a hand.
+/// Warns of a motion along which no texture is heard, or whose times are implausible for a hand.
 pub fn warn_of_motion(motion: &MotionPath) {
     if !motion.sounds() {
         warn(
@@ -87,10 +87,10 @@ pub fn warn_of_motion(motion: &MotionPath) {
     }
 }
 
-/// Share by which a motion may leave the grid before it is worth a word.
+/// Relative amount by which a motion may exceed the grid without a warning.
 const OFF_GRID: f64 = 0.05;
 
-/// Warns of a motion that exceeds the recorded speeds or forces of a texture, or never reaches them.
+/// Warns of a motion that exceeds the speeds or forces at which a texture was recorded, or never reaches them.
 pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
     let (speed, force) = motion.largest();
     let of_speed = (texture.lines().is_some())
@@ -132,16 +132,17 @@ pub struct ConstantMotion {
 }
 
 impl ConstantMotion {
-    /// The speed, mm/s, and the force, N, if they are given.
+    /// Returns the speed, mm/s, and the force, N, if they were given.
     fn given(&self) -> Option<(f32, f32)> {
         let given = self.speed.zip(self.force);
         given.map(|(speed, force)| (speed as f32, force as f32))
     }
 
-    /// The motion in the file `motion`, or the given constant one, or else that of the speed and force `own`.
+    /// Returns the motion in the file `motion`; else the constant motion that was given; else one with the speed and
+    /// force `own`.
     ///
     /// # Errors
-    /// A motion that cannot be read or used.
+    /// The motion cannot be read or used.
     pub fn or_in(
         &self,
         motion: Option<&Path>,
@@ -173,11 +174,11 @@ pub struct Along {
 }
 
 impl Along {
-    /// The motion and its duration, s, for something of this name. A scene of constant speed, mm/s, and force, N, needs
-    /// no other.
+    /// Returns the motion and its duration, s, for the texture or scene `name`. A scene with its own constant speed,
+    /// mm/s, and force, N, needs no given motion.
     ///
     /// # Errors
-    /// A motion that cannot be read or is not given, or a constant one without a duration.
+    /// The motion cannot be read or was not given, or a constant motion has no duration.
     pub fn motion(&self, name: &str, own: Option<(f32, f32)>) -> Result<(MotionPath, f64)> {
         let motion = self.constant.or_in(self.motion.as_deref(), own)?;
         let motion = motion.ok_or_else(|| {
@@ -211,10 +212,11 @@ pub struct TextureAlong {
 }
 
 impl TextureAlong {
-    /// Gives `render` the texture, the motion, its duration, s, and the seed, after the warnings about them.
+    /// Calls `render` with the texture, the motion, its duration, s, and the seed. Warnings about them are printed
+    /// before.
     ///
     /// # Errors
-    /// A library, texture or motion that cannot be used, and those of `render`.
+    /// The library, the texture or the motion cannot be used; or the error of `render`.
     pub fn with(
         &self,
         render: impl FnOnce(Texture<'_>, &MotionPath, f64, u64) -> Result<()>,

@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&format!("\n{}", scene_table(&scenes)))
 }
 
-/// Table of the lines that are tied to position, one per row; none if no texture has any.
+/// Returns a table of the lines that are tied to position, one per row; `None` if no texture has any.
 fn line_table(textures: &[TextureSummary]) -> Option<String> {
     let of_texture = |texture: &TextureSummary| -> Vec<_> {
         let wander = |line: &LineSummary, of: fn(Wander) -> f32| {
@@ -101,18 +101,18 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
-/// A level with three digits.
+/// Formats a level with three digits.
 fn rounded(level: f64) -> String {
     let decimals = (2.0 - level.max(0.01).log10().floor()).clamp(0.0, 3.0) as usize;
     fixed(level, decimals)
 }
 
-/// A number with four digits.
+/// Formats a number with four digits.
 fn figure(value: f32) -> String {
     significant(f64::from(value)).to_string()
 }
 
-/// Table with one line per texture.
+/// Returns a table with one row per texture.
 pub fn texture_table(textures: &[TextureSummary]) -> String {
     let range = |axis: &[f32]| match axis {
         [only] => figure(*only),
@@ -142,7 +142,7 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
     table(&header, &rows)
 }
 
-/// `values` with commas between, or the word for none.
+/// Returns `values` with commas between them, or "none" without values.
 fn joined(values: &[String]) -> String {
     if values.is_empty() {
         "none".to_owned()
@@ -151,7 +151,7 @@ fn joined(values: &[String]) -> String {
     }
 }
 
-/// Table of the laws of the level and of the bytes that each texture takes, with one line per texture.
+/// Returns a table with one row per texture: the laws of the level, and the bytes that the texture takes.
 fn storage_table(textures: &[TextureSummary]) -> String {
     let (header, rows) = headed(textures.iter().map(|texture| {
         let parts = texture.parts.iter();
@@ -176,7 +176,7 @@ fn storage_table(textures: &[TextureSummary]) -> String {
     table(&header, &rows)
 }
 
-/// Table of what excites the textures that have more than steady Gaussian noise; `None` if none has.
+/// Returns a table of the excitation of textures with codebooks or a level track; `None` if no texture has either.
 fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
     let row = |texture: &TextureSummary| {
         let each = |of: &dyn Fn(&CodebookSummary) -> String| {
@@ -218,7 +218,7 @@ fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
-/// Table with one line per scene.
+/// Returns a table with one row per scene.
 fn scene_table(scenes: &[SceneSummary]) -> String {
     let (header, rows) = headed(scenes.iter().map(|scene| {
         let motion = if scene.constant_motion {

@@ -1,4 +1,5 @@
-//! Ctrl-C and SIGTERM: no command leaves a temporary behind, and those that drive a stylus bring it in order first.
+//! Ctrl-C and SIGTERM. No command leaves a temporary file behind, and a command that drives a stylus first restores its
+//! state.
 
 use std::io;
 use std::path::Path;
@@ -6,10 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use host_tools::support::error::{Error, Result};
 
-/// True once a command listens: the first signal then only raises the flag.
+/// True once a command listens. The first signal then only raises the flag.
 static IS_HEARD: AtomicBool = AtomicBool::new(false);
 
-/// True once a signal came to a command that listens.
+/// True once a signal came while a command listened.
 static IS_RAISED: AtomicBool = AtomicBool::new(false);
 
 /// True once signals are handled.
@@ -19,11 +20,11 @@ static IS_HANDLED: AtomicBool = AtomicBool::new(false);
 /// Exit code after a second interrupt of a command that listens.
 const EXIT_INTERRUPTED: i32 = 2;
 
-/// Begins to handle signals, for the whole process.
+/// Starts the handling of signals, for the whole process.
 ///
-/// Without a command that listens, a signal removes the temporaries and ends the process as it would have without this.
-/// A file that grows beyond the limit of the process is a failure to write, and no signal. Where the system gives no
-/// thread or no handler, signals do what they do by themselves.
+/// If no command listens, a signal removes the temporary files and ends the process like without a handler. A file that
+/// grows beyond the limit of the process causes a write error instead of a signal. If the system refuses a thread or a
+/// handler, signals have their default effects.
 #[cfg(unix)]
 pub fn handle() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -32,7 +33,7 @@ pub fn handle() {
     let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGXFSZ]) else {
         return;
     };
-    // After nohup a terminal that closes is no reason to end.
+    // After nohup, a terminal that closes must not end the process.
     if !is_ignored(SIGHUP) {
         let _ = signals.add_signal(SIGHUP);
     }
@@ -49,13 +50,13 @@ pub fn handle() {
     IS_HANDLED.store(thread.spawn(listener).is_ok(), Ordering::SeqCst);
 }
 
-/// Begins to handle Ctrl-C, for the whole process. Other systems have the handler of the link's runtime alone, so that
-/// only commands that drive a stylus handle it.
+/// Does nothing. Other systems have only the handler of the link's runtime, so only commands that drive a stylus handle
+/// Ctrl-C.
 #[cfg(not(unix))]
 pub fn handle() {}
 
-/// Handles a signal. If a command listens, the first signal only raises the flag. Any other signal removes the
-/// temporaries and ends the process, by `end` if no command listens.
+/// Handles a signal. If a command listens, the first signal only raises the flag. Every other signal removes the
+/// temporary files and ends the process; if no command listens, `end` does so.
 fn receive(end: impl FnOnce()) {
     let is_heard = IS_HEARD.load(Ordering::SeqCst);
     if is_heard && !IS_RAISED.swap(true, Ordering::SeqCst) {
@@ -69,7 +70,7 @@ fn receive(end: impl FnOnce()) {
     std::process::exit(EXIT_INTERRUPTED);
 }
 
-/// Returns true if the process was started with this signal ignored, as far as the system tells.
+/// Returns true if the process was started with this signal ignored, as far as the system reports it.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else {
@@ -80,15 +81,15 @@ fn is_ignored(signal: i32) -> bool {
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Proof that a command listens to interrupts.
+/// Proof that a command listens for interrupts.
 #[derive(Clone, Copy)]
 pub struct Interrupt(());
 
 impl Interrupt {
-    /// Listens from now on. The first signal only raises a flag; the second one ends the process.
+    /// Starts to listen. The first signal only raises a flag; the second one ends the process.
     ///
     /// # Errors
-    /// A system that refuses a thread or a signal handler.
+    /// The system refuses a thread or a signal handler.
     pub fn listen() -> Result<Self> {
         IS_HEARD.store(true, Ordering::SeqCst);
         #[cfg(unix)]
@@ -108,7 +109,7 @@ impl Interrupt {
     }
 }
 
-/// Listens for Ctrl-C by the link's runtime, where no other handler is.
+/// Listens for Ctrl-C through the link's runtime, on systems without another handler.
 #[cfg(not(unix))]
 fn listen_by_the_runtime() -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()

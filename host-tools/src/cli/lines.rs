@@ -1,14 +1,14 @@
-//! Lines of a terminal, in which texts are wrapped.
+//! Wrapping of texts to the lines of a terminal.
 
-/// Characters of a line of a terminal that texts and tables keep to.
+/// Largest width of texts and tables, characters.
 pub const LINE_CHARS: usize = 80;
 
-/// `text` in lines of at most [`LINE_CHARS`] characters, broken at spaces.
+/// Breaks `text` at spaces into lines of at most [`LINE_CHARS`] characters.
 pub fn folded_text(text: &str) -> String {
     wrapped(text, LINE_CHARS, "")
 }
 
-/// `text` in lines of at most so many characters, broken at spaces; those after a break begin with `indent`.
+/// Breaks `text` at spaces into lines of at most `width` characters. Lines after a break begin with `indent`.
 pub fn wrapped(text: &str, width: usize, indent: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     for paragraph in text.lines() {

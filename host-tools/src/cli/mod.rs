@@ -1,9 +1,9 @@
 //! The `stylus` command: one module per command.
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
-//! the link belong to the library, where other programs can use them. Of the shared modules, `input`
-//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends, `examples` shows how; they import no
-//! command.
+//! the link belong to the library, where other programs can use them. The shared modules import no command: `input`
+//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends the process, and `examples` holds the
+//! examples of the help.
 
 mod compare;
 mod demo;
@@ -39,7 +39,7 @@ use examples::{with_examples, with_short_outputs};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{progress, temporaries};
 
-/// Exit code of a failure that the user can mend: a file, a value or a request that cannot be used.
+/// Exit code of a failure that the user can correct: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;
 
 /// Exit code of a command whose reader closed the output before the end.
@@ -128,7 +128,7 @@ pub fn run() -> ExitCode {
     temporaries::wait_for_an_interrupt();
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        // The reader of the output has closed it, as `head` does after its last line, and wants no more words.
+        // The reader has closed the output, like `head` after its last line, and expects no message.
         Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
             ExitCode::from(EXIT_CLOSED)
         }
@@ -160,7 +160,8 @@ fn run_command(command: Command) -> Result<()> {
     }
 }
 
-/// `answer`, with a word on where an option belongs that stands before the command that has it.
+/// Returns `answer`. If it is about an option before the command to which the option belongs, a hint on its place is
+/// added.
 fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> clap::Error {
     let Some(ContextValue::String(option)) = answer.get(ContextKind::InvalidArg) else {
         return answer;
@@ -189,7 +190,7 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
     answer
 }
 
-/// Prints the help, the version, or the fault of a command line that names no command to run.
+/// Prints the help, the version, or the error in a command line that names no command to run.
 fn answer_without_a_command(answer: &clap::Error) -> ExitCode {
     match output::answer(answer) {
         Ok(()) if answer.use_stderr() => ExitCode::from(EXIT_UNUSABLE),

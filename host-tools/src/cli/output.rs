@@ -1,7 +1,8 @@
-//! Text and JSON on standard output, and notes beside them on standard error.
+//! Text and JSON on standard output, and notes about them on standard error.
 //!
-//! All that a command says goes through here, because two things must hold of all of it: what a file, a device or an
-//! argument brought into a text is shown and not obeyed by the terminal, and a closed or full output is no panic.
+//! All output of a command goes through this module, because two rules must hold for all of it. Control characters that
+//! came into a text from a file, a device or an argument are shown, so the terminal does not obey them. A closed or
+//! full output does not cause a panic.
 
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
@@ -16,10 +17,10 @@ use host_tools::support::warning::{Warning, by_kind};
 
 use super::lines::{LINE_CHARS, wrapped};
 
-/// True if the user has asked for everything there is to say.
+/// True if the user has requested complete output (`--full`).
 static IS_FULL: AtomicBool = AtomicBool::new(false);
 
-/// Makes all that this process says complete from now on: every warning by itself, and every table.
+/// Makes all later output of this process complete: every single warning, and every table.
 pub fn be_full() {
     IS_FULL.store(true, Ordering::Relaxed);
 }
@@ -32,7 +33,7 @@ pub fn is_full() -> bool {
 /// Prints to standard output.
 ///
 /// # Errors
-/// An output that does not take all of it.
+/// The output does not accept the whole text.
 pub fn print(text: &str) -> Result<()> {
     print_to(&mut io::stdout().lock(), &visible(text))
 }
@@ -40,7 +41,7 @@ pub fn print(text: &str) -> Result<()> {
 /// Prints a value as JSON.
 ///
 /// # Errors
-/// As [`print()`].
+/// The errors of [`print()`].
 pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&to_json(value))
 }
@@ -51,34 +52,34 @@ pub fn to_json(value: &impl serde::Serialize) -> String {
     visible_json(&text).into_owned()
 }
 
-/// Prints bytes of this program's own making to standard output as they are, such as a script for a shell.
+/// Prints bytes that this program itself has made, such as a script for a shell, to standard output without changes.
 ///
 /// # Errors
-/// As [`print()`].
+/// The errors of [`print()`].
 pub fn print_exactly(bytes: &[u8]) -> Result<()> {
     let mut output = io::stdout().lock();
     (output.write_all(bytes).and_then(|()| output.flush()))
         .map_err(Error::io("write to", Path::new("standard output")))
 }
 
-/// Says something beside the results, on standard error, unless `--quiet` leaves that out. Where standard error is
-/// closed or full nobody reads it, and the command goes on: its exit code does not depend on notes.
+/// Prints a note about the results on standard error, unless `--quiet` suppresses notes. A closed or full standard
+/// error is ignored, because the exit code of a command does not depend on notes.
 pub fn note(text: &str) {
     if !progress::is_hidden() {
         tell(text);
     }
 }
 
-/// Tells the person at the keyboard what must be known, such as a question or what to do now; as [`note`], also with
-/// `--quiet`.
+/// Prints what the user must know, such as a question or an instruction, on standard error. Like [`note`], but also
+/// with `--quiet`.
 pub fn tell(text: &str) {
     let _ = print_to(&mut io::stderr().lock(), &visible(text));
 }
 
-/// Fewest columns of a terminal that lines are wrapped at.
+/// Smallest width at which lines are wrapped, columns of the terminal.
 const LEAST_COLUMNS: u16 = 40;
 
-/// Warns of something on standard error, wrapped at the terminal's width; see [`tell`].
+/// Prints a warning on standard error, wrapped at the terminal's width; see [`tell`].
 pub fn warn(text: &str) {
     let size = Term::stderr().size_checked();
     let width = size.map_or(LINE_CHARS, |(_, columns)| columns.max(LEAST_COLUMNS).into());
@@ -87,7 +88,7 @@ pub fn warn(text: &str) {
     let _ = print_to(&mut io::stderr().lock(), &(yellow("warning:") + rest));
 }
 
-/// Warns of recordings and textures: in a line per kind, or with `--full` of each by itself.
+/// Prints warnings of recordings and textures: one line per kind, or with `--full` each warning by itself.
 pub fn warn_of(warnings: &[Warning]) {
     let lines = if is_full() {
         warnings.iter().map(Warning::to_string).collect()
@@ -97,16 +98,16 @@ pub fn warn_of(warnings: &[Warning]) {
     lines.iter().for_each(|line| warn(line));
 }
 
-/// Says why the command failed, in one line on standard error; see [`tell`].
+/// Prints the reason why the command failed, in one line on standard error; see [`tell`].
 pub fn failed(failure: &Error) {
     let line = format!("{} {}", red("stylus:"), message(&failure.to_string()));
     let _ = print_to(&mut io::stderr().lock(), &line);
 }
 
-/// Prints a text that clap has made: the help on standard output, or the fault of a command line on standard error.
+/// Prints a text that clap has composed: help on standard output, or an error in the command line on standard error.
 ///
 /// # Errors
-/// As [`print()`], for help.
+/// The errors of [`print()`], for help.
 pub fn answer(answer: &clap::Error) -> Result<()> {
     let styled = answer.render();
     let plain = styled.to_string();
@@ -121,14 +122,14 @@ pub fn answer(answer: &clap::Error) -> Result<()> {
         }
         return Ok(());
     }
-    // No value of a user's is in the help, so that its marks are those of this program.
+    // Help contains no text from the user, so all its control characters are this program's.
     if takes_colours(&io::stdout()) {
         return print_exactly(format!("{}\n", styled.ansi().to_string().trim_end()).as_bytes());
     }
     print(plain)
 }
 
-/// Writes `text` with a line feed, all of it or an error.
+/// Writes `text` and a line feed, completely or with an error.
 fn print_to(output: &mut impl Write, text: &str) -> Result<()> {
     output
         .write_all(text.as_bytes())
@@ -137,19 +138,19 @@ fn print_to(output: &mut impl Write, text: &str) -> Result<()> {
         .map_err(Error::io("write to", Path::new("standard output")))
 }
 
-/// Returns true if a stream takes colours.
+/// Returns true if a stream shows colours.
 fn takes_colours(stream: &impl IsTerminal) -> bool {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
     stream.is_terminal() && !is_dumb && !is_set("NO_COLOR")
 }
 
-/// `word`, at the beginning of an error, as standard error takes it.
+/// Returns `word`, the beginning of an error, coloured if standard error shows colours.
 fn red(word: &str) -> String {
     styled(word, AnsiColor::Red)
 }
 
-/// `word`, at the beginning of a warning, as standard error takes it.
+/// Returns `word`, the beginning of a warning, coloured if standard error shows colours.
 fn yellow(word: &str) -> String {
     styled(word, AnsiColor::Yellow)
 }
@@ -167,7 +168,7 @@ mod tests {
     use super::*;
     use test_helpers::holds;
 
-    /// An output with room for so many bytes.
+    /// An output that accepts only this number of bytes.
     struct Full(usize);
 
     impl Write for Full {

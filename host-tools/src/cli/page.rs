@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&summary(out, &write(&inputs, out)?))
 }
 
-/// Fits a library to strokes with the defaults of `stylus fit`; its bytes and its record.
+/// Fits a library to strokes with the defaults of `stylus fit`. Returns its bytes and its record.
 fn fitted_to_strokes(arguments: &Arguments) -> Result<(Vec<u8>, Option<FitRecord>)> {
     let options = fit::Options {
         conditioning: arguments.conditioning,
@@ -123,7 +123,8 @@ fn fitted_to_strokes(arguments: &Arguments) -> Result<(Vec<u8>, Option<FitRecord
     Ok((bytes, Some(record)))
 }
 
-/// Returns an error if options are of recordings where there are none, or of a library where it is fitted.
+/// Returns an error if options for recordings are given without recordings, or options for a library although one is
+/// fitted.
 fn check(arguments: &Arguments, is_recordings: bool) -> Result<()> {
     if is_recordings && arguments.recordings.is_some() {
         return Err(Error::Request(format!(
@@ -139,7 +140,8 @@ fn check(arguments: &Arguments, is_recordings: bool) -> Result<()> {
     Ok(())
 }
 
-/// A plant with its name: that of a file by itself, and a preset with its hand.
+/// Reads a plant. Its name is that of its file without extension, or that of the preset with its hand, such as
+/// `haptuator/light`.
 fn named_plant(path: &Path) -> Result<(String, Plant)> {
     let plant = Plant::new(&read_plant(path)?, 0);
     let name = path
@@ -149,13 +151,13 @@ fn named_plant(path: &Path) -> Result<(String, Plant)> {
     Ok((name.to_string_lossy().into_owned(), plant))
 }
 
-/// Returns whether `path` is recordings: a folder, a list or a file of samples. Anything else is read as a library,
-/// which says what it is if it is none.
+/// Returns true if `path` holds recordings: a folder, a list or a file of samples. Anything else is read as a library;
+/// if it is not one, the error says so.
 fn is_recordings(path: &Path) -> bool {
     path.is_dir() || Kind::of(path).is_some()
 }
 
-/// Fits a library to `set` with the defaults of `stylus fit`; its bytes and its record.
+/// Fits a library to `set` with the defaults of `stylus fit`. Returns its bytes and its record.
 fn fitted(set: &RecordingSet, arguments: &Arguments) -> Result<(Vec<u8>, Option<FitRecord>)> {
     let options = fit::Options {
         conditioning: arguments.conditioning,
@@ -171,7 +173,7 @@ fn fitted(set: &RecordingSet, arguments: &Arguments) -> Result<(Vec<u8>, Option<
 /// Writes the page with a progress bar.
 ///
 /// # Errors
-/// As [`rub_page::write`].
+/// The errors of [`rub_page::write`].
 pub fn write(inputs: &Inputs<'_>, path: &Path) -> Result<Written> {
     let bar = progress::bar(inputs.library.len() as u64, "page");
     let written = rub_page::write(inputs, path, || bar.inc(1))?;
@@ -179,10 +181,10 @@ pub fn write(inputs: &Inputs<'_>, path: &Path) -> Result<Written> {
     Ok(written)
 }
 
-/// Digests that are printed.
+/// Number of digests that are printed.
 const SHOWN_DIGESTS: usize = 4;
 
-/// The page in words, and digests of the first textures, to be compared with what a browser says.
+/// Describes the page in words, with digests of the first textures to compare with those that a browser shows.
 pub fn summary(path: &Path, written: &Written) -> String {
     let origin = if written.simulated {
         ", of SIMULATED recordings"

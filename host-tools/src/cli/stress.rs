@@ -76,13 +76,13 @@ fn summary(outcomes: &[Outcome]) -> String {
     )
 }
 
-/// The case, with a star if its lines are narrow.
+/// Returns the case's name, with a star if its lines are narrow.
 fn name(outcome: &Outcome) -> String {
     let narrow = if outcome.is_narrow() { " *" } else { "" };
     format!("{}{narrow}", outcome.case)
 }
 
-/// All that is broken in a case, one below the other; `None` if it breaks nothing.
+/// Lists everything that a case breaks, in one wrapped paragraph; `None` if it breaks nothing.
 fn broken(outcome: &Outcome) -> Option<String> {
     let broken = outcome.broken();
     let head = format!("{}:", name(outcome));
@@ -156,7 +156,7 @@ mod tests {
         for line in said.lines() {
             assert!(line.chars().count() <= LINE_CHARS, "{line}");
         }
-        // One table, with a line per outcome, and a paragraph per outcome.
+        // There is one table, with a line per outcome, and a paragraph per outcome.
         let in_words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let lines: Vec<String> = said.lines().map(in_words).collect();
         let tables = lines.iter().filter(|line| line.starts_with("---"));

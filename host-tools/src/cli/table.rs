@@ -1,6 +1,6 @@
-//! Plain text tables, by one rule for all: a table that is wider than a line wraps its headings; then it leaves out
-//! columns that have one value, and says it below; then it wraps its cells; at last it leaves out its last columns, by
-//! name. None becomes several tables.
+//! Plain text tables. One rule decides how a table is made narrow enough for a line. First it wraps the headings. Then
+//! it drops columns that have a single value, and states that value below. Then it wraps the cells. Finally it drops
+//! its last columns, and names them below. No table is divided into several.
 
 use host_tools::evaluation::table::Table;
 use host_tools::support::visible::visible_line;
@@ -11,20 +11,20 @@ use super::output::is_full;
 /// Characters between two columns.
 const GAP: usize = 2;
 
-/// Characters of a word that is not broken, such as a texture's name.
+/// Longest word that is never broken, characters. It is long enough for most textures' names.
 const WORD_CHARS: usize = 24;
 
-/// Cells of nothing.
+/// Texts of cells that count as empty.
 const NOTHING: [&str; 5] = ["", "0", "-", "–", "none"];
 
-/// `rows` under `header`, columns aligned: text to the left, numbers to the right. Lines have at most [`LINE_CHARS`]
-/// characters, unless `--full` asks for every column. A row that ends early is empty from there on. Without a header
-/// there is nothing.
+/// Formats `rows` under `header`. Columns are aligned: text to the left, numbers to the right. Lines have at most
+/// [`LINE_CHARS`] characters, unless `--full` requires every column. Cells that a row lacks at its end are empty.
+/// Without a header the text is empty.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     fitted(header, rows, is_full())
 }
 
-/// [`table`], with every column if it `is_full`.
+/// Formats like [`table`], with every column if `is_full`.
 fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
     let mut columns: Vec<Column> = (header.iter().enumerate())
         .map(|(index, heading)| Column::new(heading, rows.iter().map(|row| row.get(index))))
@@ -72,11 +72,11 @@ fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
     lines.join("\n") + &notes.into_iter().flatten().collect::<String>()
 }
 
-/// A column as it is laid out.
+/// A column in its layout.
 struct Column {
     heading: String,
     cells: Vec<String>,
-    /// Width of the column's lines, characters.
+    /// Width of the column, characters.
     width: usize,
 }
 
@@ -94,33 +94,33 @@ impl Column {
         column
     }
 
-    /// All texts of the column, the heading first.
+    /// Returns all texts of the column, the heading first.
     fn texts(&self) -> impl Iterator<Item = &str> {
         let cells = self.cells.iter().map(String::as_str);
         std::iter::once(self.heading.as_str()).chain(cells)
     }
 
-    /// Makes the column so wide that nothing is wrapped.
+    /// Makes the column so wide that none of its texts is wrapped.
     fn widen(&mut self) {
         let widths = self.texts().map(|text| text.chars().count());
         self.width = widths.max().unwrap_or(0);
     }
 
-    /// Makes the column as wide as its cells and its heading's longest word.
+    /// Makes the column as wide as its widest cell or its heading's longest word.
     fn wrap_heading(&mut self) {
         let cells = self.cells.iter().map(|cell| cell.chars().count());
         let words = self.heading.split(' ').map(|word| word.chars().count());
         self.width = cells.chain(words).max().unwrap_or(0);
     }
 
-    /// Least width of the column, characters: that of its longest word.
+    /// Returns the smallest width of the column, characters: that of its longest word.
     fn least(&self) -> usize {
         let words = self.texts().flat_map(|text| text.split(' '));
         let widest = words.map(|word| word.chars().count()).max();
         widest.unwrap_or(0).min(WORD_CHARS)
     }
 
-    /// Returns whether all rows have the same; of one row, whether it has nothing.
+    /// Returns true if all rows have the same value; for a single row, if its value is empty.
     fn has_one_value(&self) -> bool {
         let is_nothing = |cell: &String| NOTHING.contains(&cell.as_str());
         let is_same = self.cells.windows(2).all(|pair| pair[0] == pair[1]);
@@ -144,13 +144,13 @@ impl Column {
     }
 }
 
-/// Width of a line of `columns`, characters.
+/// Returns the width of a line of `columns`, characters.
 fn width(columns: &[Column]) -> usize {
     let widths: usize = columns.iter().map(|column| column.width).sum();
     widths + GAP * columns.len().saturating_sub(1)
 }
 
-/// Narrows the widest columns, as far as their words allow, until a line holds all.
+/// Narrows the widest columns, as far as their words allow, until all columns fit a line.
 fn narrow(columns: &mut [Column]) {
     let mut least: Vec<usize> = columns.iter().map(Column::least).collect();
     while width(columns) > LINE_CHARS {
@@ -161,14 +161,14 @@ fn narrow(columns: &mut [Column]) {
         };
         widest.width -= 1;
     }
-    // What is wrapped at words may need less.
+    // After wrapping at words, a column may need less width.
     for column in columns {
         let lines = column.texts().flat_map(|text| broken(text, column.width));
         column.width = lines.map(|line| line.chars().count()).max().unwrap_or(0);
     }
 }
 
-/// `text` in lines of at most `width` characters: at spaces, and in words that are longer.
+/// Breaks `text` into lines of at most `width` characters: at spaces, and within words that are longer.
 fn broken(text: &str, width: usize) -> Vec<String> {
     let wrapped = wrapped(text, width, "");
     let lines = wrapped.lines().flat_map(|line| {
@@ -179,7 +179,7 @@ fn broken(text: &str, width: usize) -> Vec<String> {
     lines.collect()
 }
 
-/// The lines of a row whose cells have these; a header's stand at the bottom.
+/// Returns the lines of a row, given the lines of its cells. The texts of a header are aligned at the bottom.
 fn lines_of(cells: &[Vec<String>], columns: &[Column], is_header: bool) -> Vec<String> {
     let height = cells.iter().map(Vec::len).max().unwrap_or(0).max(1);
     let line = |index: usize| {
@@ -197,7 +197,7 @@ fn lines_of(cells: &[Vec<String>], columns: &[Column], is_header: bool) -> Vec<S
     (0..height).map(line).collect()
 }
 
-/// The header and the rows of a table, of rows whose cells stand beside their headings; nothing of no rows.
+/// Converts rows of pairs, heading and cell, to a header and rows for [`table`]; both are empty without rows.
 pub fn headed<const N: usize>(
     rows: impl IntoIterator<Item = [(&'static str, String); N]>,
 ) -> (Vec<&'static str>, Vec<Vec<String>>) {
@@ -210,7 +210,7 @@ pub fn headed<const N: usize>(
     (header, rows)
 }
 
-/// A table of results under its title.
+/// Formats a table of results under its title.
 pub fn shown(results: &Table) -> String {
     let headings: Vec<&str> = results.headings.iter().map(String::as_str).collect();
     format!("{}\n{}", results.title, table(&headings, &results.rows))
@@ -260,7 +260,7 @@ mod tests {
                 .count(),
             7
         );
-        // One row has a value of its own, and a table that is narrow enough has every column.
+        // A single row has no columns to drop, and a table that is narrow enough keeps every column.
         assert!(super::table(&header, &rows[..1]).contains("from"));
         let narrow = super::table(
             &header[..2],

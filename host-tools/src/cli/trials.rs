@@ -17,7 +17,7 @@ use super::input::texture_name;
 use super::table::table;
 use crate::cli::output::{print, warn};
 
-/// Number of values, and of files that do not match, that are shown.
+/// Number of values, and of files that do not match, that are listed.
 const SHOWN: usize = 8;
 
 #[derive(clap::Args)]
@@ -106,7 +106,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Fills in what the name of `file` does not tell; gives its texture, speed and force.
+/// Fills in the values that the name of `file` lacks. Returns its texture, speed and force.
 fn completed(file: &mut Named, arguments: &Arguments) -> Result<(String, f64, f64)> {
     let missing = |what: &str| {
         Error::Request(format!(
@@ -145,7 +145,7 @@ fn warn_of_others(others: &[String]) {
     }
 }
 
-/// A row per texture: its trials, speeds, forces and takes.
+/// Returns a table with a row per texture: its trials, speeds, forces and takes.
 fn understood(named: &[Named]) -> String {
     let textures: BTreeSet<&str> = named
         .iter()

@@ -1,7 +1,6 @@
-//! Attacks that go on as long as asked: fuzzers, model checks, tests by random cases, and hostile
-//! libraries.
+//! Attacks that run as long as requested: fuzzers, model checks, tests by random cases, and hostile libraries.
 //!
-//! Each round has a seed, from which all of it follows, so that a failure is seen again by its seed alone.
+//! Each round has a seed that determines everything in it, so that the seed suffices to reproduce a failure.
 
 use std::hash::{BuildHasher, RandomState};
 use std::process::Command;
@@ -11,26 +10,27 @@ use anyhow::{Context, Result};
 
 use crate::{process, workspace};
 
-/// Cases of a round of model checks: forty times those of `tests/run`.
+/// Factor on the number of cases of a model check. `tests/run` divides the number by ten instead, so a round has forty
+/// times as many cases.
 const FACTOR: &str = "4";
 
-/// Cases of a property, four times proptest's default, and cases that it may reject.
+/// Number of cases per property, four times proptest's default, and number of cases that may be rejected.
 const PROPERTY_CASES: &str = "1024";
 const PROPERTY_REJECTS: &str = "4096";
 
-/// Hostile libraries of a round that are drawn.
+/// Number of random hostile libraries per round.
 const HOSTILE_LIBRARIES: &str = "1000";
 
 /// Runs of each fuzzer per round.
 const FUZZ_RUNS: u64 = 1_000_000;
 
-/// Longest round of a fuzzer whose seed was given, s.
+/// Longest round of a fuzzer whose seed is given, s.
 const FUZZ_LIMIT_S: u64 = 24 * 3600;
 
-/// The target that is no test: the fuzzers of `tests/fuzz`.
+/// The only target that is not a test: the fuzzers of `tests/fuzz`.
 const FUZZ: &str = "fuzz";
 
-/// Targets with the arguments of `cargo test`; [`FUZZ`] has none.
+/// Targets with the arguments for `cargo test`. [`FUZZ`] has none.
 const TARGETS: [(&str, &str); 8] = [
     (FUZZ, ""),
     ("boots", "-p stylus-app --test app -- boots::"),
@@ -64,10 +64,10 @@ pub struct Arguments {
     seed: Option<u64>,
 }
 
-/// A number with its unit: s, m or h.
+/// Parses a number with its unit: s, m or h.
 ///
 /// # Errors
-/// Anything else.
+/// The text has another form.
 pub fn duration(text: &str) -> std::result::Result<Duration, String> {
     let units = [('s', 1), ('m', 60), ('h', 3600)];
     let mut parsed = units.iter().filter_map(|&(unit, seconds)| {
@@ -78,12 +78,12 @@ pub fn duration(text: &str) -> std::result::Result<Duration, String> {
     parsed.next().ok_or_else(wrong)
 }
 
-/// One round, which ends within `limit` if the target can.
+/// Returns the command for one round. It ends within `limit` if the target supports that.
 fn round(name: &str, tests: &str, seed: u64, limit: Option<Duration>) -> Command {
     if name == FUZZ {
         let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
         let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
-        // libFuzzer takes a seed of 32 bits, and 0 for none.
+        // libFuzzer accepts seeds of 32 bits, and treats 0 as no seed.
         let seed = (seed as u32).max(1);
         smoke.args([FUZZ_RUNS, seconds, seed.into()].map(|number| number.to_string()));
         return smoke;
@@ -101,7 +101,7 @@ fn round(name: &str, tests: &str, seed: u64, limit: Option<Duration>) -> Command
     test
 }
 
-/// Attacks the targets in turn until the time is over, or once with the given seed.
+/// Attacks the targets in turn until the time has elapsed, or each once with the given seed.
 ///
 /// # Errors
 /// The first failure, with its seed.
@@ -146,7 +146,7 @@ mod tests {
         }
     }
 
-    /// A module that is not there would be no test at all, and so find nothing.
+    /// A missing module would match no test, and so would find nothing.
     #[test]
     fn the_modules_of_each_target_are_there() {
         for (_, tests) in TARGETS

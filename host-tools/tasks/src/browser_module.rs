@@ -1,8 +1,8 @@
-//! The kernel as a WebAssembly module: built from `host-tools/browser`, kept in the repository for the pages of
-//! `stylus page`, and compared with its sources.
+//! The kernel as a WebAssembly module: built from `host-tools/browser`, kept in the repository for the pages of `stylus
+//! page`, and compared with its sources.
 //!
-//! Another compiler gives other bytes. The kept module's samples are then what counts: those of the module that the
-//! other compiler builds are compared with the kernel's own on this computer, as the kept one's are.
+//! Another compiler builds other bytes. Then the samples are compared instead: both the module that the other compiler
+//! builds and the kept module must play the same samples as the kernel on this computer.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,19 +13,19 @@ use crate::process::Progress;
 use crate::workspace::Folders;
 use crate::{process, toolchain, workspace};
 
-/// The target of pages.
+/// The compilation target of modules for pages.
 pub const TARGET: &str = "wasm32-unknown-unknown";
 
 /// The profile in the workspace's manifest.
 const PROFILE: &str = "browser";
 
-/// The kept module, from the workspace's folder.
+/// Path of the kept module, relative to the workspace's folder.
 pub const KEPT: &str = "host-tools/report/src/rub_page/kernel.wasm";
 
-/// The name and version of its compiler.
+/// Path of the file with the name and version of the compiler that built the kept module.
 const KEPT_COMPILER: &str = "host-tools/report/src/rub_page/kernel.txt";
 
-/// The variable that names the module that the package's tests play.
+/// The environment variable that names the module that the package's tests play.
 pub const MODULE_VARIABLE: &str = "STYLUS_BROWSER_MODULE";
 
 /// A module that was built.
@@ -35,7 +35,7 @@ struct Built {
     compiler: String,
 }
 
-/// Builds the module and keeps it; says so.
+/// Builds the module and keeps it. Returns a message on the result.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, or a file cannot be written.
@@ -51,7 +51,7 @@ pub fn write() -> Result<String> {
     Ok(format!("{KEPT}: {} bytes by {compiler}", bytes.len()))
 }
 
-/// Builds the module and compares it with the kept one; says how.
+/// Builds the module and compares it with the kept one. Returns a message on the result.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, or the modules differ.
@@ -73,7 +73,7 @@ pub fn check() -> Result<String> {
     ))
 }
 
-/// True where the bytes are the same, false where another compiler has made others.
+/// Returns true if the bytes are the same, and false if another compiler built other bytes.
 fn is_same(kept: &[u8], compiler: &str, built: &Built) -> Result<bool> {
     if kept != built.bytes && compiler == built.compiler {
         let pairs = kept.iter().zip(&built.bytes);
@@ -88,7 +88,7 @@ fn is_same(kept: &[u8], compiler: &str, built: &Built) -> Result<bool> {
     Ok(kept == built.bytes)
 }
 
-/// Runs the tests that play hard cases by the module in `file` and by the kernel on this computer.
+/// Runs the tests that play hard cases, both with the module in `file` and with the kernel on this computer.
 fn play(file: &Path) -> Result<()> {
     let mut cargo = Command::new("cargo");
     toolchain::without_inherited(&mut cargo);
@@ -125,7 +125,7 @@ fn build() -> Result<Built> {
         .env("CARGO_HOME", &folders.cargo_home)
         .env("CARGO_TARGET_DIR", &folders.target)
         .env("CARGO_ENCODED_RUSTFLAGS", folders.compiler_flags(&[]))
-        // It would split the code into other pieces.
+        // Incremental compilation would divide the code differently.
         .env("CARGO_INCREMENTAL", "0");
     process::run(&mut cargo)?;
     let file = folders

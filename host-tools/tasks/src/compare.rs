@@ -1,4 +1,5 @@
-//! The report of the image that plays the vectors, and its comparison with the host's words and with the budgets.
+//! The report of the image that plays the vectors, and its comparison with the host's words and with the budgets of
+//! instructions.
 
 use anyhow::{Context, Result, bail, ensure};
 use kernel_vectors::report::{self as keyword, ARITHMETICS};
@@ -9,13 +10,13 @@ use crate::guest::{self, Processor};
 use crate::qemu;
 use crate::toolchain::Toolchain;
 
-/// The fewest calls that make a count of instructions.
+/// Smallest number of calls for a valid count of instructions.
 const MIN_CALLS: u32 = 200;
 
-/// Words and measurements that the image gives on an emulated processor.
+/// Words and measurements that the image prints on an emulated processor.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct EmulatorReport {
-    /// The lines of what was played, in order.
+    /// The lines on played words, in order.
     pub played: Vec<String>,
     /// The costs of samples.
     pub samples: Vec<Cost>,
@@ -28,19 +29,19 @@ pub struct EmulatorReport {
 pub struct Cost {
     /// The texture's name.
     pub texture: String,
-    /// The cheapest call's instructions.
+    /// Instructions of the cheapest call.
     pub fewest: u32,
-    /// The dearest call's instructions.
+    /// Instructions of the most expensive call.
     pub most: u32,
     /// The number of counted calls.
     pub calls: u32,
 }
 
 impl EmulatorReport {
-    /// Reads a whole report. A line that is no cost is one of what was played.
+    /// Reads a whole report. Lines that are not costs belong to the played words.
     ///
     /// # Errors
-    /// The last line is missing or not the last, or a cost is none.
+    /// The last line is missing or not the last, or a cost is malformed.
     pub fn parse(text: &str) -> Result<Self> {
         let mut report = Self::default();
         let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
@@ -79,14 +80,14 @@ fn cost(line: &str) -> Option<Cost> {
 /// Builds the image for `processor`, runs it, and reads its report.
 ///
 /// # Errors
-/// The toolchain or QEMU is missing, the build or the image fails, or the image prints something else.
+/// The toolchain or QEMU is missing, the build or the image fails, or the image's output is not a report.
 pub fn play(processor: Processor) -> Result<EmulatorReport> {
     let toolchain = Toolchain::find()?;
     let image = guest::build(&toolchain, processor)?;
     EmulatorReport::parse(&qemu::run(processor, &image, None)?)
 }
 
-/// The lines of `words`, as the image prints them.
+/// Returns `words` as lines, in the form that the image prints.
 pub fn lines(words: &[u32]) -> impl Iterator<Item = String> {
     words.chunks(keyword::WORDS_PER_LINE).map(|words| {
         let words: Vec<String> = words.iter().map(|word| format!("{word:08x}")).collect();
@@ -94,11 +95,11 @@ pub fn lines(words: &[u32]) -> impl Iterator<Item = String> {
     })
 }
 
-/// The lines that the image must print of what it played, by the host's own kernel.
+/// Returns the lines on played words that the image must print, computed with the host's own kernel.
 pub fn on_host() -> Vec<String> {
     let library = library();
     let mut played = Vec::new();
-    // The host has one arithmetic, and the target's instructions must give the same bits.
+    // The host has only the portable arithmetic. The target's instructions must compute the same bits.
     for arithmetic in ARITHMETICS {
         for vector in &VECTORS {
             let mut words = Vec::new();
@@ -121,10 +122,10 @@ pub fn on_host() -> Vec<String> {
     played
 }
 
-/// Checks that `processor` played the host's words, bit for bit, and all of them.
+/// Checks that `processor` played all of the host's words, bit for bit.
 ///
 /// # Errors
-/// The first difference, with the texture that it is of.
+/// The first difference, with the texture in which it occurs.
 pub fn same_bits(processor: Processor, played: &[String], host: &[String]) -> Result<()> {
     let longest = played.len().max(host.len());
     let Some(first) = (0..longest).find(|&at| played.get(at) != host.get(at)) else {
@@ -145,7 +146,7 @@ pub fn same_bits(processor: Processor, played: &[String], host: &[String]) -> Re
 /// stay within their budgets.
 ///
 /// # Errors
-/// The first texture that does not, or that was not measured often enough.
+/// The first texture that violates one of these conditions, or that was not measured often enough.
 pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
     for measured in &MEASURED {
         let texture = measured.texture;

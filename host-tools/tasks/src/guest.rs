@@ -8,7 +8,7 @@ use crate::toolchain::Toolchain;
 use crate::workspace::TARGET;
 use crate::{process, workspace};
 
-/// A processor that the kernel is built for. QEMU has each on one of Arm's boards.
+/// A processor for which the kernel is built. QEMU emulates each on one of Arm's boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Processor {
     /// The processor of a small stylus.
@@ -18,10 +18,10 @@ pub enum Processor {
 }
 
 impl Processor {
-    /// All of them.
+    /// All processors.
     pub const ALL: [Self; 2] = [Self::CortexM4, Self::CortexM7];
 
-    /// The compiler's name of it.
+    /// Returns the compiler's name of the processor.
     pub const fn name(self) -> &'static str {
         match self {
             Self::CortexM4 => "cortex-m4",
@@ -29,7 +29,7 @@ impl Processor {
         }
     }
 
-    /// QEMU's name of the board.
+    /// Returns QEMU's name of the board.
     pub const fn machine(self) -> &'static str {
         match self {
             Self::CortexM4 => "mps2-an386",
@@ -38,12 +38,12 @@ impl Processor {
     }
 }
 
-/// The folder of the guest's workspace.
+/// Returns the folder of the guest's workspace.
 pub fn folder() -> PathBuf {
     workspace::root().join("tests/qemu/guest")
 }
 
-/// Flags for the compiler: the processor, cortex-m-rt's linker script, and segments without padding to pages.
+/// Returns flags for the compiler: the processor, cortex-m-rt's linker script, and segments without padding to pages.
 pub fn compiler_flags(processor: Processor) -> String {
     let name = processor.name();
     format!("-C target-cpu={name} -C link-arg=-Tlink.x -C link-arg=--nmagic")

@@ -1,5 +1,5 @@
-//! The image's tests on a real board, or on the virtual stylus: the package `hil` in `tests/hil`, with what it needs of
-//! images, probe and emulator.
+//! The image's tests on a real board, or on the virtual stylus: runs the package `hil` in `tests/hil` with the images,
+//! the probe or the emulator that it needs.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -10,10 +10,10 @@ use crate::firmware::{self, Image};
 use crate::toolchain::Toolchain;
 use crate::{process, virtual_stylus, workspace};
 
-/// Length of upload, stream and play together on the virtual stylus, minutes of its own time.
+/// Length of simultaneous upload, stream and playback on the virtual stylus, minutes of its own time.
 const VIRTUAL_MINUTES: f64 = 0.02;
 
-/// Length of upload, stream and play together on a board, minutes.
+/// Length of simultaneous upload, stream and playback on a board, minutes.
 const BOARD_MINUTES: f64 = 10.0;
 
 /// Options of `cargo tasks hil`.
@@ -52,9 +52,10 @@ pub struct Arguments {
 /// Runs the suite.
 ///
 /// # Errors
-/// A build fails, probe-rs is missing where it is needed, or a test fails.
+/// A build fails, probe-rs is needed and missing, or a test fails.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // An example has the features of all tests, by which the library of the host's tools is built already.
+    // Building an example selects the same features as the tests, with which the library of the host's tools is already
+    // built.
     let mut build = Command::new("cargo");
     build.args([
         "build",
@@ -101,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     suite.args(arguments.yes.then_some("--yes"));
-    // Nothing is connected to the virtual stylus.
+    // No amplifier is connected to the virtual stylus.
     let no_amplifier = arguments.no_amplifier || arguments.virtual_stylus;
     suite.args(no_amplifier.then_some("--no-amplifier"));
     process::run(&mut suite)

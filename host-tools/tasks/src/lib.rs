@@ -1,6 +1,6 @@
-//! Tasks around the microcontroller's core that take more than one cargo call: finding a toolchain that has the target,
-//! building for it, and running the images on emulated processors; and the check of the repository's layout
-//! ([`house`]).
+//! Tasks around the microcontroller's core that need more than one call of cargo: finding a toolchain that has the
+//! target, building for it, and running the images on emulated processors. The check of the repository's layout is here
+//! too ([`house`]).
 //!
 //! The tests in `tests/qemu` use this library; the command `cargo tasks` is a thin layer over it.
 

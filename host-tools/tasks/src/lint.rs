@@ -1,4 +1,4 @@
-//! Clippy for all code that is built for the target.
+//! Runs Clippy on all code that is built for the target.
 
 use anyhow::Result;
 
@@ -18,10 +18,11 @@ const PACKAGES: [&str; 7] = [
     "kernel-vectors",
 ];
 
-/// Arguments of Clippy, and of the compiler, for its warnings. Each is a failure with the compiler that `rust-version`
-/// names. Another may know lints that nobody here has met, and only warns, so that its release breaks nobody's day.
+/// Returns arguments by which Clippy and the compiler treat warnings. With the compiler that `rust-version` names, each
+/// warning is a failure. Another compiler may have lints that nobody here has seen, so it only warns, and a new release
+/// of Rust breaks no build.
 ///
-/// `compiler` is its name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
+/// `compiler` is the compiler's name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
 pub fn severity(compiler: &str) -> &'static [&'static str] {
     let version = compiler.strip_prefix("rustc ").unwrap_or(compiler);
     let own = version
@@ -30,20 +31,20 @@ pub fn severity(compiler: &str) -> &'static [&'static str] {
     if own { &["--deny", "warnings"] } else { &[] }
 }
 
-/// Lints everything that runs on the target; every warning is a failure where [`severity`] says so.
+/// Lints everything that runs on the target. A warning is a failure if [`severity`] says so.
 ///
 /// # Errors
-/// There is no toolchain, or there is a warning that is a failure.
+/// There is no toolchain, or a warning is a failure.
 pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     const PROCESSOR: Processor = Processor::CortexM7;
     check_clippy(toolchain)?;
     let compiler = toolchain.compiler_version()?;
-    // The folder and profile of the image's build, so that its build scripts and macros are built once.
+    // The folder and profile are those of the image's build, so that build scripts and macros are built only once.
     let target_folder = workspace::target_folder(firmware::FOLDER);
     let mut packages = toolchain.cargo("clippy", workspace::root(), &target_folder);
     packages.args(["--profile", firmware::PROFILE]);
     packages.args(PACKAGES.iter().flat_map(|package| ["--package", package]));
-    // The image, with the faults that only its tests have, and what a debugger asks for.
+    // The image, with the faults that only its tests use, and with the debugger's variant.
     let mut image = toolchain.cargo("clippy", workspace::root(), &target_folder);
     image.args([
         "--profile",

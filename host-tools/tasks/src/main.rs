@@ -1,4 +1,4 @@
-//! `cargo tasks`: builds for the microcontroller's core, and runs on emulated ones.
+//! `cargo tasks`: builds for the microcontroller's core, and runs on emulated processors.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -150,12 +150,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// The image that was asked for, or the product's.
+/// Returns `image` if it was requested, else the product's.
 fn either(is_asked: bool, image: Image) -> Image {
     if is_asked { image } else { Image::Product }
 }
 
-/// Shows every needed program, and fails if one is missing.
+/// Lists every needed program, and fails if one is missing.
 fn setup() -> Result<()> {
     let toolchain = Toolchain::find();
     let lints = toolchain.as_ref().ok().map_or(Ok(()), check_clippy);
@@ -181,8 +181,8 @@ fn setup() -> Result<()> {
     }
 }
 
-/// Builds the image, showing progress because a first build takes minutes, and prints each memory's use and the file's
-/// path.
+/// Builds the image, and prints each memory's use and the file's path. Progress is shown, because a first build takes
+/// minutes.
 fn build_firmware(image: Image) -> Result<PathBuf> {
     let file = firmware::build_saying(&Toolchain::find()?, image, Progress::Shown)?;
     print!("{}", firmware::memory(&file)?);
@@ -190,7 +190,7 @@ fn build_firmware(image: Image) -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Shows every departure from the drawn layout, a line each, or what was checked.
+/// Prints one line per departure from the rules of the layout, and how much was checked.
 fn check_house() -> Result<()> {
     let outcome = house::check(workspace::root())?;
     for (path, line, problem) in &outcome.findings {

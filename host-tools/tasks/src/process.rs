@@ -5,23 +5,24 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-/// Amount that a build says while it goes on.
+/// Amount of output that a build shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Nothing but its warnings and errors.
+    /// Only its warnings and errors.
     Quiet,
     /// Each package as it is built.
     Shown,
 }
 
 impl Progress {
-    /// Cargo's argument for this amount, if it needs one.
+    /// Returns cargo's argument for this amount, if it needs one.
     pub fn argument(self) -> Option<&'static str> {
         (self == Self::Quiet).then_some("--quiet")
     }
 }
 
-/// Runs `command` to its end. Returns the exit code for this program: the command's, or 1 if a signal ended it.
+/// Runs `command` to its end. Returns the exit code that this program has to return: that of `command`, or 1 if a
+/// signal ended it.
 ///
 /// # Errors
 /// The program cannot be started.
@@ -32,7 +33,7 @@ pub fn become_like(command: &mut Command) -> Result<u8> {
     Ok(code.unwrap_or(1))
 }
 
-/// Runs `command` to its end; it prints to the screen.
+/// Runs `command` to its end. Its output goes to the screen.
 ///
 /// # Errors
 /// The program cannot be started, or ends with a failure.
@@ -45,10 +46,10 @@ pub fn run(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Runs `command` to its end, and returns what it prints, without blanks around it.
+/// Runs `command` to its end, and returns its output without blanks around it.
 ///
 /// # Errors
-/// The program cannot be started, or ends with a failure, whose message is given.
+/// The program cannot be started, or fails. The error contains its message.
 pub fn output(command: &mut Command) -> Result<String> {
     let output = command.output();
     let output = output.with_context(|| format!("cannot run {}", name(command)))?;
@@ -68,12 +69,12 @@ fn whole(command: &Command) -> String {
     words.join(" ")
 }
 
-/// The program of `command`, as the caller gave it.
+/// Returns the program of `command`, as the caller gave it.
 pub fn name(command: &Command) -> String {
     command.get_program().to_string_lossy().into_owned()
 }
 
-/// The version that `program` prints after the word "version".
+/// Returns the version that `program` prints after the word "version".
 ///
 /// # Errors
 /// The program cannot be run, or prints no version.
@@ -88,7 +89,7 @@ pub fn version(program: &PathBuf) -> Result<String> {
         .with_context(|| format!("{} tells no version", program.display()))
 }
 
-/// The file of `program` on the search path.
+/// Returns the file of `program` on the search path.
 ///
 /// # Errors
 /// The program is not installed; `remedy` says how to install it.
@@ -100,10 +101,10 @@ pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
         .with_context(|| format!("{program} is not installed; install it: {remedy}"))
 }
 
-/// Returns `file`, which a build has left.
+/// Returns `file`, which a build must have written.
 ///
 /// # Errors
-/// The file is not there.
+/// The file does not exist.
 pub fn built(file: PathBuf) -> Result<PathBuf> {
     if !file.is_file() {
         bail!(

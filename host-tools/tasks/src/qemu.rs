@@ -16,13 +16,13 @@ use crate::{process, workspace};
 
 const QEMU: &str = "qemu-system-arm";
 
-/// The longest run. The image takes a second or two, and a machine that is a hundred times slower is out of order.
+/// Longest run. The image needs a second or two; if it takes a hundred times as long, something is broken.
 const TIME_LIMIT: Duration = Duration::from_mins(3);
 
-/// The lines of output that a message quotes.
+/// Number of lines of output that a message quotes.
 const TAIL_LINES: usize = 20;
 
-/// The emulator's file: that on the search path, or the one that `tests/run` has unpacked.
+/// Returns the emulator's file: the one on the search path, or the one that `tests/run` unpacked.
 ///
 /// # Errors
 /// QEMU is missing.
@@ -41,7 +41,7 @@ pub fn find() -> Result<PathBuf> {
     })
 }
 
-/// QEMU's version as it prints it: numbers with points.
+/// Returns QEMU's version in the form that QEMU prints: numbers with points.
 ///
 /// # Errors
 /// QEMU is missing or prints no version.
@@ -49,7 +49,7 @@ pub fn version() -> Result<String> {
     process::version(&find()?)
 }
 
-/// Runs `image` to its end, with `job` in its memory if there is one, and returns its output.
+/// Runs `image` to its end, with `job` in its memory if given, and returns its output.
 ///
 /// Virtual time advances by 256 ns per instruction, whatever the host does, so that the image's counts repeat exactly.
 ///
@@ -60,7 +60,7 @@ pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<
     let mut child = command(processor, image, job.as_ref())?
         .args(["-icount", "shift=8"])
         .spawn()?;
-    // Both are read while it runs, because a full pipe would stop it.
+    // Both are read during the run, because a full pipe would block the emulator.
     let output = read_to_end(child.stdout.take());
     let errors = read_to_end(child.stderr.take());
     let status = child.wait_timeout(TIME_LIMIT)?;
@@ -85,7 +85,7 @@ pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<
     }
 }
 
-/// The emulator with `image`. It prints nothing but the image's output.
+/// Returns the command of the emulator with `image`. It prints only the image's output.
 fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Result<Command> {
     let mut command = Command::new(find()?);
     command
@@ -98,7 +98,7 @@ fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Result<
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
     if let Some(JobFile(file)) = job {
-        // QEMU reads a doubled comma as one within a value.
+        // Within a value, QEMU reads two commas as one.
         let path = file.path().to_string_lossy().replace(',', ",,");
         command.args([
             "-device",
@@ -108,7 +108,7 @@ fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Result<
     Ok(command)
 }
 
-/// A job in a file for the emulator. The file is removed with this value.
+/// A job in a file for the emulator. The file is removed when this value is dropped.
 struct JobFile(tempfile::NamedTempFile);
 
 impl JobFile {
@@ -126,19 +126,19 @@ impl JobFile {
     }
 }
 
-/// Reads all of `stream` in a thread of its own.
+/// Reads all of `stream` in a separate thread.
 fn read_to_end(stream: Option<impl Read + Send + 'static>) -> thread::JoinHandle<String> {
     thread::spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut stream) = stream {
-            // After an error, the text so far is all there is to show.
+            // After an error, only the text so far can be shown.
             let _ = stream.read_to_end(&mut bytes);
         }
         String::from_utf8_lossy(&bytes).into_owned()
     })
 }
 
-/// The last lines without those of played words, which tell a reader nothing.
+/// Returns the last lines, without the lines of played words, which do not help a reader.
 fn tail(text: &str) -> String {
     let told = |line: &&str| !line.starts_with(WORDS);
     let lines: Vec<_> = text.lines().filter(told).collect();

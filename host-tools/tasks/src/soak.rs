@@ -1,5 +1,5 @@
-//! Hours of the device's time on the virtual stylus: random use by two hosts, with mishaps. The test is
-//! `tests/virtual-stylus/tests/image/soak`.
+//! Long simulated use on the virtual stylus: two hosts act at random for hours of the device's time, with random
+//! faults. The test is `tests/virtual-stylus/tests/image/soak`.
 
 use std::hash::{BuildHasher, RandomState};
 use std::time::Duration;
@@ -20,10 +20,10 @@ pub struct Arguments {
     seed: Option<u64>,
 }
 
-/// Builds the images and uses them as long as asked.
+/// Builds the images and runs the test as long as requested.
 ///
 /// # Errors
-/// A build fails, or an invariant does not hold; the seed is in the message.
+/// A build fails, or an invariant does not hold. The message contains the seed.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let toolchain = Toolchain::find()?;
     let seed = arguments

@@ -1,8 +1,8 @@
 //! A Rust toolchain that builds for the microcontroller's core.
 //!
 //! On most machines it is rustup's, with the target that `rust-toolchain.toml` names. Where rustup cannot install the
-//! target, Debian's own toolchain serves: installed, or unpacked by `tests/run` into the folder of builds. It has no
-//! such target either, and builds `core` from the library's source.
+//! target, Debian's own toolchain is used. It is either installed, or unpacked by `tests/run` into the folder of
+//! builds. It lacks the target too, and builds `core` from the library's source.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -13,11 +13,12 @@ use anyhow::{Result, bail};
 use crate::workspace::TARGET;
 use crate::{process, workspace};
 
-/// Debian 12's packages that build for [`TARGET`].
+/// Packages of Debian 12 that build for [`TARGET`].
 const DEBIAN_PACKAGES: &str =
     "rustc-web cargo-web rust-web-src rust-web-llvm rust-web-clippy lld-22";
 
-/// The folder of the programs of Debian's toolchain: the unpacked one's, or that of an installed one.
+/// Returns the folder with the programs of Debian's toolchain: the unpacked one if there is one, else the installed
+/// one.
 fn debian_folder() -> PathBuf {
     let unpacked = workspace::tools_folder().join("debian-rust/programs");
     if unpacked.is_dir() {
@@ -30,17 +31,17 @@ fn debian_folder() -> PathBuf {
 /// A toolchain that builds for [`TARGET`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Toolchain {
-    /// The toolchain in use, which has the target.
+    /// The toolchain in use, if it has the target.
     Installed {
         /// Folder of the toolchain.
         sysroot: PathBuf,
     },
-    /// Debian's toolchain, which builds `core` itself.
+    /// Debian's toolchain, which builds `core` from source.
     Debian,
 }
 
 impl Toolchain {
-    /// The first toolchain found that builds for the target.
+    /// Returns the first toolchain found that builds for the target.
     ///
     /// # Errors
     /// No such toolchain is installed.
@@ -68,7 +69,7 @@ impl Toolchain {
         }
     }
 
-    /// The compiler's own name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
+    /// Returns the compiler's own name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
     ///
     /// # Errors
     /// The compiler cannot be run.
@@ -79,7 +80,7 @@ impl Toolchain {
         }
     }
 
-    /// The version of the compiler, without its name.
+    /// Returns the version of the compiler, without its name.
     ///
     /// # Errors
     /// The compiler cannot be run.
@@ -91,7 +92,8 @@ impl Toolchain {
             .to_owned())
     }
 
-    /// `cargo <subcommand> --locked --target <the target>`, run in `folder`, with outputs in `target_folder`.
+    /// Returns the command `cargo <subcommand> --locked --target <the target>`, run in `folder`, with outputs in
+    /// `target_folder`.
     pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
         let mut command = match self {
             Self::Installed { .. } => Command::new("cargo"),
@@ -128,7 +130,7 @@ impl std::fmt::Display for Toolchain {
     }
 }
 
-/// The name and version of the compiler in use.
+/// Returns the name and version of the compiler in use.
 ///
 /// # Errors
 /// The compiler cannot be run.
@@ -138,11 +140,11 @@ pub fn version_in_use() -> Result<String> {
 
 fn version_of(rustc: &Path) -> Result<String> {
     let mut rustc = Command::new(rustc);
-    // The folder decides which `rust-toolchain.toml` counts.
+    // The folder decides which `rust-toolchain.toml` applies.
     process::output(rustc.arg("--version").current_dir(workspace::root()))
 }
 
-/// Returns whether the toolchain in use has the library of `target`.
+/// Returns true if the toolchain in use has the library of `target`.
 pub fn has_target(target: &str) -> bool {
     let library = |sysroot: PathBuf| sysroot.join("lib/rustlib").join(target).join("lib");
     sysroot(Path::new("rustc")).is_some_and(|sysroot| library(sysroot).is_dir())
@@ -156,10 +158,10 @@ fn sysroot(rustc: &Path) -> Option<PathBuf> {
     process::output(&mut rustc).ok().map(PathBuf::from)
 }
 
-/// The linker that comes with the toolchain in use, for any system's files.
+/// Returns the linker that comes with the toolchain in use. It links files for any system.
 ///
 /// # Errors
-/// The toolchain has none.
+/// The toolchain has no such linker.
 pub fn rust_lld() -> Result<PathBuf> {
     let mut asked = Command::new("rustc");
     let folder = process::output(asked.args(["--print", "target-libdir"]))?;
@@ -167,7 +169,7 @@ pub fn rust_lld() -> Result<PathBuf> {
 }
 
 /// Removes from `command` the variables that cargo sets for the programs that it runs, such as this task or a test.
-/// They would change the other build.
+/// They would change the build that `command` starts.
 pub(crate) fn without_inherited(command: &mut Command) {
     for inherited in [
         "CARGO_BUILD_TARGET",
@@ -181,7 +183,7 @@ pub(crate) fn without_inherited(command: &mut Command) {
     }
 }
 
-/// The search path with Debian's programs before all others.
+/// Returns the search path with Debian's programs before all others.
 fn debian_first() -> OsString {
     let mut path = debian_folder().into_os_string();
     if let Some(rest) = std::env::var_os("PATH") {

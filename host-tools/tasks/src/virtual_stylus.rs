@@ -1,7 +1,7 @@
-//! The virtual stylus: `tests/virtual-stylus`, a workspace of its own.
+//! The virtual stylus: `tests/virtual-stylus`, a separate workspace.
 //!
-//! The emulator declares a newer compiler than the product's, and yet builds and runs with the product's. Cargo needs
-//! `--ignore-rust-version` for that.
+//! The emulator's manifest requires a newer compiler than the product's, but the emulator builds and runs with the
+//! product's. Cargo needs `--ignore-rust-version` for that.
 
 use std::ffi::OsString;
 use std::panic::resume_unwind;
@@ -17,15 +17,15 @@ use crate::toolchain::{self, Toolchain};
 use crate::workspace::TARGET;
 use crate::{lint, process, tables, workspace};
 
-/// Duration of the first build of image and emulator, as the README has it.
+/// Duration of the first build of image and emulator, as stated in the README.
 const FIRST_BUILD: &str = "four minutes";
 
 fn folder() -> PathBuf {
     workspace::root().join("tests/virtual-stylus")
 }
 
-/// Cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so that
-/// common dependencies are built once.
+/// Returns cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so
+/// that common dependencies are built once.
 fn cargo(subcommand: &str, progress: Progress) -> Command {
     let mut cargo = Command::new("cargo");
     cargo.current_dir(folder());
@@ -35,8 +35,9 @@ fn cargo(subcommand: &str, progress: Progress) -> Command {
     cargo
 }
 
-/// Runs the product's image by hand, with the virtual stylus's own `arguments`, and returns its exit code. Image and
-/// emulator are built side by side, because the end of either build keeps one core busy. The longer one is shown.
+/// Runs the product's image for interactive use, with the virtual stylus's own `arguments`, and returns its exit code.
+/// Image and emulator are built at the same time, because the end of either build keeps only one core busy. The
+/// progress of the longer build, the emulator's, is shown.
 ///
 /// # Errors
 /// A build fails, or the run cannot be started.
@@ -56,11 +57,11 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<u8> {
     process::become_like(run.arg("--image").arg(image).args(arguments))
 }
 
-/// Builds the images and runs all tests on the virtual stylus, with `long` the long ones too. `arguments` go to the
-/// tests. Then compares the page's table of memory with the image.
+/// Builds the images and runs all tests on the virtual stylus, including the long ones if `long`. The tests receive
+/// `arguments`. Then compares the page's table of memory with the image.
 ///
 /// # Errors
-/// A build or a test fails, or the page's table is not of this image.
+/// A build or a test fails, or the page's table does not describe this image.
 pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let memory = firmware::memory(&product)?;
@@ -86,8 +87,8 @@ pub fn build(progress: Progress) -> Result<PathBuf> {
     built(cargo("build", progress).args(["--bin", "virtual-stylus"]))
 }
 
-/// As [`build`], but with the features that its tests give to common dependencies, so that after a run of the tests
-/// nothing is built again.
+/// Builds like [`build`], but with the features that the tests enable in common dependencies, so that after a run of
+/// the tests nothing is built again.
 ///
 /// # Errors
 /// The build fails.
@@ -100,7 +101,7 @@ fn built(cargo: &mut Command) -> Result<PathBuf> {
     process::built(workspace::host_target_folder().join("debug/virtual-stylus"))
 }
 
-/// Runs the tests that count ticks so that they write the page's table.
+/// Runs the tests that count ticks, such that they write the page's table.
 ///
 /// # Errors
 /// A build or a test fails.
@@ -111,7 +112,7 @@ pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     process::run(test.args(["--test", "image", "--", "ticks::"]))
 }
 
-/// Runs the test of endurance alone, with these variables.
+/// Runs only the test of endurance, with these environment variables.
 ///
 /// # Errors
 /// A build or the test fails.
@@ -129,7 +130,7 @@ pub fn soak(toolchain: &Toolchain, variables: [(&str, u64); 2]) -> Result<()> {
     ]))
 }
 
-/// The command that tests the virtual stylus with the product's image in the file `product`.
+/// Returns the command that tests the virtual stylus with the product's image in the file `product`.
 fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test", Progress::Quiet);
     test.env("STYLUS_IMAGE", product);
@@ -142,7 +143,7 @@ fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     Ok(test)
 }
 
-/// Lints the virtual stylus; every warning is a failure where [`lint::severity`] says so.
+/// Lints the virtual stylus. A warning is a failure if [`lint::severity`] says so.
 ///
 /// # Errors
 /// There is a warning, or the build fails.
@@ -152,7 +153,7 @@ pub fn lint() -> Result<()> {
     process::run(clippy.args(["--all-targets", "--"]).args(severity))
 }
 
-/// Builds the image that compares the models with the manual, and returns it.
+/// Builds the image that compares the models of the hardware with the manual, and returns its file.
 fn build_probe(toolchain: &Toolchain) -> Result<PathBuf> {
     let target_folder = workspace::target_folder("probe-image");
     let mut cargo = toolchain.cargo("build", &folder().join("probe-image"), &target_folder);

@@ -3,35 +3,35 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
-/// Cortex-M4 and M7 with a floating-point unit.
+/// The target for a Cortex-M4 or M7 with a floating-point unit.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// The folder of the workspace's `Cargo.toml`.
 pub fn root() -> &'static Path {
-    // This package lies two folders below it.
+    // This package is two folders below that folder.
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));
     package.ancestors().nth(2).unwrap_or(package)
 }
 
-/// The folder of the host's builds.
+/// Returns the folder of the host's builds.
 pub fn host_target_folder() -> PathBuf {
     let host =
         env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
     root().join(host)
 }
 
-/// The folder of the tools that `tests/run` has unpacked or installed for itself.
+/// Returns the folder of the tools that `tests/run` has unpacked or installed for itself.
 pub fn tools_folder() -> PathBuf {
     host_target_folder().join("tools")
 }
 
-/// The folder for the outputs of a build of `name`. It lies inside the host's and is never the same, because cargo
-/// locks its folder, and because other flags would make it build everything again.
+/// Returns the folder for the outputs of the build `name`. It is inside the host's folder, but never the same, because
+/// cargo locks the folder it uses, and because other flags would make cargo rebuild everything in it.
 pub fn target_folder(name: &str) -> PathBuf {
     host_target_folder().join("tasks").join(name)
 }
 
-/// The folders that an image or a module is built from and in.
+/// The folders that take part in the build of an image or a module.
 pub struct Folders {
     /// Folder of the workspace.
     pub sources: PathBuf,
@@ -42,7 +42,7 @@ pub struct Folders {
 }
 
 impl Folders {
-    /// This workspace, Cargo's home, and the output folder of the build `target`.
+    /// Returns the folders of this workspace: its sources, Cargo's home, and the output folder of the build `target`.
     pub fn here(target: &str) -> Self {
         let home = || env::home_dir().unwrap_or_default().join(".cargo");
         Self {
@@ -52,7 +52,7 @@ impl Folders {
         }
     }
 
-    /// The first of the folders that `output` names, if any.
+    /// Returns the first of the folders whose name occurs in `output`, if any.
     pub fn named_in(&self, output: &[u8]) -> Option<String> {
         let folders = [&self.sources, &self.cargo_home, &self.target].into_iter();
         let mut names = folders.map(|folder| folder.display().to_string());
@@ -63,11 +63,12 @@ impl Folders {
         })
     }
 
-    /// Flags for the compiler, separated as `CARGO_ENCODED_RUSTFLAGS` wants them, `flags` first.
+    /// Returns flags for the compiler, `flags` first, in the form that `CARGO_ENCODED_RUSTFLAGS` requires.
     ///
-    /// Folders of the building machine are renamed, because their names are in messages of panics: the output would
-    /// hold them, and its size would depend on them. Where a folder is reached by a link, the compiler is told some
-    /// files by the link's name and sees others by the folder's own. Of several names that match, it takes the last.
+    /// Folders of the building machine are renamed, because messages of panics contain their names. Otherwise the
+    /// output would contain them, and its size would depend on them. If a folder is reached through a symbolic link,
+    /// the compiler sees some files under the link's name and others under the folder's own, so both are renamed. If
+    /// several names match, the compiler uses the last.
     pub fn compiler_flags(&self, flags: &[&str]) -> String {
         let mut flags: Vec<String> = flags.iter().map(ToString::to_string).collect();
         for (folder, name) in [

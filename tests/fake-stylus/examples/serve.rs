@@ -1,7 +1,9 @@
-//! A fake stylus behind a TCP port for tests in another language: prints its link, and ends when standard input does.
+//! A fake stylus behind a TCP port, for tests in another language. It prints its link, and ends when standard input
+//! ends.
 //!
-//! With `--plant FILE` (or the name of a preset) a plant is at its output; `--plant-seed N` makes another specimen of
-//! it, and `--log FILE` keeps volts at the pin and m/s² at the tip, pairs of f32 at 40 kHz.
+//! With `--plant FILE` (or the name of a preset) a plant is at its output. `--plant-seed N` makes another specimen of
+//! the plant, and `--log FILE` keeps the voltage at the pin, V, and the acceleration at the tip, m/s², as pairs of
+//! `f32` at 40 kHz.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -15,7 +17,7 @@ use stylus_plant::Parameters;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let stylus = start()?;
-    // In motion and contact, so that what is played by the sensors is heard.
+    // The hand moves in contact, so that a texture played by the sensors is heard.
     stylus.set_hand(Hand::moving(120.0, 1.0));
     let mut output = std::io::stdout();
     writeln!(output, "{}", stylus.link())?;

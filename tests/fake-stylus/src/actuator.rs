@@ -1,4 +1,4 @@
-//! A plant at the output's pin in the place of an actuator, and the device's own kernel to drive it.
+//! A simulated actuator (plant) at the output's pin, and the device's own kernel, which drives it.
 
 use std::io::Write;
 
@@ -13,18 +13,18 @@ use stylus_plant::{Parameters, Plant};
 
 /// A plant at the pin.
 pub struct Actuator {
-    /// Parameters of the plant, which the stylus's owner knows.
+    /// Parameters of the plant, as its owner knows them.
     pub parameters: Parameters,
     /// The plant.
     pub plant: Plant,
     log: Option<Box<dyn Write + Send>>,
-    /// Codes of the last tick. They are put out from 12.5 µs after the next tick on, see `stylus_app::ring`.
+    /// Codes of the last tick. The output changes to them 12.5 µs after the next tick; see `stylus_app::ring`.
     waiting: [DacCode; OVERSAMPLING],
 }
 
 impl Actuator {
-    /// A plant at rest. For each code, `log` takes the volts at its pin and the m/s² at its tip, each an f32 in little
-    /// endian.
+    /// Creates a plant at rest. For each code, `log` receives two `f32` in little endian: the voltage at the pin, V,
+    /// and the acceleration at the tip, m/s².
     pub fn new(parameters: Parameters, seed: u64, log: Option<Box<dyn Write + Send>>) -> Self {
         Self {
             plant: Plant::new(&parameters, seed),
@@ -34,7 +34,7 @@ impl Actuator {
         }
     }
 
-    /// Codes of the accelerometer's axes now.
+    /// Returns the present codes of the accelerometer's axes.
     pub fn acceleration(&self) -> [AdcCode; 3] {
         self.plant.accelerometer_volts().map(|volts| {
             let code = 32_768.0 + volts / f64::from(AdcCode::STEP.0);
@@ -42,7 +42,7 @@ impl Actuator {
         })
     }
 
-    /// Puts out the codes of the tick before, and keeps `codes` for the next.
+    /// Puts out the codes of the previous tick, and keeps `codes` for the next one.
     /// Panics if the log cannot be written.
     pub fn put_out(&mut self, codes: [DacCode; OVERSAMPLING], enabled: bool) {
         for code in std::mem::replace(&mut self.waiting, codes) {
@@ -60,11 +60,11 @@ impl Actuator {
     }
 }
 
-/// The kernel, as update and tick of the image run it.
+/// The kernel, run like the image's update and tick run it.
 pub struct Performance {
     player: ScenePlayer<'static>,
     follower: Follower,
-    /// The interaction that the last update decided. The next block plays it.
+    /// The interaction that the last update decided, which the next block plays.
     decided: Interaction,
 }
 
@@ -78,13 +78,13 @@ impl Performance {
         }
     }
 
-    /// Goes over to another plan.
+    /// Switches to another plan.
     pub fn switch(&mut self, (plan, follower): (Plan<'static>, Follower)) {
         self.player.switch(plan);
         self.follower = follower;
     }
 
-    /// Begins the block that was decided during the last one, and decides the next one by the `chosen` motion.
+    /// Begins the block that was decided during the last one, and decides the next one from the `chosen` motion.
     pub fn begin_block(
         &mut self,
         chosen: Timed,
@@ -105,14 +105,14 @@ impl Performance {
     }
 }
 
-/// The plan of `selection` through the equaliser of `response`, and a follower through it.
+/// Returns the plan of `selection`, equalised with `response`, and a follower for it.
 /// Panics if it cannot be played.
 pub fn planned(
     library: &[u8],
     selection: &Selection,
     response: Option<&Response>,
 ) -> (Plan<'static>, Follower) {
-    // Never freed: a plan borrows its library, and a test begins to play a few times.
+    // Never freed: a plan borrows its library, and a test begins to play only a few times.
     let library: &'static [u8] = Box::leak(library.into());
     let library = Library::decode(library).expect("it was loaded");
     let plan = plan_of(selection, &library, u32::MAX, response);
@@ -144,7 +144,7 @@ mod tests {
         }
     }
 
-    /// RMS of the values at pin and tip in the log so far. The log is emptied.
+    /// Returns the RMS of the logged values at the pin and at the tip, and empties the log.
     fn taken(log: &Log) -> [f64; 2] {
         let bytes = std::mem::take(&mut *log.0.lock().unwrap());
         let values = bytes.as_chunks::<4>().0.iter().copied();
@@ -175,10 +175,10 @@ mod tests {
             square += (volts / 0.033_65).powi(2) / 200.0;
         }
         let [pin, tip] = taken(&log);
-        // Wide noise: the texture's own gain, and about 15 m/s² per V from the resonance up.
+        // Wide-band noise: the texture's own gain at the pin, and about 15 m/s² per V from the resonance up at the tip.
         assert!((0.01..0.03).contains(&pin), "{pin} {tip}");
         assert!((5.0..25.0).contains(&(tip / pin)), "{pin} {tip}");
-        // The accelerometer's low-pass takes some of it.
+        // The accelerometer's low-pass filter removes some of it.
         assert!(
             (0.5..1.05).contains(&(square.sqrt() / tip)),
             "{square} {tip}"

@@ -1,4 +1,5 @@
-//! The board that the self test measures: the values of a healthy one, which a test damages.
+//! The board that the self test measures. By default all values are those of a healthy board; a test changes some of
+//! them.
 
 use model_format::link::{
     CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, ErrorCorrectionValues, OUTPUT_CODES,
@@ -19,20 +20,20 @@ pub struct Board {
     pub option_bytes: OptionByteValues,
     /// The clocks.
     pub clocks: ClockValues,
-    /// The memories.
+    /// Counters of the memories' error correction.
     pub error_correction: ErrorCorrectionValues,
     /// The output's pin, or the failure to read it.
     pub output: Result<OutputValues, SelfTestError>,
     /// The output's pin at rest, or the failure to read it.
     pub rest: Result<RestValues, SelfTestError>,
-    /// The encoder's lines; the first follows the count unless it is stuck.
+    /// The level at which the encoder's first line is stuck. If `None`, the line follows the count.
     pub stuck_line: Option<bool>,
-    /// Time that an operation of the flash seems to take, µs.
+    /// Apparent duration of an operation of the flash, µs.
     pub flash_us: u32,
 }
 
 impl Default for Board {
-    /// A healthy one.
+    /// A healthy board.
     fn default() -> Self {
         Self {
             chip: ChipValues {
@@ -44,7 +45,7 @@ impl Default for Board {
                 package: 2,
             },
             option_bytes: OptionByteValues {
-                // A new part has 0x0406_AAF0; here the brown-out level is 3.
+                // A new part has 0x0406_AAF0. The brown-out level is 3 here.
                 status: 0x0406_AAFC,
                 banks_swapped: false,
                 writable_sectors: [0xff; 2],
@@ -82,7 +83,7 @@ impl Default for Board {
 }
 
 impl Board {
-    /// The output whose pin rests at `code`, with the noise of the converter.
+    /// Returns the values of an output whose pin rests at `code`, with the noise of the converter.
     pub fn rest(code: f64) -> RestValues {
         let word = (code * 16.0).round().clamp(16.0, 65_519.0) as u16;
         RestValues {
@@ -91,7 +92,7 @@ impl Board {
         }
     }
 
-    /// The output whose pin shows `pin` of each code, in codes.
+    /// Returns the values of an output whose pin reads `pin(code)` codes while `code` is put out.
     pub fn output(pin: impl Fn(f64) -> f64) -> OutputValues {
         let word = |code: u16| (pin(code.into()) * 16.0).round().clamp(0.0, 65_535.0);
         let mut step_words = [word(STEP_CODES[1]) as u16; STEP_INSTANTS];

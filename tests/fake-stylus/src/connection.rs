@@ -1,5 +1,4 @@
-//! One TCP connection, as the stream of COBS frames that the serial link carries, with faults that are injected on
-//! purpose.
+//! One TCP connection that carries the COBS frames of the serial link, with injected faults.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
@@ -7,50 +6,50 @@ use std::time::{Duration, Instant};
 
 use model_format::link::DeviceInfo;
 
-/// Faults that hold from the moment when they are set.
+/// Faults that hold from the moment at which they are set.
 #[derive(Clone, Debug, Default)]
 #[expect(
     clippy::struct_excessive_bools,
     reason = "each is a fault of its own, and any may come together"
 )]
 pub struct Faults {
-    /// Change of what the device says about itself.
+    /// Changes what the device reports about itself, if set.
     pub disguise: Option<fn(&mut DeviceInfo)>,
-    /// Number of frames after which the connection is closed, before the answer to the last; counted anew per
-    /// connection.
+    /// Number of frames after which the connection is closed, before the last of them is answered. Each connection
+    /// counts from zero.
     pub close_every: Option<usize>,
-    /// No answer at all.
+    /// True to send no answer at all.
     pub silent: bool,
     /// Delay of every answer.
     pub late: Duration,
-    /// Number of answers of which the last one is damaged on its way.
+    /// The last of every so many answers is damaged in transit.
     pub corrupt_every: Option<usize>,
-    /// Number of blocks of a recording of which the last one is lost on its way.
+    /// The last of every so many blocks of a recording is lost in transit.
     pub lose_block_every: Option<usize>,
-    /// Refusal of every request that needs the flash, as of a device that is busy with others.
+    /// True to refuse every request that needs the flash, like a device whose storage is busy.
     pub busy: bool,
-    /// No loss of the link is ever noticed, so that the output goes on without a host.
+    /// True to never notice the loss of a link, so that the output continues without a host.
     pub ignores_lost_link: bool,
-    /// One tick of each millisecond counts as missed.
+    /// True to count one tick of each millisecond as missed.
     pub misses_ticks: bool,
-    /// The codes of one tick of each millisecond count as too late at the output.
+    /// True to count the codes of one tick of each millisecond as too late at the output.
     pub puts_out_late: bool,
-    /// Cycles that every tick takes besides its own.
+    /// Extra cycles that are added to the duration of every tick.
     pub slower_by: u32,
-    /// Bytes that are no frame, before every answer.
+    /// True to send bytes that form no frame before every answer.
     pub noise: bool,
 }
 
-/// Time that a read may wait, so that ticks and jobs go on meanwhile.
+/// Longest wait of a read. It is short so that ticks and jobs continue meanwhile.
 const READ_TIMEOUT: Duration = Duration::from_millis(1);
 
 /// An open connection to a host.
 pub struct Connection {
     stream: TcpStream,
     is_open: bool,
-    /// Bytes of a frame that has not ended.
+    /// Received bytes of a frame that is not complete yet.
     encoded: Vec<u8>,
-    /// Bytes to send, each with its time.
+    /// Bytes to send, each with the time at which they are due.
     waiting: Vec<(Instant, Vec<u8>)>,
     frames: usize,
     answers: usize,
@@ -58,7 +57,7 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// A connection over `stream`.
+    /// Creates a connection over `stream`.
     pub fn new(stream: TcpStream) -> Self {
         stream.set_nonblocking(false).expect("a socket can block");
         stream.set_nodelay(true).expect("a socket can send at once");
@@ -76,7 +75,7 @@ impl Connection {
         }
     }
 
-    /// True until one of the two sides has closed it.
+    /// True until either end has closed the connection.
     pub fn is_open(&self) -> bool {
         self.is_open
     }
@@ -86,7 +85,7 @@ impl Connection {
         self.waiting.is_empty()
     }
 
-    /// The frames that have arrived, decoded; waits for [`READ_TIMEOUT`] at most.
+    /// Returns the frames that have arrived, decoded. Waits for [`READ_TIMEOUT`] at most.
     pub fn receive(&mut self) -> Vec<Vec<u8>> {
         let mut buffer = [0; 4096];
         match self.stream.read(&mut buffer) {
@@ -108,14 +107,14 @@ impl Connection {
         frames
     }
 
-    /// Counts a frame that was served. False if the connection ends with it, by [`Faults::close_every`].
+    /// Counts a frame that was served. Returns false if [`Faults::close_every`] closes the connection with this frame.
     pub fn count_frame(&mut self, faults: &Faults) -> bool {
         self.frames += 1;
         self.is_open &= faults.close_every.is_none_or(|n| self.frames < n);
         self.is_open
     }
 
-    /// Queues an answer, with the faults that it meets.
+    /// Queues an answer, subject to `faults`.
     pub fn answer(&mut self, answer: &[u8], faults: &Faults) {
         if faults.silent {
             return;
@@ -130,7 +129,7 @@ impl Connection {
             .corrupt_every
             .is_some_and(|n| self.answers.is_multiple_of(n))
         {
-            // A length that no COBS frame of these bytes has.
+            // The length is impossible for a COBS frame of these bytes.
             self.waiting
                 .push((Instant::now() + faults.late, vec![0xfe, 1, 2, 0]));
         } else {

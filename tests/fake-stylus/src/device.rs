@@ -1,5 +1,5 @@
-//! The application on fake hardware, in virtual time: [`Control`] behind a lock that is never held across a wait, and
-//! [`Storage`] beside it, as `firmware/src/storage.rs` puts them together.
+//! The application on fake hardware, in virtual time. [`Control`] is behind a lock that is never held across a wait,
+//! and [`Storage`] works next to it, as `firmware/src/storage.rs` arranges them.
 
 use std::cell::{Cell, RefCell, RefMut};
 use std::ops::Deref;
@@ -36,7 +36,7 @@ pub type Flash = SimulatedFlash<'static>;
 /// Slots and settings of the fake device.
 pub type Stores = Storage<Flash, Flash>;
 
-/// Settings of the coil that a test's owner has measured.
+/// Settings of the coil, as the owner of the test's coil has measured them.
 pub const COIL: [SettingChange; 3] = [
     change(Setting::CoilResistance, 8.0),
     change(Setting::AmplifierGain, 1.0),
@@ -48,7 +48,7 @@ pub const fn change(setting: Setting, value: f32) -> SettingChange {
     SettingChange { setting, value }
 }
 
-/// The defaults with other values of some settings.
+/// The default settings with other values for some of them.
 /// Panics if a setting may not have its value.
 pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
     values
@@ -58,7 +58,7 @@ pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
         })
 }
 
-/// A response that a device with `settings` takes, whose equaliser turns the sign and takes half of what plays.
+/// A response that a device with `settings` accepts. Its equaliser inverts the signal and halves it.
 pub fn response_for(settings: &Settings) -> Response {
     let half = Biquad::from_f64([-0.5, 0.0, 0.0], [0.0, 0.0]).expect("in range");
     let sections = Sections::new(&[half]).expect("one is not too many");
@@ -82,7 +82,7 @@ pub fn response_for(settings: &Settings) -> Response {
     }
 }
 
-/// A motion of 100 mm/s and 1 N of a host that tells no position.
+/// A motion of 100 mm/s and 1 N from a host that sends no position.
 pub const MOTION: MotionSample = MotionSample {
     speed: MillimetresPerSecond(100.0),
     force: Newton(1.0),
@@ -90,14 +90,14 @@ pub const MOTION: MotionSample = MotionSample {
     contact: None,
 };
 
-/// Virtual time after which a job of the storage counts as stuck, ms: an hour.
+/// Virtual time after which a job of the storage counts as stuck, ms. It is one hour.
 const JOB_LIMIT_MS: u32 = 3_600_000;
 
-/// The application's [`Control`], shared by all that serve the device in one thread.
+/// The application's [`Control`], shared by all parts that serve the device in one thread.
 #[derive(Clone)]
 pub struct SharedControl {
     control: Rc<RefCell<Control<Hardware>>>,
-    /// Tick at which the storage goes on, while it waits for time to pass.
+    /// Tick at which the storage continues, while it waits for time to pass.
     wakes_at: Rc<Cell<Option<u64>>>,
 }
 
@@ -117,14 +117,14 @@ impl SharedControl {
         }
     }
 
-    /// Returns true while the storage waits for time to pass, as for a timer.
+    /// Returns true while the storage waits for time to pass, like for a timer.
     pub fn is_storage_waiting(&self) -> bool {
         let wakes_at = self.wakes_at.get();
         wakes_at.is_some_and(|at| self.borrow_mut().device().now() < at)
     }
 
-    /// Runs the device for one millisecond, and the poll that follows. Gives the blocks that were recorded, which are
-    /// taken from the queue even when nobody records, because it would fill otherwise.
+    /// Runs the device for one millisecond, and then polls it. Returns the blocks that were recorded; they are taken
+    /// from the queue even when nobody records, because the queue would fill otherwise.
     pub fn millisecond(&self) -> Vec<RecordBlock> {
         let mut control = self.borrow_mut();
         for _ in 0..TICKS_PER_MS {
@@ -134,11 +134,11 @@ impl SharedControl {
         std::iter::from_fn(|| Some(control.next_block()?.1)).collect()
     }
 
-    /// Runs the device for one millisecond at whose beginning a host sends [`MOTION`].
+    /// Runs the device for one millisecond, at the beginning of which a host sends [`MOTION`].
     pub fn millisecond_with_motion(&self) {
         let mut control = self.borrow_mut();
         control.keep_alive(LinkId::Serial);
-        // While the other link plays, this one moves nothing.
+        // The motion is refused while the other link plays.
         let _ = control.motion(LinkId::Serial, MOTION);
         drop(control);
         self.millisecond();
@@ -156,7 +156,7 @@ impl Stage for SharedControl {
         self.borrow_mut().device().now() * 1_000 / u64::from(TICKS_PER_MS)
     }
 
-    /// Waits until the device has run for a millisecond; somebody else runs it.
+    /// Waits until the device has run for a millisecond. Another task must run it.
     async fn pause(&mut self) {
         let now = || self.borrow_mut().device().now();
         let end = now() + u64::from(TICKS_PER_MS);
@@ -168,7 +168,7 @@ impl Stage for SharedControl {
     }
 }
 
-/// A request to play the texture of this name, with the motion of the host.
+/// A request to play the texture `texture`, with the motion of the host.
 pub fn play_request(texture: &str) -> PlayRequest {
     PlayRequest {
         selection: Selection::Texture(texture.try_into().expect("it is short")),
@@ -211,14 +211,14 @@ impl SteppedStylus {
         Self::boot_from_on(slots, Hardware::new())
     }
 
-    /// Boots on `slots` and on `hardware`, whose start may have been in safe mode, with settings that were never
-    /// written.
+    /// Boots on `slots` and on `hardware`, with settings that were never written. The hardware's start may have been in
+    /// safe mode.
     pub fn boot_from_on(slots: Flash, hardware: Hardware) -> Self {
         let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
         Self::boot_as(slots, flash, hardware)
     }
 
-    /// Boots on `slots`, on settings in `flash`, which has two sectors, and on `hardware`, in the order of the image.
+    /// Boots in the order of the image: on `slots`, on the settings in `flash` (two sectors), and on `hardware`.
     pub fn boot_as(slots: Flash, flash: Flash, hardware: Hardware) -> Self {
         let safe_mode = hardware.start.safe_mode;
         let range = 0..2 * SECTOR_BYTES as u32;
@@ -239,7 +239,7 @@ impl SteppedStylus {
         stylus
     }
 
-    /// A device that can play: its coil is set, and `library` is active, all by requests.
+    /// Returns a device that can play. Requests have set its coil and made `library` active.
     pub fn ready(library: &[u8]) -> Self {
         let mut stylus = Self::boot();
         stylus.set_coil();
@@ -248,10 +248,10 @@ impl SteppedStylus {
         stylus
     }
 
-    /// Uploads a library, or the rest of one whose upload has begun, as a host does.
+    /// Uploads a library, or the rest of one whose upload has begun, like a host.
     ///
     /// # Errors
-    /// A refusal of any of its requests.
+    /// The refusal of a request.
     pub fn upload(&mut self, bytes: &[u8]) -> Result<UploadCommitted, UploadError> {
         self.request(async |storage, stage| {
             let begun = storage.upload_begin(stage, announcement(bytes)).await?;
@@ -265,15 +265,15 @@ impl SteppedStylus {
     /// Activates the library in `slot`.
     ///
     /// # Errors
-    /// As `Storage::activate`.
+    /// The errors of `Storage::activate`.
     pub fn activate(&mut self, slot: SlotId) -> Result<Activated, ActivateError> {
         self.request(async |storage, stage| storage.activate(stage, slot).await)
     }
 
-    /// Plays what `request` says for the host on the serial port.
+    /// Plays `request` for the host on the serial port.
     ///
     /// # Errors
-    /// As `Control::play`.
+    /// The errors of `Control::play`.
     pub fn play(&self, request: PlayRequest) -> Result<Playing, PlayError> {
         self.control.borrow_mut().play(LinkId::Serial, request)
     }
@@ -288,14 +288,14 @@ impl SteppedStylus {
         RefMut::map(self.control.borrow_mut(), Control::device)
     }
 
-    /// Sets what nothing plays without, as the owner of the coil does: by requests.
+    /// Sets the settings that playing requires, by requests, like the owner of the coil.
     pub fn set_coil(&mut self) {
         let [one, two, three] = COIL;
         self.change_settings(&[one, two, three, change(Setting::EnableWired, 1.0)])
             .expect("they are in range, and nothing is played");
     }
 
-    /// Puts `actuator` at the output, and sets what its owner knows of its coil and amplifier.
+    /// Connects `actuator` to the output, and sets what its owner knows of its coil and amplifier.
     pub fn set_actuator(&mut self, actuator: Actuator) {
         let (coil, amplifier) = (actuator.parameters.coil, actuator.parameters.amplifier);
         self.hardware().actuator = Some(actuator);
@@ -311,7 +311,7 @@ impl SteppedStylus {
         .expect("they are in range, and nothing is played");
     }
 
-    /// Proposes new values of settings, and applies them, as a host does.
+    /// Proposes new values of settings and applies them, like a host.
     ///
     /// # Errors
     /// A refusal of either step.
@@ -319,7 +319,7 @@ impl SteppedStylus {
         self.propose_and_apply(SettingsChange::of(values)?)
     }
 
-    /// Proposes to reset the settings, and resets them, as a host does.
+    /// Proposes a reset of the settings and applies it, like a host.
     ///
     /// # Errors
     /// A refusal of either step.
@@ -333,19 +333,19 @@ impl SteppedStylus {
         self.request(async |storage, stage| storage.settings_apply(stage, link, token).await)
     }
 
-    /// Runs the device for `ms` milliseconds, in each of which a host is heard and sends a motion.
+    /// Runs the device for `ms` milliseconds. In each, a host keeps its link alive and sends a motion.
     pub fn run(&self, ms: u32) {
         for _ in 0..ms {
             self.control.millisecond_with_motion();
         }
     }
 
-    /// Does a job of the storage. Wherever it waits the device runs for a millisecond, with motion from a host.
+    /// Does a job of the storage. Whenever the job waits, the device runs for a millisecond with motion from a host.
     pub fn request<R>(&mut self, job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R) -> R {
         self.request_meanwhile(job, SharedControl::millisecond_with_motion)
     }
 
-    /// Does a job of the storage, and `meanwhile` wherever it waits; that has to let the device run.
+    /// Does a job of the storage. Whenever the job waits, `meanwhile` is called; it has to run the device.
     pub fn request_meanwhile<R>(
         &mut self,
         job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R,
@@ -369,7 +369,7 @@ impl SteppedStylus {
     }
 }
 
-/// The board of a device, and its clock.
+/// The board of a device, with its clock.
 pub struct BoardOf {
     control: SharedControl,
     /// Time that operations of the flash have taken, µs.
@@ -377,7 +377,7 @@ pub struct BoardOf {
 }
 
 impl BoardOf {
-    /// The board of the device of `control`.
+    /// Returns the board of the device that `control` controls.
     pub fn new(control: SharedControl) -> Self {
         Self {
             control,
@@ -428,7 +428,7 @@ impl Bench for BoardOf {
         self.board().rest
     }
 
-    /// Each reading comes after an operation of the flash, or before one.
+    /// Every call counts as one operation of the flash, because each reading precedes or follows an operation.
     fn now_us(&self) -> u32 {
         let before = self.flash_us.get();
         self.flash_us

@@ -1,8 +1,8 @@
-//! Flash in memory that behaves as the STM32H743's: words of 32 bytes that are programmed once per erase, sectors of
-//! 128 KB, and words that fault when they are read, as after a power cut.
+//! Flash in memory that behaves like the STM32H743's: a word of 32 bytes can be programmed once per erase, a sector has
+//! 128 KB, and words can fault when read, as after a power cut.
 //!
 //! Every erase of a sector and every write of a word yields once before it is done, because the image's driver waits
-//! there too: whatever else the device serves runs in between. Durations are not simulated.
+//! there too. Other tasks of the device run in between. Durations are not simulated.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -19,15 +19,16 @@ pub use stylus_app::flash::SECTOR_BYTES;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::MappedFlash;
 
-/// Content of the flash, which outlives a loss of power.
+/// Content of the flash, which survives a loss of power.
 #[derive(Clone)]
 pub struct Memory {
     bytes: Vec<u8>,
     programmed: Vec<bool>,
     faulty: Vec<bool>,
-    /// Words that read differently from read to read, each with the content before the cut and the content after it.
+    /// Words whose content changes from read to read, with their content before and after the operation that was cut.
     unstable: BTreeMap<usize, [[u8; WORD_BYTES]; 2]>,
-    /// Words that fault in this many of a thousand reads, as words do whose programming was cut at its very end.
+    /// Words that fault in some of their reads, with the number of faults per thousand reads. Words behave like this if
+    /// their programming was cut at its very end.
     marginal: BTreeMap<usize, u64>,
     /// State of the random numbers that decide how unstable and marginal words read.
     chance: u64,
@@ -36,12 +37,12 @@ pub struct Memory {
 /// An operation on the flash.
 #[derive(Clone, Copy, Debug)]
 pub enum Operation {
-    /// All words of a sector become ones.
+    /// Sets all bits of a sector to one.
     Erase {
         /// Number of the sector.
         sector: usize,
     },
-    /// A word is programmed.
+    /// Programs a word.
     Write {
         /// Number of the word.
         word: usize,
@@ -55,21 +56,22 @@ pub enum Operation {
 pub enum Cut {
     /// Nothing has happened yet.
     Before,
-    /// Half of the operation has happened, and every word of it faults when it is read.
+    /// Half of the operation has happened, and every word that it covers faults when read.
     Faulting,
-    /// Half of the operation has happened: its words can be read, but hold neither the old nor the new content.
+    /// Half of the operation has happened. Its words can be read, but hold neither the old nor the new content.
     Readable,
-    /// Half of the operation has happened: a read of a word gives the old content, the new one, a mixture, or a fault.
+    /// Half of the operation has happened. A read of a word returns the old content, the new content, a mixture, or a
+    /// fault.
     Unstable,
     /// All of the operation has happened.
     After,
-    /// Runs of words, of any length, are each left in one of the other manners, at random: silicon need not erase a
-    /// sector's words alike.
+    /// Runs of words, of random lengths, are each left in one of the other states at random, because silicon need not
+    /// erase all words of a sector alike.
     Mixed,
 }
 
 impl Cut {
-    /// Cuts after which each word reads the same at each read.
+    /// Cuts after which every read of a word has the same result.
     pub const ALL: [Self; 4] = [Self::Before, Self::Faulting, Self::Readable, Self::After];
 
     /// All cuts but [`Cut::Mixed`].
@@ -93,7 +95,7 @@ impl Cut {
 }
 
 impl Memory {
-    /// Erased flash of `bytes` bytes.
+    /// Creates erased flash of `bytes` bytes.
     pub fn blank(bytes: usize) -> Self {
         Self {
             bytes: vec![0xff; bytes],
@@ -105,7 +107,7 @@ impl Memory {
         }
     }
 
-    /// This bank with another behind it, whose words all read the same at each read.
+    /// Returns this bank followed by `next`. No word of `next` may be unstable or marginal.
     #[must_use]
     pub fn joined(mut self, next: Self) -> Self {
         assert!(next.unstable.is_empty() && next.marginal.is_empty());
@@ -115,7 +117,7 @@ impl Memory {
         self
     }
 
-    /// Takes the bank from `offset` on away, whose words all read the same at each read.
+    /// Removes the bank from `offset` on and returns it. None of its words may be unstable or marginal.
     #[must_use]
     pub fn split_off(&mut self, offset: usize) -> Self {
         let word = offset / WORD_BYTES;
@@ -137,7 +139,7 @@ impl Memory {
         &self.bytes
     }
 
-    /// Programmed flash of `bytes` bytes with arbitrary content.
+    /// Creates programmed flash of `bytes` bytes with arbitrary content.
     pub fn garbage(bytes: usize) -> Self {
         let mut memory = Self::blank(bytes);
         for (index, byte) in memory.bytes.iter_mut().enumerate() {
@@ -147,7 +149,7 @@ impl Memory {
         memory
     }
 
-    /// Does `operation` as far as `cut` allows.
+    /// Performs `operation` as far as `cut` allows.
     pub fn perform(&mut self, operation: Operation, cut: Cut) {
         match operation {
             Operation::Erase { sector } => {
@@ -169,7 +171,7 @@ impl Memory {
         }
     }
 
-    /// The manner in which `cut` leaves a word, or a run of them.
+    /// Returns the state in which `cut` leaves a word or a run of words.
     fn drawn(&mut self, cut: Cut) -> Cut {
         match cut {
             Cut::Mixed => Cut::WITH_UNSTABLE[self.below(5) as usize],
@@ -177,7 +179,7 @@ impl Memory {
         }
     }
 
-    /// Programs `bytes` at `offset`, both of whole words but the end.
+    /// Programs `bytes` at `offset`, a multiple of the word's size. If the last word is incomplete, ones fill it.
     pub fn program(&mut self, offset: usize, bytes: &[u8]) {
         for (word, piece) in (offset / WORD_BYTES..).zip(bytes.chunks(WORD_BYTES)) {
             let mut data = [0xff; WORD_BYTES];
@@ -187,7 +189,7 @@ impl Memory {
     }
 
     fn change(&mut self, word: usize, data: [u8; WORD_BYTES], cut: Cut, programmed: bool) {
-        // A mixture was drawn before.
+        // For a mixture, the caller has already chosen the state of each word.
         if matches!(cut, Cut::Before | Cut::Mixed) {
             return;
         }
@@ -217,12 +219,12 @@ impl Memory {
         self.programmed[word] = programmed || cut != Cut::After;
     }
 
-    /// Makes the word at `offset` fault when it is read.
+    /// Makes the word at `offset` fault when read.
     pub fn set_faulty(&mut self, offset: usize) {
         self.faulty[offset / WORD_BYTES] = true;
     }
 
-    /// Makes the word at `offset` unstable: each read gives its content, something else, or a fault.
+    /// Makes the word at `offset` unstable: each read returns its content, another content, or a fault.
     pub fn set_unstable(&mut self, offset: usize) {
         let word = offset / WORD_BYTES;
         let bytes = self.bytes[word * WORD_BYTES..].first_chunk();
@@ -231,7 +233,7 @@ impl Memory {
             .insert(word, [content, content.map(|byte| byte ^ 0x10)]);
     }
 
-    /// Makes the word with this number fault in `per_mille` of a thousand reads.
+    /// Makes the word number `word` fault in `per_mille` of a thousand reads.
     pub fn set_marginal(&mut self, word: usize, per_mille: u64) {
         self.marginal.insert(word, per_mille);
     }
@@ -241,7 +243,7 @@ impl Memory {
         self.chance = seed | 1;
     }
 
-    /// A random number below `bound`.
+    /// Returns a random number below `bound`.
     fn below(&mut self, bound: u64) -> u64 {
         // Marsaglia's xorshift.
         self.chance ^= self.chance << 13;
@@ -250,7 +252,7 @@ impl Memory {
         (self.chance >> 11) % bound
     }
 
-    /// The content of `word` as this read finds it; none if it faults.
+    /// Returns the content of `word` for this read; `None` if the word faults.
     fn read_word(&mut self, word: usize) -> Option<[u8; WORD_BYTES]> {
         let share = self.marginal.get(&word).copied();
         if self.faulty[word] || share.is_some_and(|share| self.below(1000) < share) {
@@ -277,13 +279,13 @@ impl Memory {
         }
     }
 
-    /// Returns true if a word of `range` faults, or reads differently from read to read.
+    /// Returns true if a word of `range` always faults or is unstable. Marginal words do not count.
     pub fn is_damaged(&self, range: Range<usize>) -> bool {
         let words = range.start / WORD_BYTES..range.end.div_ceil(WORD_BYTES);
         self.faulty[words.clone()].contains(&true) || self.unstable.range(words).next().is_some()
     }
 
-    /// Number of the last word that is not as erased; none if all are.
+    /// Returns the number of the last word of `range` that is not erased; `None` if all are.
     pub fn last_programmed(&self, range: Range<usize>) -> Option<usize> {
         let words = range.start / WORD_BYTES..range.end / WORD_BYTES;
         words.rev().find(|&word| self.programmed[word])
@@ -295,14 +297,14 @@ impl Memory {
     }
 }
 
-/// Damage of a word after it was written.
+/// Damage that a word suffers after it was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Damage {
     /// Each read faults.
     Faulting,
-    /// A bit is wrong, and the flash's error correction does not find it.
+    /// A bit is wrong, and the flash's error correction does not detect it.
     Flipped,
-    /// Each read gives the content, something else, or a fault.
+    /// Each read returns the content, another content, or a fault.
     Unstable,
 }
 
@@ -311,38 +313,38 @@ impl Damage {
     pub const ALL: [Self; 3] = [Self::Faulting, Self::Flipped, Self::Unstable];
 }
 
-/// End of an operation that a test has asked for.
+/// How an operation ends if a test has asked for a mishap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mishap {
     /// Power is lost, and nothing happens after that.
     Cut(Cut),
-    /// The operation fails half way and reports it.
+    /// The operation fails halfway and reports the failure.
     Refuse,
-    /// This operation and every one after it fail half way and report it.
+    /// This operation and every later one fail halfway and report the failure.
     RefuseFrom,
-    /// The operation puts a wrong bit and reports success.
+    /// The operation writes a wrong bit and reports success.
     Corrupt,
 }
 
 #[derive(Default)]
 struct ToCome {
-    /// Number of operations before the mishap, and the mishap.
+    /// Number of operations before the mishap, and the mishap itself.
     mishap: Cell<Option<(usize, Mishap)>>,
     damage: RefCell<Vec<(usize, Damage)>>,
     is_off: Cell<bool>,
 }
 
-/// Handle by which a test strikes a flash that a device owns.
+/// Handle by which a test causes mishaps in a flash that a device owns.
 #[derive(Clone, Default)]
 pub struct Fate(Rc<ToCome>);
 
 impl Fate {
-    /// Lets `mishap` happen to the operation that `operations` others precede.
+    /// Makes `mishap` happen to the operation after the next `operations` ones.
     pub fn strike(&self, operations: usize, mishap: Mishap) {
         self.0.mishap.set(Some((operations, mishap)));
     }
 
-    /// Calls off what [`Fate::strike`] asked for and has not happened.
+    /// Cancels the mishap of [`Fate::strike`] if it has not happened yet.
     pub fn spare(&self) {
         self.0.mishap.set(None);
     }
@@ -352,7 +354,7 @@ impl Fate {
         self.0.damage.borrow_mut().push((offset, damage));
     }
 
-    /// Returns true once power was lost. The device does nothing any more.
+    /// Returns true once power was lost. The device does nothing after that.
     pub fn is_off(&self) -> bool {
         self.0.is_off.get()
     }
@@ -377,25 +379,25 @@ impl Fate {
 
 type Observer<'a> = Box<dyn FnMut(&Memory, Operation) + 'a>;
 
-/// A driver of the flash in memory.
+/// A driver of flash in memory.
 pub struct SimulatedFlash<'a> {
     /// The content.
     pub memory: Memory,
     /// Number of operations so far.
     pub operations: usize,
-    /// Offset of a word, and the number of reads after which it faults.
+    /// Offset of a word, and the number of its reads after which it faults.
     pub wears_out: Option<(usize, usize)>,
-    /// Offset of a word, and the number of its next reads that fault; it is right from then on.
+    /// Offset of a word, and the number of its next reads that fault; later reads succeed.
     pub recovers: Option<(usize, usize)>,
     /// Number of reads so far.
     pub reads: usize,
-    /// Mishaps to come.
+    /// Mishaps that the test has asked for.
     pub fate: Fate,
     observer: Option<Observer<'a>>,
 }
 
 impl<'a> SimulatedFlash<'a> {
-    /// A driver of `memory`, without mishaps.
+    /// Creates a driver of `memory`, without mishaps.
     pub fn new(memory: Memory) -> Self {
         Self {
             memory,
@@ -408,7 +410,7 @@ impl<'a> SimulatedFlash<'a> {
         }
     }
 
-    /// A driver of `memory` that calls `observer` before each operation.
+    /// Creates a driver of `memory` that calls `observer` before each operation.
     pub fn observed(memory: Memory, observer: impl FnMut(&Memory, Operation) + 'a) -> Self {
         Self {
             observer: Some(Box::new(observer)),
@@ -416,7 +418,7 @@ impl<'a> SimulatedFlash<'a> {
         }
     }
 
-    /// Blank flash for both slots of libraries.
+    /// Creates blank flash for both slots of libraries.
     pub fn two_slots() -> Self {
         Self::new(Memory::blank(2 * SLOT_BYTES))
     }
@@ -450,7 +452,7 @@ impl<'a> SimulatedFlash<'a> {
     }
 }
 
-/// A refusal of the driver, with its reason.
+/// An error of the driver, with its reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SimulatedError(&'static str);
 

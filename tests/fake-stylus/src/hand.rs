@@ -11,21 +11,22 @@ pub struct Hand {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Converter codes of the three axes of acceleration, repeated for ever.
+    /// Converter codes of the three axes of acceleration, repeated forever.
     pub acceleration: Vec<[u16; 3]>,
-    /// True if the wire of the force sensor is open, so that a pull-down takes its pin to the lower rail.
+    /// True if the wire of the force sensor is open, so that a pull-down resistor pulls its pin to the lower rail.
     pub is_open: bool,
-    /// Noise of the force's converter, codes to either side.
+    /// Noise of the force's converter, codes: from zero to twice this value is added to each code.
     pub force_noise: u16,
-    /// Place that the tip moves to and stays at, counts of the encoder from the start; none if it moves at its speed.
+    /// Position that the tip moves to and stays at, counts of the encoder from the start. If `None`, the tip moves at
+    /// its speed.
     pub goal_counts: Option<i64>,
 }
 
-/// Counts per tick of a tip that moves to a place.
+/// Counts per tick at which a tip moves to its goal.
 const GOAL_COUNTS_PER_TICK: i64 = 40;
 
 impl Default for Hand {
-    /// At rest.
+    /// A hand at rest.
     fn default() -> Self {
         Self {
             speed_mm_s: 0.0,
@@ -39,7 +40,7 @@ impl Default for Hand {
 }
 
 impl Hand {
-    /// At this speed and force.
+    /// A hand that moves at this speed and force.
     pub fn moving(speed_mm_s: f64, force_n: f64) -> Self {
         Self {
             speed_mm_s,
@@ -48,13 +49,13 @@ impl Hand {
         }
     }
 
-    /// Noise of the force's converter at `tick`, codes.
+    /// Returns the noise of the force's converter at `tick`, codes.
     fn disturbance(&self, tick: u64) -> u16 {
         let hashed = tick.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
         (hashed % (2 * u64::from(self.force_noise) + 1)) as u16
     }
 
-    /// The converters' codes and the encoder's step at `tick` of a tip at `place`, under the default settings.
+    /// Returns the converters' codes and the encoder's step at `tick` for a tip at `place`, under the default settings.
     pub fn sample(&self, tick: u64, place: i64) -> RecordSample {
         let settings = Settings::default();
         let per_volt = f64::from(settings.get(Setting::ForcePerVolt));

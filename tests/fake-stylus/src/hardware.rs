@@ -1,12 +1,12 @@
-//! The hardware in memory, as [`Device`] asks for it.
+//! The hardware that [`Device`] requires, in memory.
 //!
-//! [`Hardware`] follows `firmware/src/device.rs`, and the tick and update behind it, statement by statement where
-//! requests can tell the difference: a mute counts from the next tick on, the motion is judged once per block, new
+//! [`Hardware`] follows `firmware/src/device.rs`, with its tick and its update, statement by statement wherever a
+//! request could observe a difference: a mute counts from the next tick on, the motion is judged once per block, new
 //! settings replace the configuration of the safety stages, and a library's RAM is empty while it is exchanged.
 //! [`Hardware`] is stricter than the real hardware in one respect: it panics where the application breaks the contract
-//! of [`Device`], for example by exchanging a texture while the output sounds. The samples of a probe come from the
-//! kernel. With an [`Actuator`] all samples do. Otherwise the kernel is left out: while something is played, the
-//! samples are those of a sine.
+//! of [`Device`], for example by exchanging a texture while the output sounds. The kernel computes the samples of a
+//! probe and, if there is an [`Actuator`], all other samples too. Without an actuator the kernel is left out: while
+//! something is played, the samples are those of a sine.
 
 use std::sync::atomic::AtomicI16;
 
@@ -39,10 +39,10 @@ use crate::hand::Hand;
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;
 
-/// Bytes that one step of a copy takes, as in the image.
+/// Number of bytes that one step of a copy moves, as in the image.
 const COPY_BYTES: usize = 8 * 1024;
 
-/// A start without a fault, on silicon of revision V with the brown-out reset on.
+/// The report of a start without a fault, on silicon of revision V with the brown-out reset on.
 const HEALTHY_START: StartReport = StartReport {
     clock: ClockSource::External,
     revision: SiliconRevision(0x2003),
@@ -71,7 +71,7 @@ pub struct Hardware {
     is_loaded: bool,
     now: u64,
     muted: bool,
-    /// The first tick that sees the present mute.
+    /// The first tick to which the present mute applies.
     muted_since: u64,
     safety: State,
     /// Configuration of the safety stages.
@@ -79,14 +79,14 @@ pub struct Hardware {
     /// The texture or scene that is played.
     pub playing: Option<PlayRequest>,
     waveform: &'static Waveform,
-    /// Codes of the last tick.
+    /// DAC codes of the last tick.
     pub codes: [DacCode; OVERSAMPLING],
-    /// The plan that waits to be started.
+    /// The plan that was prepared and has not been started yet.
     pub prepared: Option<Prepared>,
     source: MotionSource,
     /// The host's last motion.
     pub host: Timed,
-    /// True if the last update judged the followed motion to be stale.
+    /// True if the last update found the motion of the chosen source to be stale.
     is_stale: bool,
     /// True if the motion is stale because the force sensor is at a rail.
     is_railed: bool,
@@ -98,16 +98,16 @@ pub struct Hardware {
     tap: Tap<'static>,
     recorder: Recorder<'static>,
     histogram: Histogram,
-    /// Range and number of the tick durations that requests for cycles have fetched so far.
+    /// Range of the tick durations, and their number, that the requests for cycles have fetched so far.
     taken: CycleRange,
     counted: u32,
     /// Durations of the updates since the last request for cycles.
     updates: CycleRange,
-    /// Counters of the one link, which is a serial one.
+    /// Counters of the only link, a serial one.
     pub link: LinkCounters,
     /// True while the amplifier is on.
     amplifier: bool,
-    /// The board, as the self test measures it.
+    /// The board that the self test measures.
     pub board: Board,
     /// Number of codes other than mid-scale that the self test has put out.
     pub test_codes: usize,
@@ -117,35 +117,35 @@ pub struct Hardware {
     pub place: i64,
     /// The hand that holds the stylus.
     pub hand: Hand,
-    /// The plant at the output, if there is one.
+    /// The plant at the output, if any.
     pub actuator: Option<Actuator>,
     /// The kernel, while something is played to a plant.
     performance: Option<Performance>,
-    /// Number of samples to come that are lost before they reach the recorder.
+    /// Number of next samples that are lost before they reach the recorder.
     pub lose_samples: u32,
-    /// Number of samples to come whose conversions are not all of their tick.
+    /// Number of next samples whose conversions do not all belong to their tick.
     pub tear_samples: u32,
-    /// Change of what the device says about itself.
+    /// Changes what the device reports about itself, if set.
     pub disguise: Option<fn(&mut DeviceInfo)>,
     /// Number of ticks that count as missed.
     pub missed: u32,
     /// Number of ticks whose codes count as too late.
     pub late_outputs: u32,
-    /// Cycles that every tick takes in addition to its own.
+    /// Extra cycles that are added to the duration of every tick.
     pub slower_by: u32,
     /// Instructions per tick that a scene may take.
     pub budget: u32,
-    /// Number of libraries to come that are damaged on their way to RAM.
+    /// Number of next libraries that are damaged while they are copied to RAM.
     pub bad_loads: u32,
-    /// Heat of the coil that was kept over the reset before this start.
+    /// Heat of the coil that was kept across the reset before this start.
     pub kept_heat: Option<Heat>,
-    /// The start, and the present supply.
+    /// Report of the start, with the present supply.
     pub start: StartReport,
     /// Number of exchanges of the library in RAM.
     pub exchanges: usize,
     /// Number of times that playing began from silence.
     pub starts: usize,
-    /// Number of times that playing went over to something else.
+    /// Number of times that playing switched to something else without a pause.
     pub switches: usize,
 }
 
@@ -156,7 +156,7 @@ impl Default for Hardware {
 }
 
 impl Hardware {
-    /// Hardware after power-on: it plays nothing, records nothing and has no library.
+    /// Creates hardware after power-on: it plays nothing, records nothing and has no library.
     pub fn new() -> Self {
         let settings = Settings::default();
         let config = Config::new(&settings, 1.0);
@@ -171,7 +171,7 @@ impl Hardware {
             safety: State::new(&config),
             config,
             playing: None,
-            // As the queue, it is never freed.
+            // Never freed, for the same reason as the queue.
             waveform: Box::leak(Box::new([const { AtomicI16::new(0) }; _])),
             codes: [DacCode::MID_SCALE; OVERSAMPLING],
             prepared: None,
@@ -215,8 +215,8 @@ impl Hardware {
         }
     }
 
-    /// One tick, in the order of the image's: the sensors, the update of a block that begins, the output, the
-    /// recording.
+    /// Runs one tick, in the order of the image's tick: read the sensors, update at the beginning of a block, put out,
+    /// record.
     pub fn tick(&mut self) {
         self.now += 1;
         let mut sample = self.hand.sample(self.now, self.place);
@@ -269,7 +269,7 @@ impl Hardware {
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }
 
-    /// The next sample of the kernel, or of the sine in its place.
+    /// Returns the next sample of the kernel, or of the sine that replaces it.
     fn next_sample(&mut self) -> OutputSample {
         if let Some(performance) = &mut self.performance {
             return performance.next_sample();
@@ -284,7 +284,7 @@ impl Hardware {
         &self.ram
     }
 
-    /// True if the tick was told to be mute.
+    /// True if the tick is to mute the output.
     pub fn is_muted(&self) -> bool {
         self.muted
     }

@@ -1,11 +1,11 @@
 //! A stylus in memory, for tests and examples: the application of `firmware/app` on fake hardware and fake flash.
 //!
-//! The application is the device's own; the fake takes the place of what `firmware/src` adds to it for the
-//! microcontroller, and follows it, so that a mistake in how the parts are put together shows without a board. There
-//! are two ways to use it:
+//! The application is the device's own. The fake replaces the code that `firmware/src` adds for the microcontroller,
+//! and follows it, so that a mistake in how the parts are put together shows without a board. There are two ways to use
+//! it:
 //!
-//! - [`FakeStylus`] runs in real time behind a TCP port, and a host talks to it as to a board. Faults of device and
-//!   link can be injected.
+//! - [`FakeStylus`] runs in real time behind a TCP port, and a host talks to it like to a board. Faults of the device
+//!   and of the link can be injected.
 //! - [`SteppedStylus`](device::SteppedStylus) runs in virtual time, one millisecond after the other, and a test calls
 //!   the application's requests itself.
 #![expect(

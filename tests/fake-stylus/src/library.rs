@@ -1,4 +1,4 @@
-//! Small libraries, and their upload from inside the device.
+//! Small libraries, and functions that upload them inside the device.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
@@ -12,7 +12,7 @@ use stylus_app::upload::Uploader;
 
 use crate::flash::Memory;
 
-/// A library of `textures` textures as [`texture`] makes them, named "texture 0", "texture 1", ..., for 5000 Hz.
+/// Returns a library of `textures` textures of [`texture`], named "texture 0", "texture 1", ..., for 5000 Hz.
 pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
     let textures: Vec<_> = (0..textures)
         .map(|index| texture(&format!("texture {index}"), order, seed, 5_000))
@@ -38,7 +38,7 @@ pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> Text
     }
 }
 
-/// Length and checksum of `bytes`, as an upload begins with them.
+/// Returns the length and checksum of `bytes`, with which an upload begins.
 pub fn announcement(bytes: &[u8]) -> UploadBegin {
     UploadBegin {
         length: bytes.len() as u32,
@@ -47,7 +47,7 @@ pub fn announcement(bytes: &[u8]) -> UploadBegin {
     }
 }
 
-/// The chunks of an upload of `bytes` from byte `from` on, of `size` bytes each but the last.
+/// Returns the chunks of an upload of `bytes` from byte `from` on. Each has `size` bytes; the last may have fewer.
 pub fn chunks(bytes: &[u8], from: usize, size: usize) -> impl Iterator<Item = UploadChunk<'_>> {
     let offsets = (from as u32..).step_by(size);
     let pieces = bytes[from..].chunks(size).zip(offsets);
@@ -77,7 +77,7 @@ pub fn small_texture(name: &str, seed: i16, sample_rate_hz: u32) -> TextureSpec 
     }
 }
 
-/// Puts `bytes` into the erased `slot`, as an upload with this number leaves them.
+/// Writes `bytes` into the erased `slot`, as an upload with the number `sequence` leaves them.
 pub fn put(memory: &mut Memory, slot: SlotId, bytes: &[u8], sequence: u32) {
     let mut header = b"HTXS".to_vec();
     header.extend(HEADER_VERSION.to_le_bytes());
@@ -92,10 +92,10 @@ pub fn put(memory: &mut Memory, slot: SlotId, bytes: &[u8], sequence: u32) {
     memory.program(start + MAX_LIBRARY_BYTES, &header);
 }
 
-/// Uploads `bytes` straight into `store`, in chunks of `chunk` bytes.
+/// Uploads `bytes` directly into `store`, in chunks of `chunk` bytes.
 ///
 /// # Errors
-/// As [`Uploader`]'s methods.
+/// The errors of [`Uploader`]'s methods.
 pub async fn upload<F: MappedFlash>(
     uploader: &mut Uploader,
     store: &mut SlotStore<F>,

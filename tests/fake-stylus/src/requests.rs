@@ -1,7 +1,7 @@
-//! The device's end of the link: the application's dispatcher, and the task of its storage.
+//! The device's end of the link: the application's dispatcher and the storage's task.
 //!
-//! A request for flash is done by the storage's task, one after the other, and everything else is answered at once; so
-//! a request that comes while a job waits for the flash is served in the middle of that job.
+//! The storage's task does the requests that need the flash, one after the other; all other requests are answered at
+//! once. A request that arrives while a job waits for the flash is therefore served in the middle of that job.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -20,7 +20,7 @@ use stylus_app::requests::{self, Link, QUEUED_JOBS, QueuedJob, work};
 use crate::device::BoardOf;
 use crate::device::{SharedControl, Stores};
 
-/// A frame of `body` under `key`, which is sent whole.
+/// Encodes `body` under `key` as one whole frame.
 pub fn frame(key: Key, mut header: VarHeader, body: &impl Serialize) -> Vec<u8> {
     header.key = VarKey::Key8(key);
     let mut bytes = header.write_to_vec();
@@ -28,7 +28,7 @@ pub fn frame(key: Key, mut header: VarHeader, body: &impl Serialize) -> Vec<u8> 
     bytes
 }
 
-/// The path of the endpoint or topic that a frame is for.
+/// Returns the path of the frame's endpoint or topic; `None` if it has neither.
 pub fn path_of(header: &VarHeader) -> Option<&'static str> {
     let endpoints = ENDPOINTS.endpoints.iter().map(|e| (e.0, e.1));
     let topics = TOPICS_IN.topics.iter().map(|t| (t.0, t.1));
@@ -38,7 +38,7 @@ pub fn path_of(header: &VarHeader) -> Option<&'static str> {
         .map(|(path, _)| path)
 }
 
-/// Jobs on their way to the storage's task, and its answers.
+/// Jobs that wait for the storage's task, and its answers.
 #[derive(Default)]
 struct Desk {
     waiting: VecDeque<QueuedJob>,
@@ -81,7 +81,7 @@ impl Link for LinkOf<'_> {
 }
 
 impl Requests {
-    /// Requests to the device of `control`.
+    /// Creates the end of the link of the device that `control` controls.
     pub fn new(control: SharedControl) -> Self {
         Self {
             control,
@@ -89,7 +89,7 @@ impl Requests {
         }
     }
 
-    /// Does one job after the other, for ever.
+    /// Does one job after the other, forever.
     pub async fn serve_storage(&self, storage: &mut Stores) {
         let mut stage = self.control.clone();
         let mut board = BoardOf::new(stage.clone());
@@ -104,7 +104,7 @@ impl Requests {
                 desk.answers.push(answer[..length].into());
                 desk.wants_restart = storage.wants_restart();
             }
-            // The image's task waits here until the answer is sent.
+            // The image's task waits here until its answer is sent.
             yield_now().await;
         }
     }
@@ -120,13 +120,13 @@ impl Requests {
         self.desk.borrow().wants_restart
     }
 
-    /// The answers of jobs that are done.
+    /// Returns the answers of jobs that are done, and forgets them.
     pub fn take_answers(&self) -> Vec<Vec<u8>> {
         std::mem::take(&mut self.desk.borrow_mut().answers)
     }
 
-    /// Serves one frame that came over `link`. Returns the answer; `None` if there is none or the storage gives it
-    /// later. With `refuses_jobs` the storage takes no job.
+    /// Serves one frame that came over `link`. Returns the answer, or `None` if there is none or the storage answers
+    /// later. With `refuses_jobs` the storage accepts no job.
     pub fn serve(&self, link: LinkId, bytes: &[u8], refuses_jobs: bool) -> Option<Vec<u8>> {
         if bytes.len() > MAX_HOST_FRAME_BYTES {
             self.control.borrow_mut().device().link.oversized += 1;
@@ -142,7 +142,7 @@ impl Requests {
         Some(answer[..length].into())
     }
 
-    /// Asks over `link` what is answered at once; the answer.
+    /// Sends over `link` a request that is answered at once. Returns the answer.
     pub fn ask<E>(&self, link: LinkId, body: &E::Request) -> E::Response
     where
         E: Endpoint,
@@ -155,7 +155,7 @@ impl Requests {
         postcard::from_bytes(body).expect("the answer is the endpoint's")
     }
 
-    /// Sends a message over `link`, which is not answered.
+    /// Sends over `link` a message that has no answer.
     pub fn publish<T>(&self, link: LinkId, message: &T::Message)
     where
         T: Topic,

@@ -26,7 +26,8 @@ use crate::flash::{Damage, Memory, SimulatedFlash};
 use crate::hand::Hand;
 use crate::requests::{Requests, frame, path_of};
 
-/// Steps of the storage's task between two looks at the link, so that frames are served in the middle of a long job.
+/// Number of steps of the storage's task between two polls of the link. It is bounded so that frames are served during
+/// a long job.
 const STORAGE_STEPS: usize = 64;
 
 /// A frame that arrived.
@@ -36,7 +37,7 @@ pub struct Heard {
     pub at: Instant,
     /// Path of the frame's endpoint or topic, "?" if there is none.
     pub path: &'static str,
-    /// The motion in the frame, if the frame is a motion that wants no answer.
+    /// The motion in the frame, if the frame is a motion message without an answer.
     pub motion: Option<MotionSample>,
 }
 
@@ -45,11 +46,11 @@ pub struct Heard {
 pub struct StartedImage {
     /// Version of the image.
     pub version: ImageVersion,
-    /// True if a reset puts the previous image back.
+    /// True if the next reset restores the previous image.
     pub is_on_trial: bool,
 }
 
-/// State that the test's thread and the device's share.
+/// State that the test's thread and the device's thread share.
 #[derive(Default)]
 struct Inner {
     faults: Faults,
@@ -58,7 +59,7 @@ struct Inner {
     place: i64,
     board: Board,
     test_codes: usize,
-    /// Offsets of words of the slots that are to be damaged.
+    /// Words of the slots' flash to damage: the offset of each word, and the kind of damage.
     damage: Vec<(usize, Damage)>,
     lose_samples: u32,
     tear_samples: u32,
@@ -66,9 +67,9 @@ struct Inner {
     is_over: bool,
 }
 
-/// A stylus that a host reaches by TCP, in a thread of its own until it is dropped.
+/// A stylus that a host reaches by TCP. It runs in its own thread until it is dropped.
 ///
-/// The stylus has one link, like a serial port: a new connection takes the link from the one before.
+/// The stylus has one link, like a serial port: a new connection replaces the previous one.
 ///
 /// ```
 /// use std::net::TcpStream;
@@ -89,19 +90,19 @@ impl FakeStylus {
         Self::start_with(SteppedStylus::set_coil)
     }
 
-    /// Boots a stylus whose settings nobody has set, and lets hosts connect.
+    /// Boots a stylus on blank flash, whose settings nobody has set, and lets hosts connect.
     pub fn start_unset() -> Self {
         Self::start_with(|_| ())
     }
 
-    /// Boots a stylus on blank flash with `actuator` at its output, whose coil's settings are the true ones, and lets
-    /// hosts connect.
+    /// Boots a stylus on blank flash with `actuator` at its output, and lets hosts connect. The settings of the coil
+    /// and of the amplifier have the actuator's true values.
     pub fn start_on(actuator: Actuator) -> Self {
         Self::start_with(|stylus| stylus.set_actuator(actuator))
     }
 
     /// Boots a stylus with a bootloader, and lets hosts connect. After each restart for an update the stylus runs the
-    /// next one of `images`, on blank flash again.
+    /// next of `images`, again on blank flash.
     pub fn start_updatable(images: Vec<StartedImage>) -> Self {
         Self::start_as(move |listener, shared| {
             for image in images {
@@ -114,7 +115,7 @@ impl FakeStylus {
         })
     }
 
-    /// Boots a stylus on blank flash, prepares it, and lets hosts connect.
+    /// Boots a stylus on blank flash, runs `prepare` on it, and lets hosts connect.
     fn start_with(prepare: impl FnOnce(&mut SteppedStylus) + Send + 'static) -> Self {
         Self::start_as(move |listener, shared| serve(listener, shared, prepare))
     }
@@ -143,14 +144,14 @@ impl FakeStylus {
         self.port
     }
 
-    /// Injects the faults that `set` makes of none. They replace those of the call before.
+    /// Injects the faults that `set` switches on, starting from none. They replace the faults of the previous call.
     pub fn fail(&self, set: impl FnOnce(&mut Faults)) {
         let mut faults = Faults::default();
         set(&mut faults);
         lock(&self.inner).faults = faults;
     }
 
-    /// Puts the stylus in another hand.
+    /// Replaces the hand that holds the stylus.
     pub fn set_hand(&self, hand: Hand) {
         lock(&self.inner).hand = hand;
     }
@@ -160,7 +161,7 @@ impl FakeStylus {
         lock(&self.inner).place
     }
 
-    /// Puts the stylus on another board, for the self test.
+    /// Replaces the board that the self test measures.
     pub fn set_board(&self, board: Board) {
         lock(&self.inner).board = board;
     }
@@ -180,7 +181,7 @@ impl FakeStylus {
         lock(&self.inner).lose_samples = samples;
     }
 
-    /// Tears the next `samples` samples: their conversions are not all of their tick.
+    /// Tears the next `samples` samples: not all of their conversions belong to their tick.
     pub fn tear_samples(&self, samples: u32) {
         lock(&self.inner).tear_samples = samples;
     }
@@ -217,16 +218,17 @@ impl Drop for FakeStylus {
     }
 }
 
-/// The shared state; a panic of the other thread is told by [`FakeStylus::drop`].
+/// Locks the shared state. A poisoned lock is accepted, because [`FakeStylus::drop`] reports the panic of the other
+/// thread.
 fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
     inner.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Updates of `image`, which trusts the development key.
+/// Returns the update state of a device that runs `image` and trusts the development key.
 fn updates(image: StartedImage) -> Updates<Flash> {
     let record = if image.is_on_trial {
         let mut record = Record::marked(mark::SWAP, 0, image.version.numbers());
-        // The exchange has been done.
+        // The exchange of the images is complete.
         record.marks[2..2 + EXCHANGED].fill(0);
         record
     } else {
@@ -247,7 +249,7 @@ fn updates(image: StartedImage) -> Updates<Flash> {
     Updates::new(store, running)
 }
 
-/// Serves until the end of the test, or the restart for an update.
+/// Serves until the end of the test or until the restart for an update.
 fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut SteppedStylus)) {
     let slots = SimulatedFlash::two_slots();
     let fate = slots.fate.clone();
@@ -270,7 +272,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
         if frames.is_none() {
             thread::sleep(Duration::from_millis(1));
         }
-        // As they are now, and not before the wait for the frames.
+        // Read again, because the test may have changed the faults during the wait for frames.
         let faults = lock(shared).faults.clone();
         control.borrow_mut().device().disguise = faults.disguise;
         let mut step = || {
@@ -283,7 +285,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             requests.take_answers()
         };
         let Some(open) = &mut connection else {
-            // Nobody is there to take the answers.
+            // Without a connection nobody receives the answers.
             step();
             continue;
         };
@@ -309,14 +311,14 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
     }
 }
 
-/// The connection of a program that has come.
+/// Accepts the connection of a program that has connected, if there is one.
 fn accepted(listener: &TcpListener, shared: &Mutex<Inner>) -> Option<Connection> {
     let (stream, _) = listener.accept().ok()?;
     lock(shared).connections += 1;
     Some(Connection::new(stream))
 }
 
-/// Hands the device what the test has set, and the test what the device has counted; false if the device is to end.
+/// Copies the test's scene to the device and the device's counts to the test. Returns false if the device must end.
 fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut inner = lock(shared);
     let mut control = control.borrow_mut();

@@ -13,14 +13,14 @@ pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Asserts that a value is within `tolerance` of another.
+/// Asserts that `found` is within `tolerance` of `expected`.
 #[track_caller]
 pub fn near(found: f64, expected: f64, tolerance: f64) {
     let is_near = (found - expected).abs() <= tolerance;
     assert!(is_near, "{found} is not {expected} to within {tolerance}");
 }
 
-/// Asserts that a text, such as an error's, has all these words, also if they go over the end of a line.
+/// Asserts that a text, such as an error message, contains all these words, even if a line break separates them.
 #[track_caller]
 pub fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
     let text = text.to_string();
@@ -31,7 +31,8 @@ pub fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
     }
 }
 
-/// A library of one texture: a grid of two speeds by two forces whose nodes differ in level and in colour.
+/// Returns a library of one texture: a grid of two speeds by two forces whose nodes differ in level and in spectral
+/// shape.
 pub fn library(sample_rate_hz: u32) -> Vec<u8> {
     let node = |output_power: f32, codes: &[i16]| NodeSpec {
         output_power,

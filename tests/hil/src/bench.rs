@@ -1,4 +1,4 @@
-//! The device under test: its clock, its counters, and what keeps it playing meanwhile.
+//! The device under test, with its clock and its counters, and the motions that keep it playing.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,10 +16,10 @@ use crate::board::Board;
 use crate::error::{Error, Result};
 use crate::report::{Report, Test};
 
-/// Time between two readings of the status, of this computer's clock.
+/// Time between two readings of the status, by this computer's clock.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// Rate of motions, Hz of this computer's clock.
+/// Rate of motions, Hz, by this computer's clock.
 const MOTION_RATE_HZ: u32 = 200;
 
 /// Speed of the host's motion, mm/s. No grid that the suite plays has a node there, so all four neighbours are mixed.
@@ -28,19 +28,19 @@ const SPEED_MM_S: f32 = 100.0;
 /// Force of the host's motion, N.
 const FORCE_N: f32 = 1.2;
 
-/// The serial number of the virtual stylus begins so: "VIRTUAL" in hexadecimal.
+/// Beginning of the virtual stylus's serial number: "VIRTUAL" in hexadecimal.
 const VIRTUAL_SERIAL: &str = "5649525455414C";
 
 /// Lengths of the tests.
 #[derive(Clone, Copy, Debug)]
 pub struct Lengths {
-    /// Length of one play, ms of the device.
+    /// Length of one playback, ms of the device.
     pub play_ms: u64,
     /// Length of the recording, ms of the device.
     pub record_ms: u64,
-    /// Length of upload, stream and play together, ms of the device.
+    /// Length of simultaneous upload, stream and playback, ms of the device.
     pub endurance_ms: u64,
-    /// Least time from one upload to the next, ms of the device, because sectors of flash bear 10 000 erases.
+    /// Shortest time from one upload to the next, ms of the device. Sectors of flash endure only 10 000 erases.
     pub between_uploads_ms: u64,
 }
 
@@ -52,9 +52,9 @@ pub struct Bench {
     pub board: Board,
     /// The run's lengths.
     pub lengths: Lengths,
-    /// True if a person says that no amplifier is connected, so that the self test may move the output.
+    /// True if the user states that no amplifier is connected, so that the self test may move the output.
     pub no_amplifier: bool,
-    /// Raised when the run is to end.
+    /// Set when the run has to end.
     pub interrupt: Arc<AtomicBool>,
     /// The report so far.
     pub report: Report,
@@ -63,7 +63,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// A bench whose tests go to `tell` as they come.
+    /// Creates a bench that passes each test to `tell` when it is done.
     pub fn new(
         device: Device,
         board: Board,
@@ -83,12 +83,12 @@ impl Bench {
         }
     }
 
-    /// Names the subject of the tests to come.
+    /// Sets the subject of the next tests.
     pub fn begin(&mut self, subject: &'static str) {
         self.subject = subject;
     }
 
-    /// Returns true if no hardware is at the other end, as far as link and serial number tell.
+    /// Returns true if the device is emulated, as far as the link and the serial number show.
     pub fn is_emulated(&self) -> bool {
         let by_link = matches!(
             self.device.address(),
@@ -98,12 +98,12 @@ impl Bench {
         self.board.is_emulated() || by_link || serial.starts_with(VIRTUAL_SERIAL)
     }
 
-    /// Returns true once the run is to end.
+    /// Returns true once the run has to end.
     pub fn is_interrupted(&self) -> bool {
         self.interrupt.load(Ordering::Relaxed)
     }
 
-    /// Adds a test.
+    /// Adds a test to the report.
     pub fn add(&mut self, line: Line) {
         let test = Test {
             subject: self.subject,
@@ -113,7 +113,8 @@ impl Bench {
         self.report.tests.push(test);
     }
 
-    /// Adds lines of the product's own; with an emulator, without what the computer that emulates decides.
+    /// Adds lines of the product's self test. With an emulator, round trips are left out, because they depend on its
+    /// computer.
     pub fn add_all(&mut self, lines: Vec<Line>) {
         for line in lines {
             if self.is_emulated() && line.name.contains("round trip") {
@@ -124,7 +125,7 @@ impl Bench {
         }
     }
 
-    /// Adds a test whose `value` is within its `limits` or not.
+    /// Adds a test that passes if `holds` is true. `value` and `limits` are shown in the report.
     pub fn judge(
         &mut self,
         name: &str,
@@ -151,10 +152,10 @@ impl Bench {
         Ok(self.device.status()?)
     }
 
-    /// Reads the status until `reached` is true for it.
+    /// Reads the status until `reached` returns true for it.
     ///
     /// # Errors
-    /// As [`Bench::status`]; or `reached` was not true within `ms` of the device's clock.
+    /// The errors of [`Bench::status`]; or `reached` stayed false for `ms` of the device's clock.
     pub fn wait_until(
         &self,
         what: &str,
@@ -181,7 +182,7 @@ impl Bench {
     /// Waits for `ms` of the device's clock.
     ///
     /// # Errors
-    /// As [`Bench::status`].
+    /// The errors of [`Bench::status`].
     pub fn wait(&self, ms: u64) -> Result<Status> {
         let end = self.status()?.uptime_ms + ms;
         self.wait_until("the device's clock did not go on", ms + 1_000, |status| {
@@ -189,14 +190,14 @@ impl Bench {
         })
     }
 
-    /// Waits until the device answers after a reset. A clock that has begun anew shows the reset.
+    /// Waits until the device answers after a reset. The reset shows in the device's clock, which starts again.
     ///
     /// # Errors
-    /// The device does not come back, or its clock goes on.
+    /// The device does not answer again, or it does not reset.
     pub fn wait_for_restart(&mut self, before: &Status) -> Result<Status> {
-        /// Attempts; each takes as long as the link takes to come back.
+        /// Number of attempts. Each takes as long as the link needs to return.
         const ATTEMPTS: u32 = 5;
-        /// Time in which a reset that was requested comes, ms of the device; the watchdog needs 400.
+        /// Time within which a requested reset occurs, ms of the device. The watchdog needs 400 ms.
         const WITHIN_MS: u64 = 2_000;
         let mut attempts = 0;
         loop {
@@ -218,7 +219,7 @@ impl Bench {
         }
     }
 
-    /// Plays `selection` along the host's motion while `work` is done, and stops the device when `work` has ended.
+    /// Plays `selection` along the motion of `source` while `work` runs, and stops the device afterwards.
     ///
     /// # Errors
     /// The device refuses to play, `work` fails, the link fails, or the output does not come to rest.
@@ -255,7 +256,7 @@ impl Bench {
         Ok((done, driven))
     }
 
-    /// Waits until the output is heard: playing, and not muted.
+    /// Waits until the output is heard: it plays and is not muted.
     ///
     /// # Errors
     /// The output stays muted.
@@ -265,13 +266,13 @@ impl Bench {
         })
     }
 
-    /// Sends motions until the output is heard. Leaves it playing, and nothing keeps it playing from then on. Returns
-    /// the last status, whose request was the last frame.
+    /// Sends motions until the output is heard. On return the device plays, and nothing keeps it playing. Returns the
+    /// last status, whose request was the last frame sent.
     ///
     /// # Errors
     /// The output stays muted.
     pub fn heard_with_motions(&self) -> Result<Status> {
-        /// Motions that the output may need.
+        /// Largest number of motions that the output may need.
         const MOTIONS: u32 = 2_000;
         for _ in 0..MOTIONS {
             self.device.publish_motion(motion_sample())?;
@@ -287,17 +288,17 @@ impl Bench {
     }
 }
 
-/// Returns true if the device's clock has begun anew.
+/// Returns true if the device has restarted.
 fn is_restarted(before: &Status, now: &Status) -> bool {
     now.resets != before.resets || now.uptime_ms < before.uptime_ms
 }
 
-/// Returns true while something is played, muted or not.
+/// Returns true while something plays, muted or not.
 pub fn is_playing(status: &Status) -> bool {
     matches!(status.output.activity, Activity::Playing { .. })
 }
 
-/// The request to play `selection` as recorded.
+/// The request to play `selection` with its recorded gain.
 pub fn request(selection: &Selection, motion: MotionSource) -> PlayRequest {
     PlayRequest {
         selection: selection.clone(),
@@ -307,7 +308,7 @@ pub fn request(selection: &Selection, motion: MotionSource) -> PlayRequest {
     }
 }
 
-/// The host's motion: constant, on the grids of all that is played.
+/// The host's motion: constant, and within the grids of all textures that are played.
 fn motion() -> MotionPath {
     MotionPath::constant(MillimetresPerSecond(SPEED_MM_S), Newton(FORCE_N))
         .expect("both are finite")

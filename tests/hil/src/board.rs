@@ -1,4 +1,4 @@
-//! The board's reset and its flashing: by a probe, by the process of a virtual stylus, or by nobody.
+//! Reset and flashing of the board: by a probe, by the process of a virtual stylus, or by the user.
 
 use std::fmt::Display;
 use std::io::{BufRead, BufReader, Write};
@@ -11,18 +11,18 @@ use crate::error::{Error, Result};
 /// A variant of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Image {
-    /// The image that is handed out.
+    /// The image of the release.
     Product,
-    /// The product's image with faults on request.
+    /// The product's image, extended by faults on request.
     FaultInjection,
 }
 
 /// The images' ELF files.
 #[derive(Clone, Debug)]
 pub struct Images {
-    /// The image that is handed out.
+    /// The image of the release.
     pub product: PathBuf,
-    /// The product's image with faults on request.
+    /// The product's image, extended by faults on request.
     pub faults: PathBuf,
 }
 
@@ -38,19 +38,19 @@ impl Images {
 /// Time that a virtual stylus takes to restart, on an idle computer.
 const VIRTUAL_START: Duration = Duration::from_millis(700);
 
-/// Control of the board besides its link.
+/// Control of the board, in addition to its link.
 #[derive(Debug)]
 pub enum Board {
     /// No control: the user resets the board and flashes images.
     ByHand,
     /// A probe with probe-rs.
     Probe(Probe),
-    /// A virtual stylus in a process of its own.
+    /// A virtual stylus in its own process.
     Virtual(VirtualBoard),
 }
 
 impl Board {
-    /// The reason for which [`Board::reset`] and [`Board::flash`] cannot be used; `None` if they can.
+    /// Returns the reason why [`Board::reset`] and [`Board::flash`] cannot be used; `None` if they can.
     pub fn lacks(&self) -> Option<&'static str> {
         match self {
             Self::ByHand => {
@@ -75,7 +75,7 @@ impl Board {
             Self::Probe(probe) => probe.run(&["reset"], None),
             Self::Virtual(board) => {
                 board.tell("reset")?;
-                // A request that is on its way would be lost, and waited for.
+                // A request sent now would be lost, and its timeout would have to elapse.
                 std::thread::sleep(VIRTUAL_START);
                 Ok(())
             }
@@ -106,7 +106,7 @@ fn by_hand() -> Error {
     }
 }
 
-/// A probe with probe-rs. It detaches after each call, so nothing halts the core and freezes its watchdog.
+/// A probe with probe-rs. It detaches after each call, so that nothing halts the core and thereby its watchdog.
 #[derive(Debug)]
 pub struct Probe {
     /// The probe-rs program.
@@ -137,7 +137,7 @@ impl Probe {
     }
 }
 
-/// A virtual stylus that is told to reset and to end by its standard input.
+/// A virtual stylus, which resets and ends on commands over its standard input.
 #[derive(Debug)]
 pub struct VirtualBoard {
     program: PathBuf,
@@ -149,7 +149,7 @@ pub struct VirtualBoard {
     _folder: tempfile::TempDir,
 }
 
-/// The tool's motion: at rest for a moment, then a stroke that outlasts every run, mm/s and N.
+/// The hand's motion, mm/s and N: at rest for a moment, then a stroke that is longer than any run.
 const MOTION: &str = "time_s,speed_mm_s,force_n\n0,0,0\n1,120,1\n100000,120,1\n";
 
 impl VirtualBoard {
@@ -194,10 +194,10 @@ impl VirtualBoard {
         told.map_err(|error| self.failed(&error))
     }
 
-    /// Ends the run, which writes the flash to its file.
+    /// Ends the process, which then writes the flash to its file.
     fn end(&mut self) -> Result<()> {
         if let Some((mut child, stdin)) = self.running.take() {
-            // The end of its input ends it.
+            // The process ends when its standard input closes.
             drop(stdin);
             let status = child.wait().map_err(|error| self.failed(&error))?;
             if !status.success() {
@@ -236,7 +236,7 @@ impl VirtualBoard {
             }
         };
         self.port = port;
-        // A pipe that nobody reads would block it.
+        // A pipe that nobody reads would fill and block the process.
         std::thread::spawn(move || lines.for_each(drop));
         std::thread::sleep(VIRTUAL_START);
         Ok(())
@@ -245,7 +245,7 @@ impl VirtualBoard {
 
 impl Drop for VirtualBoard {
     fn drop(&mut self) {
-        // Nobody is left to be told of a failure.
+        // A failure cannot be reported any more.
         let _ = self.end();
     }
 }

@@ -13,9 +13,9 @@ pub enum Error {
     Link(#[from] LinkError),
     #[error("{what} within {ms} ms of the device's clock")]
     NotReached {
-        /// The state, as a sentence without its end.
+        /// What did not happen, as the beginning of a sentence.
         what: String,
-        /// The time that it had, ms.
+        /// The time within which it was expected, ms.
         ms: u64,
     },
     /// A program cannot be run, or failed.
@@ -32,10 +32,10 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// The system refuses what the suite needs.
+    /// The system refuses a service that the suite needs.
     #[error("{0}")]
     System(#[from] std::io::Error),
-    /// Somebody ended the run.
+    /// The user ended the run.
     #[error("interrupted")]
     Interrupted,
 }

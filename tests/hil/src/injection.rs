@@ -1,4 +1,4 @@
-//! Faults on request, which the fault image alone takes, by their numbers in `firmware/realtime/src/injection.rs`.
+//! Faults on request, by their numbers in `firmware/realtime/src/injection.rs`. Only the fault image accepts them.
 
 use postcard_rpc::{TopicDirection, topics};
 
@@ -17,7 +17,7 @@ topics! {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names are those of the firmware")]
 pub enum Injected {
-    /// No fault: the product's image counts it as malformed, and the fault image does nothing.
+    /// No fault. The product's image counts the message as malformed, and the fault image does nothing.
     Nothing,
     LongTick,
     EndlessTick,
@@ -35,9 +35,10 @@ pub enum Injected {
     NoEraser,
     AmplifierOff,
     AmplifierOn,
-    /// A critical section from before a trigger until 25 µs after it.
+    /// A critical section that begins before a trigger and lasts until 25 µs after it.
     ShortSection = 30,
-    /// A critical section from before a trigger until 45 µs after it; the first conversion ends after 32 µs.
+    /// A critical section that begins before a trigger and lasts until 45 µs after it. The first conversion ends after
+    /// 32 µs.
     LongSection,
     OverflowInTask,
     OverflowInUpdate,
@@ -47,7 +48,7 @@ pub enum Injected {
     WriteToFlash,
     ExecuteData,
     ReadExternal,
-    /// No fault: counts of ticks a second before the ends of their 32 bits.
+    /// No fault. Sets the counts of ticks to a second before their 32 bits overflow.
     Age,
 }
 

@@ -1,8 +1,8 @@
-//! Hardware in the loop: the tests of the image that a real board can run, over its link and its probe.
+//! Hardware in the loop: the tests of the firmware that a real board can run, over its link and its probe.
 //!
-//! `cargo tasks hil` runs them against a board, and `tests/run long` against the virtual stylus. The device's own clock
-//! and counters decide: a test waits for milliseconds of the device, not of this computer, so an emulator that is
-//! slower than real time passes and fails for the same reasons as a board.
+//! `cargo tasks hil` runs them on a board, and `tests/run long` on the virtual stylus. Every result depends only on the
+//! device's own clock and counters: a test waits for milliseconds of the device, not of this computer. An emulator that
+//! is slower than real time therefore passes and fails for the same reasons as a board.
 //!
 //! | module | subject |
 //! |---|---|
@@ -13,7 +13,8 @@
 //! | [`report`] | a line per test, and the summary |
 //! | [`suite`] | order of the tests; settings and library saved before and restored after |
 //!
-//! Invariant: a test that cannot run says so and does not count as passed; a run in which nothing passed fails.
+//! Invariant: a test that cannot run is reported as such and does not count as passed. A run in which no test passed
+//! fails.
 
 pub mod bench;
 pub mod board;

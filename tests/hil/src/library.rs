@@ -1,5 +1,5 @@
-//! The library that the suite uploads: one texture per filter and order whose cycles are measured, and one scene per
-//! effect.
+//! The library that the suite uploads: one texture for each filter and order whose cycles are measured, and one scene
+//! for each effect.
 
 use kernel_vectors::scenes::{equalised, of_surface, side_by_side, sticky, tapped};
 use kernel_vectors::{COUNTED_ORDERS, counted_texture};
@@ -7,20 +7,21 @@ use model_format::encode_with_scenes;
 use model_format::link::{Selection, TextureName};
 use model_format::scene::{Scene, Surface};
 
-/// Indices among the textures of the lattices of orders 100 and 50. A transition of both keeps within a scene's budget.
+/// Indices of the textures with lattices of orders 100 and 50. A transition between these two stays within a scene's
+/// budget.
 const LATTICE: u8 = 3;
 const SECOND: u8 = 2;
 
-/// Textures and scenes that are played and measured, with the library that holds them.
+/// Textures and scenes that are played and measured, and the library that holds them.
 #[derive(Clone, Debug)]
 pub struct Played {
     /// The library's bytes.
     pub bytes: Vec<u8>,
-    /// All of its textures and scenes, with a description of each for the table of cycles.
+    /// All textures and scenes of the library, each with a description for the table of cycles.
     pub selections: Vec<(String, Selection)>,
 }
 
-/// The suite's library.
+/// Returns the suite's library.
 pub fn played() -> Played {
     let textures =
         COUNTED_ORDERS.map(|order| counted_texture(order, &format!("lattice, order {order}")));
@@ -38,13 +39,13 @@ pub fn played() -> Played {
     Played { bytes, selections }
 }
 
-/// The texture of the highest order, the dearest filter.
+/// Selects the texture of the highest order, whose filter is the most expensive.
 pub fn dearest() -> Selection {
     let order = COUNTED_ORDERS[COUNTED_ORDERS.len() - 1];
     texture(&format!("lattice, order {order}"))
 }
 
-/// A texture that is cheap, so that an emulator is fast.
+/// Selects a texture that is cheap to compute, so that an emulator is fast.
 pub fn cheap() -> Selection {
     texture("lattice, order 10")
 }
@@ -53,7 +54,7 @@ fn texture(name: &str) -> Selection {
     Selection::Texture(TextureName::try_from(name).expect("short"))
 }
 
-/// One scene per stage of a scene, on a lattice of order 100.
+/// Returns the scenes, on a lattice of order 100: one without effects, and one or two for each effect.
 fn scenes() -> Vec<Scene> {
     let plain = || Surface::of_texture(LATTICE);
     let surfaces = [plain(), Surface::of_texture(SECOND)];

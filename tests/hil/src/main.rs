@@ -24,8 +24,8 @@ const CHIP: &str = "STM32H743ZITx";
 /// Exit code after a second interrupt.
 const EXIT_INTERRUPTED: i32 = 130;
 
-/// Longest wait for an answer of an emulated device: it may share its processor with a build. A request that a reset
-/// swallows costs as much.
+/// Longest wait for an answer of an emulated device, which may share its processor with a build. A request that is lost
+/// in a reset costs this time.
 const EMULATED_ANSWER: Duration = Duration::from_secs(6);
 
 /// Runs the image's tests against a real board, or the virtual stylus, over its link
@@ -75,7 +75,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Returns true if the report holds.
+/// Runs the tests. Returns true if the report holds.
 fn tested(arguments: &Arguments) -> Result<bool> {
     let interrupt = Arc::new(AtomicBool::new(false));
     listen(&interrupt)?;
@@ -124,11 +124,11 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     Ok(bench.report.holds())
 }
 
-/// Raises the flag on Ctrl-C and SIGTERM from now on, because the stylus must be left silent and with its settings. A
-/// second signal ends the process at once.
+/// Makes Ctrl-C and SIGTERM raise the flag, because the stylus must be left silent and with its settings. A second
+/// signal ends the process at once.
 fn listen(interrupt: &Arc<AtomicBool>) -> Result<()> {
     for signal in [SIGINT, SIGTERM] {
-        // First, so that it finds the flag as the signal before has left it.
+        // Registered first, so that it sees the flag before the present signal raises it.
         flag::register_conditional_shutdown(signal, EXIT_INTERRUPTED, interrupt.clone())?;
         flag::register(signal, interrupt.clone())?;
     }
@@ -160,12 +160,12 @@ fn board(arguments: &Arguments) -> Result<(Board, LinkAddress)> {
     Ok((board, link))
 }
 
-/// Opens the link. A board that was just flashed or a virtual stylus that was just started may need a moment.
+/// Opens the link. A board that was just flashed, or a virtual stylus that was just started, may not answer at once.
 fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
     const ATTEMPTS: u32 = 10;
     let mut attempt = 1;
     loop {
-        // A command before this one may have left its broker at the link.
+        // The broker of an earlier command may still hold the link.
         match Device::connect_by(address, timeouts, Route::Alone("hil".to_owned())) {
             Ok(device) => return Ok(device),
             Err(error) if attempt == ATTEMPTS || !error.is_passing() => return Err(error.into()),
@@ -194,7 +194,7 @@ fn lengths(arguments: &Arguments) -> Lengths {
     }
 }
 
-/// Says what the run overwrites, and asks.
+/// Lists what the run overwrites, and asks whether it may.
 fn may_overwrite(bench: &Bench, arguments: &Arguments) -> Result<bool> {
     let overwritten = overwrites(bench)?;
     if overwritten.is_empty() {

@@ -1,4 +1,4 @@
-//! The report: lines as the product's self test has them, each of its subject.
+//! The report: the lines of the product's self test, each with its subject.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 pub struct Test {
     /// The subject that the test belongs to.
     pub subject: &'static str,
-    /// The value, limits and verdict of the test, by the property that it holds; without a verdict, the reason.
+    /// The name of the tested property, with value, limits and verdict; if there is no verdict, the reason.
     #[serde(flatten)]
     pub line: Line,
 }
@@ -33,12 +33,12 @@ impl fmt::Display for Test {
     }
 }
 
-/// The tests of a run, in their order.
+/// The tests of a run, in the order in which they ran.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
     /// The tests.
     pub tests: Vec<Test>,
-    /// True if the run was ended before its last test.
+    /// True if the run was interrupted before its last test.
     pub interrupted: bool,
 }
 
@@ -49,7 +49,7 @@ impl Report {
         tests.filter(move |test| test.line.verdict == verdict)
     }
 
-    /// Returns true if the run came to its end, something passed and nothing failed.
+    /// Returns true if the run was completed, something passed and nothing failed.
     pub fn holds(&self) -> bool {
         let [passed, failed] =
             [Verdict::Pass, Verdict::Fail].map(|verdict| self.with(verdict).count());

@@ -1,7 +1,8 @@
-//! Order of the tests, and the end that leaves the stylus silent, with its settings, and with a library of the user's.
+//! Order of the tests. At the end of a run the stylus is silent, has its own settings again, and holds a library of the
+//! user's.
 //!
-//! A device does not give a library back, so what its slots hold is overwritten; a file of the user's can be uploaded
-//! at the end.
+//! A library cannot be read back from a device, so the tests overwrite the libraries in its slots for good. At the end,
+//! a library file of the user's can be uploaded.
 
 use std::path::PathBuf;
 
@@ -13,10 +14,10 @@ use crate::checks::{self, cycles, endurance, faults, playing, self_test};
 use crate::error::{Error, Result};
 use crate::library::{Played, played};
 
-/// Runs all tests, and uploads `library` at the end. The report is in the bench.
+/// Runs all tests, and uploads `library` at the end. The results are in the bench's report.
 ///
 /// # Errors
-/// The device could not be left as it was; everything else is in the report.
+/// The device could not be restored. Every other failure is in the report.
 pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     let kept = Kept::save(bench, library)?;
     let played = played();
@@ -62,7 +63,8 @@ fn silent_subjects(bench: &mut Bench, played: &Played) -> Result<()> {
     Ok(())
 }
 
-/// Runs one subject after the other; a failure is a line of the report. Only an interrupt ends the run.
+/// Runs the silent subjects one after the other. A failure becomes a line of the report; only an interrupt ends the
+/// run.
 fn silent(bench: &mut Bench, played: &Played) -> Result<()> {
     subject(bench, "self test", self_test::check)?;
     subject(bench, "upload", |bench| {
@@ -97,7 +99,7 @@ fn subject(
                 "no failure of link or device",
                 false,
             );
-            // The next subject may find the link whole again; if not, it says so itself.
+            // The link may be whole again for the next subject; if not, that subject reports it.
             if bench.device.status().is_err() {
                 let _ = bench.device.reconnect();
             }
@@ -110,17 +112,17 @@ fn subject(
 /// Largest power limit during the tests, W.
 const MOST_POWER_W: f32 = 0.01;
 
-/// State that the suite changes and puts back.
+/// State that the suite changes and restores.
 #[derive(Clone, Debug)]
 pub struct Kept {
     settings: Settings,
-    /// Settings that somebody has set.
+    /// Settings that the user has set.
     set: SettingSet,
     library: Option<PathBuf>,
 }
 
 impl Kept {
-    /// Saves the settings; `library` is the file to upload at the end.
+    /// Saves the settings. `library` is the file to upload at the end.
     ///
     /// # Errors
     /// The link fails.
@@ -132,7 +134,8 @@ impl Kept {
         })
     }
 
-    /// True if nothing plays into an amplifier that is always on at settings of its coil that nobody has set.
+    /// Returns true if the suite may play. It may not if the amplifier is always on and nobody has set its coil's
+    /// settings.
     fn may_play(&self, bench: &Bench) -> bool {
         let mut required = SettingSet::REQUIRED.iter();
         required.all(|setting| self.set.contains(setting))
@@ -140,8 +143,8 @@ impl Kept {
             || bench.no_amplifier
     }
 
-    /// Sets the coil's settings, so that the device plays even if nobody has set them: as they are, with a power of at
-    /// most `MOST_POWER_W`. [`Kept::restore`] takes that back.
+    /// Sets the coil's settings to their present values, with a power limit of at most `MOST_POWER_W`, so that the
+    /// device plays even if nobody has set them. [`Kept::restore`] undoes that.
     ///
     /// # Errors
     /// The link fails, or the device refuses a value.
@@ -156,7 +159,7 @@ impl Kept {
         Ok(())
     }
 
-    /// Silences the device, and puts back what was saved. Does all that is still possible after a failure.
+    /// Silences the device, and restores what was saved. After a failure the remaining steps are still tried.
     ///
     /// # Errors
     /// The first failure.
@@ -171,7 +174,8 @@ impl Kept {
     }
 
     fn restore_settings(&self, bench: &Bench) -> Result<()> {
-        // What nobody has set stays so, because a device with guessed settings of its coil must refuse to play.
+        // Settings that nobody has set stay unset, because a device with guessed settings of its coil must refuse to
+        // play.
         bench.device.reset_settings()?;
         for setting in self.set.iter() {
             let value = self.settings.get(setting);
@@ -194,7 +198,7 @@ impl Kept {
     }
 }
 
-/// Stops the output and a recording.
+/// Stops the output and any recording.
 fn silence(bench: &Bench) -> Result<()> {
     let stopped = bench.device.stop();
     if bench.device.status()?.record.recording {
@@ -204,7 +208,7 @@ fn silence(bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// The libraries that the run will overwrite, as text; empty if there are none.
+/// Describes the libraries that the run will overwrite, one text per library.
 ///
 /// # Errors
 /// The link fails.

@@ -1,4 +1,4 @@
-//! The suite on a fake device: it finds nothing on a healthy one, and each injected defect on one that has it.
+//! The suite on a fake device. It finds nothing on a healthy device, and finds each injected defect.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -44,7 +44,7 @@ fn bench(stylus: &FakeStylus) -> Bench {
     of(connected(stylus))
 }
 
-/// A bench with the suite's library in the device.
+/// Returns a bench whose device holds the suite's library.
 fn bench_with_library(stylus: &FakeStylus) -> (Bench, Played) {
     let mut bench = bench(stylus);
     let kept = Kept::save(&bench, None).expect("the device answers");
@@ -130,7 +130,7 @@ fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
     assert!(left_out.line.remedy.contains("--flash"), "{left_out}");
 }
 
-/// Checks that `check`, on a device with the suite's library and then `faults`, fails in this test alone.
+/// Asserts that, on a device with the suite's library and then `faults`, `check` fails only in the test `name`.
 fn finds(
     faults: impl FnOnce(&mut Faults),
     check: impl FnOnce(&mut Bench, &Played) -> hil::error::Result<()>,
@@ -149,7 +149,7 @@ fn an_output_that_goes_on_after_a_lost_link_is_found() {
         let (_, scene) = played.selections.last().expect("there are some");
         playing::check(bench, scene)
     };
-    // A motion that grows old mutes too, but not for this reason.
+    // A motion that becomes stale also mutes, but for another reason.
     let name = "a lost link is silent within 100 ms";
     finds(|faults| faults.ignores_lost_link = true, check, name);
 }
@@ -167,7 +167,7 @@ fn ticks_that_are_missed_late_or_too_long_are_found() {
         endures,
         "meanwhile: outputs late",
     );
-    // What came before is in the first range, which is not shown.
+    // The first range of durations includes all earlier ticks, and is not reported.
     let idle = |bench: &mut Bench, _: &Played| cycles::check(bench, &[]);
     finds(|f| f.slower_by = 80_000, idle, "idle");
 }
@@ -216,7 +216,7 @@ fn an_interrupt_ends_the_run_in_silence_and_with_the_settings_restored() {
     let interrupt = bench.interrupt.clone();
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            // After the first settings, and before the last test.
+            // After the first settings were changed, and before the last test.
             wait_for(&stylus, "stylus/play", 1);
             interrupt.store(true, Ordering::Relaxed);
         });

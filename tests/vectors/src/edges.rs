@@ -1,4 +1,4 @@
-//! Operands at the ends of their ranges, which no texture's noise reaches.
+//! Operands at the ends of their ranges, which the noise of no texture reaches.
 
 use model_format::limits::MAX_ORDER;
 use stylus_kernel::arithmetic::Arithmetic;
@@ -24,7 +24,7 @@ pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
     }
 }
 
-/// Bytes for codes of any kind, more of them at the ends of their range than by chance.
+/// Bytes for codes of any kind. The ends of their range occur more often than in random bytes.
 const CODES: [u8; 1024] = {
     let mut bytes = [0; 1024];
     let (mut at, mut seed) = (0, 1u32);
@@ -42,8 +42,8 @@ const CODES: [u8; 1024] = {
     bytes
 };
 
-/// Means of `weights` of every length modulo the number of stages that are computed together, of codes at odd and even
-/// addresses.
+/// Rotations of means with `weights`, for every number of stages modulo the number that is computed together, and for
+/// codes at odd and even addresses.
 fn rotations_of_means<A: Arithmetic>(weights: [u32; 4], sink: &mut impl FnMut(u32)) {
     let mut rotations = [Rotation::NONE; MOST_FEW_STAGES];
     for stages in 0..=MOST_FEW_STAGES {
@@ -76,7 +76,7 @@ fn rotations_of_means<A: Arithmetic>(weights: [u32; 4], sink: &mut impl FnMut(u3
     }
 }
 
-/// Lattices whose stages all rotate by ±`theta` and whose signals are all at an end of their range, so that sums
+/// Lattices whose stages all rotate by ±`theta` and whose signals all begin at an end of their range, so that sums
 /// saturate.
 fn lattice_at_full_scale<A: Arithmetic>(theta: i32, sink: &mut impl FnMut(u32)) {
     let to_and_fro = [Rotation::from_theta(theta), Rotation::from_theta(-theta)];
@@ -86,7 +86,7 @@ fn lattice_at_full_scale<A: Arithmetic>(theta: i32, sink: &mut impl FnMut(u32)) 
     samples_and_state::<A>(&rotations, state, |n| ends[n % 3], sink);
 }
 
-/// Lattices of every length modulo the number of stages that are computed together; each stage rotates differently.
+/// Lattices of every number of stages modulo the number that is computed together. Each stage rotates differently.
 fn lattices_of_few_stages<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     let rotations: [Rotation; MOST_FEW_STAGES] = core::array::from_fn(|stage| {
         Rotation::from_theta(THETA_QUARTER_TURN / 9 * (stage as i32 % 17 - 8))
@@ -98,7 +98,7 @@ fn lattices_of_few_stages<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     }
 }
 
-/// The samples of a lattice from `state` on, and its final state.
+/// Passes to `sink` the samples of a lattice that begins at `state`, and its final state.
 fn samples_and_state<A: Arithmetic>(
     rotations: &[Rotation],
     mut state: LatticeState,

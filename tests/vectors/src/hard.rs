@@ -1,7 +1,8 @@
 //! Hard cases on the target: textures, motions and states that break filters, sample by sample.
 //!
-//! The host makes them (`stylus stress`). Here each is played in two ways: as the product plays a texture, and by its
-//! filter alone, driven, stopped, overdriven, and from a state with full scale in every signal.
+//! The host makes them (`stylus stress`). Each is played in two ways here: like the product plays a texture, and
+//! through its filter only. The filter is driven, stopped and overdriven, and starts from a state with full scale in
+//! every signal.
 
 use model_format::{DecodeError, Library, MillimetresPerSecond, Newton, OutputSample, Texture};
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ pub struct HardCase<'a> {
     pub name: &'a str,
     /// The library.
     pub library: &'a [u8],
-    /// The motions: speed, mm/s, and force, N, each as a little-endian float; they repeat.
+    /// The motions: speed, mm/s, and force, N, each as a little-endian float. They are repeated.
     pub motions: &'a [u8],
     /// Number of samples per motion.
     pub every: u32,
@@ -27,16 +28,16 @@ pub struct HardCase<'a> {
     pub samples: u32,
 }
 
-/// The call that makes a sample.
+/// The call that computes a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// [`Synthesis::next_sample`].
     Synthesis,
-    /// The filter state's own, without the generator of the excitation.
+    /// The filter state's own call, without the generator of the excitation.
     Filter,
 }
 
-/// The excitation of the filter in a phase.
+/// The excitation that drives the filter in a phase.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Drive {
     Noise,
@@ -46,10 +47,10 @@ enum Drive {
 }
 
 impl<'a> HardCase<'a> {
-    /// The first of the cases in `bytes` and the bytes after it; none at their end.
+    /// Reads the first of the cases in `bytes`. Returns the case and the bytes after it; `None` if there are no bytes.
     ///
     /// # Errors
-    /// Bytes that are no case.
+    /// The bytes are not a case.
     pub fn take(bytes: &'a [u8]) -> Result<Option<(Self, &'a [u8])>, postcard::Error> {
         if bytes.is_empty() {
             return Ok(None);
@@ -57,16 +58,16 @@ impl<'a> HardCase<'a> {
         postcard::take_from_bytes(bytes).map(Some)
     }
 
-    /// The bytes that [`HardCase::take`] reads.
+    /// Returns the bytes that [`HardCase::take`] reads.
     ///
     /// # Panics
-    /// Never, because only memory can run out.
+    /// Never: encoding can only run out of memory.
     #[cfg(feature = "library")]
     pub fn to_bytes(&self) -> alloc::vec::Vec<u8> {
         postcard::to_allocvec(self).expect("a case has a form in bytes")
     }
 
-    /// The motion that sample `sample` begins, if one begins there.
+    /// Returns the motion that begins at sample `sample`, if one begins there.
     fn motion(&self, sample: u32) -> Option<Motion> {
         let pairs = self.motions.as_chunks::<8>().0;
         if !sample.is_multiple_of(self.every) || pairs.is_empty() {
@@ -81,10 +82,10 @@ impl<'a> HardCase<'a> {
         Motion::new(MillimetresPerSecond(half(0)), Newton(half(4))).ok()
     }
 
-    /// Plays the case, each call that makes a sample through `measure`; returns a digest of all samples.
+    /// Plays the case. Each call that computes a sample goes through `measure`. Returns a digest of all samples.
     ///
     /// # Errors
-    /// Bytes that are no library.
+    /// The bytes are not a library.
     pub fn play<A: Arithmetic>(
         &self,
         measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,
@@ -146,7 +147,7 @@ impl<'a> HardCase<'a> {
     }
 }
 
-/// A lattice whose excitation is given.
+/// A lattice with an external excitation.
 struct Lattice<A> {
     frame: LatticeFrame,
     state: LatticeState,

@@ -1,12 +1,12 @@
-//! The job of the image, which the emulator puts into its memory before it begins. Without one the image plays the test
-//! vectors.
+//! The job of the image, which the emulator writes into the memory of the image before the start. Without a job the
+//! image plays the test vectors.
 
 use serde::{Deserialize, Serialize};
 
-/// Address of the job on the emulated boards; `memory.x` of the image keeps it free.
+/// Address of the job on the emulated boards. The image's `memory.x` keeps that memory free.
 pub const ADDRESS: u32 = 0x2020_0000;
 
-/// Room for the job, bytes.
+/// Largest size of the job, bytes.
 pub const CAPACITY: usize = 2 << 20;
 
 /// First word of a job.
@@ -18,30 +18,30 @@ const HEADER_BYTES: usize = 8;
 /// A job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Job<'a> {
-    /// Playback of every texture of a library along [`counted_motion`](crate::counted_motion), with a count of the
-    /// instructions of samples and updates.
+    /// Plays every texture of a library along [`counted_motion`](crate::counted_motion), and counts the instructions of
+    /// samples and updates.
     Count {
         /// A library.
         library: &'a [u8],
     },
-    /// Playback of hard cases, with a count of each sample's instructions.
+    /// Plays hard cases, and counts the instructions of each sample.
     Hard {
         /// [`HardCase`](crate::HardCase)s, one after the other.
         cases: &'a [u8],
     },
-    /// Decoding and planning, with a count of the instructions.
+    /// Decodes libraries and plans their playback, and counts the instructions.
     Bounds {
         /// [`Libraries`], one after the other.
         libraries: &'a [u8],
     },
-    /// Playback of a library's first texture along the fixed stroke of [`stylus_kernel::digest`].
+    /// Plays a library's first texture along the fixed stroke of [`stylus_kernel::digest`].
     Digest {
         /// A library.
         library: &'a [u8],
     },
 }
 
-/// Libraries, each after its length as a `u32`.
+/// Libraries. The length of each, as a `u32`, precedes it.
 #[derive(Clone, Debug)]
 pub struct Libraries<'a>(pub &'a [u8]);
 
@@ -69,7 +69,7 @@ impl Libraries<'_> {
     }
 }
 
-/// The job in `memory`, if there is one.
+/// Returns the job in `memory`, if there is one.
 pub fn read(memory: &[u8]) -> Option<Job<'_>> {
     let (magic, rest) = memory.split_first_chunk()?;
     let (len, rest) = rest.split_first_chunk()?;
@@ -80,7 +80,7 @@ pub fn read(memory: &[u8]) -> Option<Job<'_>> {
     postcard::from_bytes(bytes).ok()
 }
 
-/// The bytes of `job`, to be put at [`ADDRESS`]; none if they do not fit there.
+/// Returns the bytes of `job`, to be put at [`ADDRESS`]; `None` if they do not fit there.
 #[cfg(feature = "library")]
 pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     let body = postcard::to_allocvec(job).ok()?;
@@ -89,8 +89,8 @@ pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     (bytes.len() <= CAPACITY).then_some(bytes)
 }
 
-/// Largest number of bytes of a job beside the library of a [`Job::Count`] or [`Job::Digest`], the cases of a
-/// [`Job::Hard`], or the libraries of a [`Job::Bounds`].
+/// Largest number of bytes of a job in addition to its library ([`Job::Count`], [`Job::Digest`]), its cases
+/// ([`Job::Hard`]) or its libraries ([`Job::Bounds`]).
 pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
 
 #[cfg(all(test, feature = "library"))]

@@ -1,9 +1,9 @@
-//! Textures and a motion that every processor must play to the same bits.
+//! Textures and a motion from which every processor must compute the same bits.
 //!
 //! Host and target play the same library, [`library`] (feature `library`, for hosts), along the same path of the hand,
-//! [`motion`]; their output is compared sample by sample. The textures are made from a seed so as to reach every path
-//! of the kernel: one node and grids, orders that differ from node to node, steep resonances, silent nodes, full scale,
-//! fractions of θ, every law of the level, codebooks and level tracks, and two voices at a time.
+//! [`motion`], and their output is compared sample by sample. The textures are made from a seed such that they reach
+//! every path of the kernel: one node and grids, orders that differ from node to node, steep resonances, silent nodes,
+//! full scale, fractions of θ, every law of the level, codebooks and level tracks, and two voices at a time.
 #![no_std]
 
 #[cfg(feature = "library")]

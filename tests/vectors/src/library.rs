@@ -1,6 +1,6 @@
 //! The library of test textures, made from a seed.
 //!
-//! Models are made as reflection coefficients, because magnitudes below one suffice for stability.
+//! Models are given by reflection coefficients, because magnitudes below one suffice for stability.
 
 use alloc::vec::Vec;
 
@@ -13,23 +13,24 @@ use model_format::{
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 
-/// The grid that the path covers.
+/// Speeds and forces of the grid that the path covers.
 const SPEEDS_MM_S: [f32; 3] = [40.0, 120.0, 240.0];
 const FORCES_N: [f32; 2] = [0.5, 2.0];
 
-/// Orders of neighbouring nodes; they differ, and odd orders and order zero are among them.
+/// Orders of neighbouring nodes. They differ, and include odd orders and order zero.
 const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 
 /// Number of stages that have fractions in a compact lattice, as `stylus fit` writes it.
 const COMPACT_FINE_STAGES: usize = 24;
 
-/// Order of models whose length does not matter.
+/// Order of models for which the order does not matter.
 const SHORT_ORDER: usize = 60;
 
-/// Wavelengths, mm, and phases of lines: the shortest and the longest that there are, and two that a hand feels.
+/// Wavelengths, mm, and phases of lines. The wavelengths are the shortest and the longest that are allowed, and two
+/// that a hand feels.
 const FOUR_LINES: [(f32, u16); 4] = [(0.02, 1), (0.61, 0x4000), (2.0, 0xffff), (1000.0, 0)];
 
-/// Wanders: of threads, and of a resonance that keeps its frequency.
+/// Wanders: one of threads, and one of a resonance that keeps its frequency.
 const WANDERS: [Wander; 2] = [
     Wander {
         rms_mm: 0.15,
@@ -43,10 +44,10 @@ const WANDERS: [Wander; 2] = [
     },
 ];
 
-/// The bytes of a library that holds every texture of [`crate::VECTORS`].
+/// Returns the bytes of a library that holds every texture of [`crate::VECTORS`].
 ///
 /// # Panics
-/// Never, unless this crate is wrong: the textures that it encodes are valid.
+/// Never, because the textures are valid.
 pub fn library() -> Vec<u8> {
     encode(&specs()).expect("the test textures are valid")
 }
@@ -107,14 +108,15 @@ pub fn specs() -> [TextureSpec; 15] {
     ]
 }
 
-/// Digest of the words that the texture of [`digest_library`] plays along the fixed stroke on every platform: host,
-/// emulated processors, emulated board and browser; see [`stylus_kernel::digest`].
+/// Digest of the words that the texture of [`digest_library`] plays along the fixed stroke of
+/// [`stylus_kernel::digest`]. It is the same on every platform: host, emulated processors, emulated board and browser.
 pub const DIGESTED: u32 = 0x104b_59ee;
 
-/// The bytes of a library of one texture with every part that a texture may have, and an order that is played fast.
+/// Returns the bytes of a library of one texture that has every part a texture may have, and whose order is low enough
+/// to play fast.
 ///
 /// # Panics
-/// Never, unless this crate is wrong: the texture that it encodes is valid.
+/// Never, because the texture is valid.
 pub fn digest_library() -> Vec<u8> {
     let spec = Grid::new(|index| {
         Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64)
@@ -128,14 +130,13 @@ pub fn digest_library() -> Vec<u8> {
     encode(&[spec]).expect("the texture is valid")
 }
 
-/// Orders at which costs are counted.
+/// Orders whose costs are counted.
 pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 
-/// A library of textures for the count of costs: each of `orders` on one node, then each on the whole
-/// grid.
+/// Returns a library of textures whose costs are counted: each of `orders` on one node, then each on the whole grid.
 ///
 /// # Panics
-/// Orders above the limit, or more than sixteen of them.
+/// An order is above the limit, or there are more than sixteen orders.
 pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
         Grid::one(&Model::gentle(order, order as u64), 9.0)
@@ -148,15 +149,16 @@ pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     encode(&textures).expect("the textures are valid")
 }
 
-/// A texture of `order` on the whole grid, called `name`.
+/// Returns a texture of `order` on the whole grid, called `name`.
 ///
 /// # Panics
-/// An order above the limit.
+/// The order is above the limit.
 pub fn counted_texture(order: usize, name: &str) -> TextureSpec {
     Grid::new(|index| Model::gentle(order, (order + index) as u64)).texture(name)
 }
 
-/// An all-pole model, given by the arcsines of its reflection coefficients in stored steps, and their fractions.
+/// An all-pole model, given by the arcsines of its reflection coefficients in stored steps, and their fractions (fine
+/// bytes).
 #[derive(Clone)]
 struct Model {
     theta_codes: Vec<i16>,
@@ -175,7 +177,7 @@ impl Model {
         }
     }
 
-    /// The model in the form that `stylus fit` chooses for most surfaces: fractions for the first stages only, and a
+    /// The model in the form that `stylus fit` chooses for most surfaces: fractions only for the first stages, and a
     /// tail.
     fn compact(self) -> Self {
         Self {
@@ -184,7 +186,7 @@ impl Model {
         }
     }
 
-    /// The model with a random fraction for each stage that may have one.
+    /// The model with a random fraction for each stage that can have one.
     fn with_fractions(self, seed: u64) -> Self {
         let mut uniform = uniform(seed);
         let fraction = |_| (128.0 * uniform()) as i8;
@@ -194,7 +196,7 @@ impl Model {
         }
     }
 
-    /// The model with the fractions that are farthest from zero, each on the side of its stage's code.
+    /// The model with fractions of the largest magnitude, each with the sign of its stage's code.
     fn with_largest_fractions(self) -> Self {
         let fraction = |&code: &i16| if code < 0 { i8::MIN } else { i8::MAX };
         let fine = self.theta_codes.iter().take(MAX_FINE_STAGES);
@@ -204,7 +206,8 @@ impl Model {
         }
     }
 
-    /// Reflection coefficients that fall as 1/m, uniform in ±`first`/m, the first ones replaced by `head`.
+    /// A model whose reflection coefficients fall like 1/m and are uniform in ±`first`/m. `head` replaces the first
+    /// ones.
     fn decaying(order: usize, first: f64, head: &[f64], seed: u64) -> Self {
         let mut uniform = uniform(seed);
         Self::from_reflection((1..=order).map(|stage| {
@@ -218,14 +221,14 @@ impl Model {
         Self::decaying(order, 0.1, &[], seed)
     }
 
-    /// A resonance of pole radius about 0.99, at a frequency that the seed decides, and a long tail.
+    /// A model with a resonance of pole radius about 0.99, whose frequency depends on the seed, and a long tail.
     fn resonant(order: usize, seed: u64) -> Self {
         let frequency_rad = 0.2 + (0.3 * seed as f64) % 2.8;
         let head = [-libm::cos(frequency_rad) * 0.999, 0.98];
         Self::decaying(order, 0.4, &head, seed)
     }
 
-    /// The largest reflection coefficients that can be stored, of one sign or of alternating signs.
+    /// A model with the largest reflection coefficients that can be stored, all of one sign or of alternating signs.
     fn extreme(index: usize) -> Self {
         let code = |stage: usize| match index % 3 {
             0 => i16::MAX,
@@ -255,7 +258,7 @@ impl Model {
     }
 }
 
-/// Models over (speed, force), speed-major, with their output powers, (m/s²)².
+/// Models at the nodes of a grid of speeds and forces, speed-major, with their output powers, (m/s²)².
 struct Grid {
     speeds_mm_s: Vec<f32>,
     forces_n: Vec<f32>,
@@ -267,7 +270,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// The whole grid, whose output power rises with the index of the node.
+    /// Models on the whole grid, whose output power rises with the index of the node.
     fn new(model: impl Fn(usize) -> Model) -> Self {
         let count = SPEEDS_MM_S.len() * FORCES_N.len();
         Self {
@@ -299,13 +302,13 @@ impl Grid {
         Self { laws, ..self }
     }
 
-    /// The grid with lines of these wavelengths, mm, and phases. The lines' amplitudes rise with the node.
+    /// The grid with lines of these wavelengths, mm, and phases. The lines' amplitudes rise with the index of the node.
     fn with_lines(self, lines: &[(f32, u16)]) -> Self {
         let lines = lines.to_vec();
         Self { lines, ..self }
     }
 
-    /// The grid with lines that take the wanders of [`WANDERS`] in turn.
+    /// The grid with lines to which the wanders of [`WANDERS`] are assigned in turn.
     fn with_wanders(self) -> Self {
         Self {
             wanders: &WANDERS,
@@ -334,7 +337,7 @@ impl Grid {
         (!lines.is_empty()).then(|| LinesSpec::with_wanders(lines, self.wanders))
     }
 
-    /// The grid with two codebooks. Some nodes have the first, some the second, some neither.
+    /// The grid with two codebooks. Some nodes have the first, some the second, some none.
     fn with_codebooks(mut self) -> Self {
         let nodes = 0..self.models.len();
         self.parts.excitation = Some(ExcitationSpec {
@@ -345,7 +348,8 @@ impl Grid {
         self
     }
 
-    /// The grid with two codebooks in blocks. Some nodes have the first, some the second, some neither.
+    /// The grid with two codebooks of recorded snippets (blocks). Some nodes have the first, some the second, some
+    /// none.
     fn with_moments(mut self) -> Self {
         self = self.with_codebooks();
         if let Some(excitation) = &mut self.parts.excitation {
@@ -383,10 +387,10 @@ impl Grid {
     }
 }
 
-/// A codebook of `samples` samples, most of them small.
+/// A codebook of `samples` samples, most of which are small.
 fn codebook(samples: usize, seed: u64) -> CodebookSpec {
     let mut uniform = uniform(seed);
-    // The law's codes are uneven already; their cube is more so.
+    // The steps of the codes are already uneven; the cube of a sample's code is more so.
     let mut codebook = CodebookSpec {
         peak: 1.0,
         codes: (0..samples)
@@ -400,7 +404,7 @@ fn codebook(samples: usize, seed: u64) -> CodebookSpec {
     codebook
 }
 
-/// A codebook of `count` blocks, with levels that are spread over 32 dB.
+/// A codebook of `count` blocks, whose levels are spread over 32 dB.
 fn blocks(count: usize, seed: u64) -> CodebookSpec {
     let mut uniform = uniform(seed);
     let codes = (0..count * BLOCK_BYTES).map(|_| (127.0 * uniform()) as i8);
@@ -424,13 +428,13 @@ fn track() -> ModulationSpec {
             .map(|level| libm::round(level + shift) as i8)
             .collect(),
     };
-    // A step of 0.25 dB per unit.
+    // One unit is a step of 0.25 dB.
     let shift = |track: &ModulationSpec| -40.0 * libm::log10(f64::from(track.mean_square()));
     let first = shift(&shifted(0.0));
     shifted(first + shift(&shifted(first)))
 }
 
-/// Numbers uniform in ±1.
+/// Returns a generator of numbers that are uniform in ±1.
 fn uniform(seed: u64) -> impl FnMut() -> f64 {
     const STREAM: u64 = 0x5eed;
     let mut generator = Pcg32::new(seed, STREAM);

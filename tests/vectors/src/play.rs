@@ -1,4 +1,4 @@
-//! Playback of a texture along the path.
+//! Playback of a texture along the path of the hand.
 
 use model_format::scene::{Region, Scene, SceneName, Surface};
 use model_format::{DecodeError, Library, OutputSample, SAMPLE_RATE_HZ};
@@ -9,7 +9,7 @@ use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 use crate::path::motion;
 use crate::textures::Vector;
 
-/// A texture that cannot be played.
+/// The reason why a texture cannot be played.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PlayError {
     /// The bytes are not a library.
@@ -20,10 +20,10 @@ pub enum PlayError {
     NoTexture,
 }
 
-/// Plays `vector` of `library` into `sink` along [`motion`]; returns the number of samples at full scale.
+/// Plays `vector` of `library` into `sink` along [`motion`]. Returns the number of samples at full scale.
 ///
 /// # Errors
-/// Bytes that are no library, or one without the texture.
+/// The bytes are not a library, or the library lacks the texture.
 pub fn run<M: Arithmetic>(
     library: &[u8],
     vector: &Vector,
@@ -52,14 +52,14 @@ fn run_one<M: Arithmetic>(
     Ok(synthesis.saturations())
 }
 
-/// Plays `textures` side by side, while the tool goes to and fro over the transition between them.
+/// Plays `textures` side by side, while the tool moves back and forth over the transition between them.
 fn run_beside<M: Arithmetic>(
     library: &Library<'_>,
     textures: [&str; 2],
     vector: &Vector,
     mut sink: impl FnMut(OutputSample),
 ) -> Result<u32, PlayError> {
-    /// Width of the transition, and of the way from its middle to either turn, mm.
+    /// Width of the transition, and distance from its middle to each turning point, mm.
     const TRANSITION_MM: f32 = 64.0;
     const WAY_MM: u32 = 48;
     let scene = side_by_side(library, textures, TRANSITION_MM).ok_or(PlayError::NoTexture)?;
@@ -68,7 +68,7 @@ fn run_beside<M: Arithmetic>(
     for n in 0..vector.samples {
         if n.is_multiple_of(UPDATE_INTERVAL_SAMPLES) {
             let update = n / UPDATE_INTERVAL_SAMPLES;
-            // A triangle of 1 mm per update, from the left turn.
+            // A triangle wave with 1 mm per update, which begins at the left turning point.
             let place = (update % (4 * WAY_MM)).abs_diff(2 * WAY_MM) as f32 - WAY_MM as f32;
             let interaction = Interaction::new(motion(update), place, true);
             let interaction = interaction.expect("the place is finite");
@@ -79,7 +79,7 @@ fn run_beside<M: Arithmetic>(
     Ok(player.saturations())
 }
 
-/// A scene of both textures, which meet at 0 mm.
+/// Returns a scene of both textures, which meet at 0 mm.
 fn side_by_side(library: &Library<'_>, textures: [&str; 2], transition_mm: f32) -> Option<Scene> {
     let index = |name: &str| library.textures().position(|one| one.name() == name);
     let surface = |name: &str| Some(Surface::of_texture(index(name)? as u8));

@@ -1,4 +1,4 @@
-//! Lines of the image's report to the host on what it played and measured.
+//! Lines of the image's report to the host on the words that it played and the costs that it measured.
 //!
 //! ```text
 //! vector portable lattice of unequal orders      then words, the samples in order, then
@@ -12,31 +12,32 @@
 //! end                                            the report is complete
 //! ```
 
-/// First word of the line before a texture's samples: arithmetic, name.
+/// First word of the line before a texture's samples. The arithmetic and the name follow.
 pub const VECTOR: &str = "vector";
 
-/// First word of the line before the words of [`crate::edges`]: arithmetic.
+/// First word of the line before the words of [`crate::edges`]. The arithmetic follows.
 pub const EDGES: &str = "edges";
 
-/// Up to [`WORDS_PER_LINE`] words.
+/// First word of a line of up to [`WORDS_PER_LINE`] words.
 pub const WORDS: &str = "words";
 
 /// Largest number of words per line.
 pub const WORDS_PER_LINE: usize = 16;
 
-/// Number of the vector's samples at full scale.
+/// First word of the line with the number of the vector's samples at full scale.
 pub const FULL_SCALE: &str = "full-scale";
 
-/// Instructions of a sample: fewest, most, calls, name.
+/// First word of the line with a sample's instructions: fewest, most, number of calls, name.
 pub const SAMPLE_COST: &str = "sample-cost";
 
-/// Instructions of an update of coefficients: fewest, most, calls, name.
+/// First word of the line with the instructions of an update of coefficients: fewest, most, number of calls, name.
 pub const FOLLOW_COST: &str = "follow-cost";
 
-/// Instructions of a library: its bytes, all of its decoding, number of steps, longest step, longest plan.
+/// First word of the line with a library's instructions: its bytes, the whole decoding, number of steps, longest step,
+/// longest plan.
 pub const LIBRARY_COST: &str = "library-cost";
 
-/// Digest of a texture's first words: the digest, arithmetic.
+/// First word of the line with the digest of a texture's first words: the digest, arithmetic.
 pub const DIGEST: &str = "digest";
 
 /// The last line.
@@ -45,14 +46,14 @@ pub const END: &str = "end";
 /// The arithmetic of [`stylus_kernel::arithmetic::Portable`].
 pub const PORTABLE: &str = "portable";
 
-/// The arithmetic of the processor's own instructions.
+/// The arithmetic that uses the processor's own instructions.
 pub const CORTEX_M: &str = "cortex-m";
 
 /// Every arithmetic, in the order of a report.
 pub const ARITHMETICS: [&str; 2] = [PORTABLE, CORTEX_M];
 
-/// Prefix of the name of a hard case whose samples the product's synthesis made.
+/// Prefix of the name of a hard case whose samples the product's synthesis computed.
 pub const SYNTHESIS: &str = "synthesis";
 
-/// Prefix of the name of a hard case whose samples its filter made.
+/// Prefix of the name of a hard case whose samples its filter computed.
 pub const FILTER: &str = "filter";

@@ -15,7 +15,7 @@ pub fn tapped(mut surface: Surface) -> Surface {
     surface
 }
 
-/// `surface` with stick-slip at every speed of a hand.
+/// `surface` with stick-slip at every speed at which a hand moves.
 pub fn sticky(mut surface: Surface) -> Surface {
     let stick_slip = StickSlip {
         period_mm: 1.5,
@@ -28,19 +28,20 @@ pub fn sticky(mut surface: Surface) -> Surface {
     surface
 }
 
-/// A scene of one surface, for 5 kHz.
+/// A scene of one surface, at 5 kHz.
 ///
 /// # Panics
-/// A name that is too long.
+/// The name is too long.
 pub fn of_surface(name: &str, surface: Surface) -> Scene {
     let name = SceneName::try_from(name).expect("it is short");
     Scene::of_surface(name, SAMPLE_RATE_HZ, surface)
 }
 
-/// A scene of two surfaces side by side, from the first of `ends_mm` to the second and from there to the third.
+/// A scene of two surfaces side by side: `first` from the first to the second of `ends_mm`, `second` from there to the
+/// third.
 ///
 /// # Panics
-/// A name that is too long.
+/// The name is too long.
 pub fn side_by_side(
     name: &str,
     [first, second]: [Surface; 2],
@@ -61,7 +62,7 @@ pub fn side_by_side(
     scene
 }
 
-/// A scene of textures 1 and 0 of a library of this rate side by side, the first with all effects.
+/// A scene of textures 1 and 0 of a library of this sample rate, side by side. The first surface has all effects.
 pub fn with_all_effects(sample_rate_hz: u32) -> Scene {
     let with_effects = Surface {
         tap: Some(Tap {
@@ -86,10 +87,10 @@ pub fn with_all_effects(sample_rate_hz: u32) -> Scene {
     }
 }
 
-/// `scene` with so many different sections of the equaliser.
+/// `scene` with this number of different sections in its equaliser.
 ///
 /// # Panics
-/// More sections than a scene has room for.
+/// There are more sections than a scene can hold.
 pub fn equalised(mut scene: Scene, sections: usize) -> Scene {
     for section in 0..sections {
         let pole = 0.3 + 0.05 * section as f64;

@@ -4,16 +4,16 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
 use crate::path::PATH_UPDATES;
 
-/// A texture to be played for a comparison of bits.
+/// A texture that is played to compare bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Vector {
-    /// Name of the texture in the library. For two textures at once it is a name of the pair.
+    /// Name of the texture in the library. If two textures are played at once, a name of the pair.
     pub texture: &'static str,
-    /// Names of two textures in a scene whose transition sounds both; none for one texture.
+    /// Names of two textures in a scene whose transition plays both; `None` for one texture.
     pub beside: Option<[&'static str; 2]>,
     /// Seed of the excitation.
     pub seed: u64,
-    /// Number of samples, more than one round of the path.
+    /// Number of samples, enough for more than one round of the path.
     pub samples: u32,
 }
 
@@ -36,7 +36,7 @@ impl Vector {
     }
 }
 
-/// All textures of the library, and two of them at once.
+/// All textures of the library, and pairs of them played at once.
 pub const VECTORS: [Vector; 17] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
@@ -70,13 +70,13 @@ pub const VECTORS: [Vector; 17] = [
 pub struct Measured {
     /// Name of the texture in the library. The texture's highest order is the limit, 400.
     pub texture: &'static str,
-    /// Most instructions that one sample may take.
+    /// Largest number of instructions that one sample may take.
     pub budget_instructions: u32,
-    /// Most instructions that one update may take.
+    /// Largest number of instructions that one update may take.
     pub update_budget_instructions: u32,
 }
 
-/// One texture for each path through the kernel, with the costs that a sample and an update may have on a Cortex-M4 or
+/// One texture for each path through the kernel, with the largest costs of a sample and of an update on a Cortex-M4 or
 /// M7.
 pub const MEASURED: [Measured; 8] = [
     Measured {

@@ -1,4 +1,4 @@
-//! Properties of the test textures without which the comparison of bits would show little.
+//! Properties that the test textures need for the comparison of bits to be meaningful.
 
 use kernel_vectors::{
     DIGESTED, MEASURED, PATH_UPDATES, VECTORS, Vector, digest_library, edges, library, motion, run,
@@ -42,7 +42,7 @@ fn every_measured_texture_is_of_the_highest_order() {
     }
 }
 
-/// Digests of the words of vectors. A library's textures play these words in every release.
+/// Digests of the words of vectors. A library's textures must play the same words in every release.
 const GOLDEN: [(u32, &str); 15] = [
     (0xb208_a717, "lattice, one node"),
     (0xd14c_91f3, "lattice"),
@@ -78,7 +78,7 @@ fn the_words_of_lattices_are_those_of_every_release() {
     }
 }
 
-/// Most samples must differ from zero and from their neighbour, because constant output would be equal by itself.
+/// Most samples must differ from zero and from their neighbour, because constant output would agree in any case.
 #[test]
 fn every_texture_is_heard() {
     let library = library();
@@ -89,7 +89,7 @@ fn every_texture_is_heard() {
     }
 }
 
-/// A lattice at full scale exceeds its output range, which noise alone would reach after years.
+/// At full scale a lattice exceeds its output range. Noise alone would reach that only after years.
 #[test]
 fn the_edges_reach_both_ends_of_the_lattices_range() {
     let mut words = Vec::new();
@@ -162,7 +162,7 @@ fn one_bit_of_one_word_changes_a_digest() {
     }
 }
 
-/// The stroke rests, reverses, lifts off, and comes to nodes' cells, to edges and beyond them.
+/// The stroke rests, reverses, lifts off, and reaches the inside of cells, the grid's edges and places beyond them.
 #[test]
 fn the_stroke_reaches_all_of_a_grid() {
     let bytes = digest_library();
@@ -189,7 +189,7 @@ fn the_stroke_reaches_all_of_a_grid() {
     }
 }
 
-/// The position is the integral of the speed, which is constant in a block.
+/// The position is the integral of the speed, which is constant within a block.
 #[test]
 fn a_block_begins_where_the_speed_of_the_one_before_ends() {
     for block in 0..1600 {

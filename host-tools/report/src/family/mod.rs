@@ -1,4 +1,5 @@
-//! The parts that all pages have: one stylesheet with one set of colours, and the script that tells values of pictures.
+//! The parts that all pages share: one stylesheet with one set of colours, and the scripts that show a picture's values
+//! and play sounds.
 
 use plotters::style::RGBColor;
 
@@ -6,7 +7,7 @@ use super::plot::colours::{
     BLUE, FADED, GREEN, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, hex, in_the_dark,
 };
 
-/// Colours of pages, as CSS variables: on light ground and on dark.
+/// Colours of pages as CSS variables: name, colour on light ground, colour on dark ground.
 const PAGE: [(&str, &str, &str); 11] = [
     ("ground", "#fff", "#16181a"),
     ("ink", "#222", "#ececec"),
@@ -21,7 +22,7 @@ const PAGE: [(&str, &str, &str); 11] = [
     ("shade", "#00000038", "#000000b0"),
 ];
 
-/// Colours of pictures by the names of their CSS variables, for what a page draws itself.
+/// Colours of pictures with the names of their CSS variables, for elements that a page draws itself.
 const PICTURES: [(&str, RGBColor); 9] = [
     ("blue", BLUE),
     ("vermilion", VERMILION),
@@ -34,7 +35,7 @@ const PICTURES: [(&str, RGBColor); 9] = [
     ("plot-ink", INK),
 ];
 
-/// The stylesheet of all pages: the colours as variables, light and dark, and the rules.
+/// Returns the stylesheet of all pages: the colours as variables, light and dark, and the rules.
 pub fn style() -> String {
     let pictures = PICTURES.map(|(name, own)| (name, hex(own), hex(in_the_dark(own))));
     let page = PAGE.map(|(name, light, dark)| (name, light.to_owned(), dark.to_owned()));
@@ -50,7 +51,8 @@ pub fn style() -> String {
     )
 }
 
-/// A whole page under a policy: `title` and `body` are HTML, and `style` follows the stylesheet of all pages.
+/// Returns a whole page with a content security policy. `title` and `body` are HTML, and `style` follows the common
+/// stylesheet.
 pub fn document(policy: &str, title: &str, style: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -62,13 +64,13 @@ pub fn document(policy: &str, title: &str, style: &str, body: &str) -> String {
     )
 }
 
-/// The script that tells the values of pictures by pointer, touch and keyboard.
+/// Returns the script that shows a picture's values on pointer, touch and keyboard input.
 pub fn plots_script() -> String {
     let names = PICTURES.map(|(name, colour)| format!("\"{}\": \"--{name}\"", hex(colour)));
     include_str!("plots.js").replace("/*COLOURS*/", &names.join(", "))
 }
 
-/// The script that plays nodes of maps and spectrograms, after [`plots_script`].
+/// Returns the script that plays nodes of maps and spectrograms. It requires [`plots_script`] before it.
 pub fn players_script() -> &'static str {
     include_str!("players.js")
 }

@@ -1,8 +1,8 @@
-//! A listening test as one page, which needs nothing but itself: sounds, plan, style and script are in it, and its
+//! A listening test as one self-contained page: sounds, plan, style and script are in it, and its content security
 //! policy forbids every request.
 //!
-//! Answers stay in the browser's own storage until they are saved as a file. The page's key is in its source, so that
-//! it is blind for listeners, and not for someone who reads the source.
+//! Answers stay in the browser's own storage until they are saved as a file. The key to the sounds is in the page's
+//! source, so the test is blind for listeners, but not for someone who reads the source.
 
 use std::path::Path;
 
@@ -19,16 +19,16 @@ use crate::support::error::Result;
 use crate::support::fnv::Fnv;
 use crate::support::visible::page_json;
 
-/// Trials after which a break is proposed.
+/// Number of trials after which a break is proposed.
 const BREAK_EVERY: usize = 12;
 
-/// Share of full scale that the highest peak of all sounds has; what is between two samples stays below it.
+/// Highest peak of all sounds as a fraction of full scale. The rest is left for signal values between two samples.
 const PEAK: f64 = 0.8;
 
 /// The plan as the script reads it.
 #[derive(Serialize)]
 struct PagePlan<'a> {
-    /// Identity of the page, under which answers are kept.
+    /// Identity of the page, under which the browser keeps the answers.
     page: String,
     seed: u64,
     simulated: bool,
@@ -44,7 +44,7 @@ struct PagePlan<'a> {
 /// Writes the page for `plan`. Returns its size in bytes.
 ///
 /// # Errors
-/// A sound that cannot be resampled, or a file that cannot be written.
+/// A sound cannot be resampled, or the file cannot be written.
 pub fn write(plan: &Plan, path: &Path) -> Result<usize> {
     let text = page(plan)?;
     atomic_file::write(path, text.as_bytes())?;
@@ -58,12 +58,12 @@ fn page(plan: &Plan) -> Result<String> {
         .flatten()
         .fold(0.0f64, |a, x| a.max(x.abs()));
     let encoded = plan.sounds.iter().map(|signal| {
-        // A sound's full scale is at 0.9 of a file's.
+        // `whole_sound` scales to 0.9 of the file's full scale.
         let wav = whole_sound(signal, peak * 0.9 / PEAK)?;
         Ok(STANDARD.encode(wav))
     });
     let sounds = page_json(&encoded.collect::<Result<Vec<String>>>()?);
-    // Answers to other sounds, or in another order, are of another test, which begins anew.
+    // A page with other sounds or another order is another test, which starts without answers.
     let identity = Fnv::default()
         .then(sounds.as_bytes())
         .then(page_json(&plan.task).as_bytes());
@@ -102,10 +102,10 @@ fn page(plan: &Plan) -> Result<String> {
     Ok(family::document(POLICY, title, style, &content))
 }
 
-/// Duration and level of the sounds, in words.
+/// Returns duration and level of the sounds, in words.
 fn facts(plan: &Plan) -> String {
     let (shortest, longest) = plan.excerpt_s;
-    // In the decimal that is written they are one.
+    // With the one decimal that is shown, both durations are the same.
     let duration = if longest - shortest < 0.05 {
         format!("{longest:.1}")
     } else {

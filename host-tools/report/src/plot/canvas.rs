@@ -1,8 +1,8 @@
-//! The vocabulary of all pictures: size, lettering, heading, legend, axes, curves and the bar of a map's colours.
+//! The elements of all pictures: sizes, lettering, heading, legend, axes, curves and the bar of a map's colours.
 //!
 //! plotters draws at whole pixels, which is coarse for a curve, so pictures are drawn [`SCALE`] times as large as they
-//! are shown. Colours are those for light paper; each picture carries the rules by which a dark screen shows its own,
-//! see [`colours`](super::colours).
+//! are shown. Colours are those for light paper. Each picture contains the style rules by which a dark screen shows its
+//! own colours; see [`colours`](super::colours).
 
 use std::error::Error as StdError;
 use std::ops::Range;
@@ -22,45 +22,45 @@ use crate::support::visible::{escaped, visible};
 
 pub use super::colours::{ALERT, BLUE, INK, ON_PALE, PALE, SERIES, VERMILION};
 
-/// Pixels drawn for a pixel shown.
+/// Drawn pixels per shown pixel.
 const SCALE: u32 = 2;
 
-/// The area that a picture is drawn on.
+/// The area in which a picture is drawn.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// The result of drawing, which fails only where a picture is laid out wrongly.
+/// The result of drawing. It fails only if a picture is laid out wrongly.
 pub type Drawn<T = ()> = std::result::Result<T, Box<dyn StdError>>;
 
-/// Lettering on axes and in legends, shown pixels.
+/// Height of the lettering on axes and in legends, shown pixels.
 pub const TEXT: u32 = 13;
 
 /// Height of a row of the legend, shown pixels.
 const LEGEND_ROW: u32 = 20;
 
-/// Width of a legend's lines, halves of a shown pixel.
+/// Thickness of a legend's lines, halves of a shown pixel.
 const LEGEND_LINE: u32 = 4;
 
 /// Height of the heading, shown pixels.
 pub const HEADING: u32 = 32;
 
-/// Shown pixels as drawn.
+/// Converts shown pixels to drawn pixels.
 pub const fn px(shown: u32) -> u32 {
     shown * SCALE
 }
 
-/// Shown pixels as a drawn coordinate.
+/// Converts shown pixels to a drawn coordinate.
 pub const fn at(shown: u32) -> i32 {
     px(shown) as i32
 }
 
-/// A line as wide as `shown` halves of a shown pixel.
+/// A line `half_pixels` halves of a shown pixel wide.
 pub fn line(colour: RGBColor, half_pixels: u32) -> ShapeStyle {
     colour.stroke_width(half_pixels * SCALE / 2)
 }
 
-/// Lettering `shown` pixels high, anchored at its left and middle.
+/// Lettering `shown` pixels high, anchored at the middle of its left edge.
 pub fn text(shown: u32, colour: RGBColor) -> TextStyle<'static> {
-    // The backend divides by this factor again.
+    // The backend divides the size by this factor.
     let size = f64::from(px(shown)) * 1.24;
     ("sans-serif", size)
         .into_font()
@@ -68,20 +68,20 @@ pub fn text(shown: u32, colour: RGBColor) -> TextStyle<'static> {
         .pos(Pos::new(HPos::Left, VPos::Center))
 }
 
-/// Lettering anchored at its middle.
+/// Lettering anchored at its centre.
 pub fn centred(shown: u32, colour: RGBColor) -> TextStyle<'static> {
     text(shown, colour).pos(Pos::new(HPos::Center, VPos::Center))
 }
 
-/// About how wide `text` comes out in lettering `shown` pixels high, drawn pixels. The reader's font is not known.
+/// Estimates the width of `text` in lettering `shown` pixels high, drawn pixels. The reader's font is not known.
 pub fn text_width(text: &str, shown: u32) -> i32 {
     (text.chars().count() as f64 * f64::from(px(shown)) * 0.56) as i32
 }
 
-/// Makes a picture: its heading, and below it what `draw` draws, with the data of the panels that it gives.
+/// Makes a picture: its heading, and below it the content that `draw` draws. `draw` returns the panels' data.
 ///
 /// # Errors
-/// A picture that plotters cannot lay out.
+/// plotters cannot lay out the picture.
 pub fn picture(
     caption: &Caption<'_>,
     (width, height): (u32, u32),
@@ -113,8 +113,8 @@ pub fn picture(
     } else {
         ""
     };
-    // plotters' drawing stands in an element of the picture's own, because plotters gives its element neither a size to
-    // be shown at nor a name for those who do not see it. What a page draws over it has its lettering from here.
+    // plotters' drawing is nested in the picture's own element, because plotters gives its element neither a shown size
+    // nor a name for readers who cannot see. Lettering that a page draws over the picture takes its font from here.
     let text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
          role=\"img\" aria-label=\"{name}\" \
@@ -126,15 +126,15 @@ pub fn picture(
         overlay(&panels),
         name = escaped(&format!("{title}{origin}")),
     );
-    // Only texts hold characters that are not visible, and a picture that holds them is not XML.
+    // Only texts can contain control characters, and a picture with them would not be valid XML.
     let text = visible(&text).into_owned();
     Ok(Svg { text, panels })
 }
 
-/// Makes a picture of one chart below its legend, in which `draw` draws.
+/// Makes a picture of one chart below its legend. `draw` draws in the chart.
 ///
 /// # Errors
-/// A picture that plotters cannot lay out.
+/// plotters cannot lay out the picture.
 pub fn chart(
     caption: &Caption<'_>,
     size: (u32, u32),
@@ -149,7 +149,7 @@ pub fn chart(
     })
 }
 
-/// Bold [`text`].
+/// Returns bold [`text`].
 fn bold(shown: u32, colour: RGBColor) -> TextStyle<'static> {
     let mut style = text(shown, colour);
     style.font = style.font.style(FontStyle::Bold);
@@ -159,20 +159,20 @@ fn bold(shown: u32, colour: RGBColor) -> TextStyle<'static> {
 /// The symbol of a legend's entry.
 #[derive(Clone, Copy)]
 pub enum Swatch {
-    /// A piece of line, dashed or not, of one width for all.
+    /// A short line, dashed or not. All legends use one width.
     Line(Stroke),
-    /// A cell of a grid with a mark in it.
+    /// A grid cell with a mark in it.
     Mark(Mark),
 }
 
 impl Swatch {
-    /// A piece of line without gaps.
+    /// A short line without gaps.
     pub fn line(colour: RGBColor) -> Self {
         Self::Line(Stroke::solid(colour, LEGEND_LINE))
     }
 }
 
-/// Marks at the edge of something, which leave its middle free.
+/// Marks at the edge of a cell, which leave its middle free.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A filled triangle in the upper left corner.
@@ -181,19 +181,19 @@ pub enum Mark {
     HollowCorner,
     /// A dot in the upper right corner.
     Dot,
-    /// A cross on a point.
+    /// A cross.
     Cross,
 }
 
 impl Mark {
-    /// Draws the mark for something that reaches from one point to another.
+    /// Draws the mark for a cell that extends from one corner to the other.
     pub fn draw(
         self,
         area: &Area<'_>,
         (left, top): (i32, i32),
         (right, bottom): (i32, i32),
     ) -> Drawn {
-        // In a cell of a large grid the middle has to stay free too.
+        // In the small cells of a large grid the middle must stay free too.
         let size = at(8).min((right - left) / 2).min((bottom - top) / 2);
         let middle = (i32::midpoint(left, right), i32::midpoint(top, bottom));
         let corner = [
@@ -218,7 +218,7 @@ impl Mark {
     }
 }
 
-/// Draws a legend in as many rows as it needs, none without entries, and gives what is left below it.
+/// Draws a legend in as many rows as it needs; without entries, nothing. Returns the area that is left below it.
 pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>> {
     if entries.is_empty() {
         return Ok(area.clone());
@@ -263,30 +263,30 @@ pub type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64
 pub struct Axis<'a> {
     /// Values at both ends of the axis.
     pub range: Range<f64>,
-    /// The quantity.
+    /// The quantity along the axis.
     quantity: Quantity,
     /// Ticks along the axis.
     ticks: Ticks<'a>,
-    /// True if the axis has its mesh but no lettering, as where a neighbour's axis has the numbers.
+    /// True if the axis has mesh lines but no lettering, because a neighbour's axis has the numbers.
     is_blank: bool,
 }
 
-/// Fewest numbers along an axis: fewer do not tell its scale.
+/// Smallest number of numbers along an axis. Fewer do not show its scale.
 const FEWEST_TICKS: usize = 3;
 
-/// Most numbers that are asked for.
+/// Largest number of numbers that is requested from plotters.
 const MOST_TICKS: usize = 16;
 
 /// The ticks along an axis, with their numbers or names.
 enum Ticks<'a> {
-    /// About so many numbers, at round values.
+    /// About this number of ticks, at round values.
     Numbers(usize),
-    /// Octaves: a name at 0, which is 2^`lowest`, at 1, which is twice that, and so on.
+    /// Octaves: a name at 0, which stands for 2^`lowest`, one at 1, which stands for twice that, and so on.
     Octaves { lowest: f64, names: &'a [&'a str] },
 }
 
 impl<'a> Axis<'a> {
-    /// An axis with about so many numbers, at round values.
+    /// Creates an axis with about `numbers` numbers, at round values.
     pub fn new(quantity: Quantity, range: Range<f64>, numbers: usize) -> Self {
         Self {
             range,
@@ -296,7 +296,8 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// An axis in octaves: a name at 0, which is 2^`lowest`, at 1, which is twice that, and so on.
+    /// Creates an axis in octaves: a name at 0, which stands for 2^`lowest`, one at 1, which stands for twice that, and
+    /// so on.
     pub fn of_octaves(
         quantity: Quantity,
         range: Range<f64>,
@@ -309,7 +310,7 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// The same axis, with its mesh and, only if `is_told`, its lettering.
+    /// Returns the same axis, with mesh lines always and with lettering only if `is_told`.
     pub fn told_if(self, is_told: bool) -> Self {
         Self {
             is_blank: !is_told,
@@ -317,8 +318,8 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// About how many ticks there are to be; plotters takes the roundest step that does not give more, so that more are
-    /// asked for until there are [`FEWEST_TICKS`].
+    /// Returns the number of ticks to request. plotters takes the roundest step with no more ticks than requested, so
+    /// the number is raised until there are [`FEWEST_TICKS`].
     fn count(&self) -> usize {
         match self.ticks {
             Ticks::Numbers(count) => {
@@ -336,7 +337,7 @@ impl<'a> Axis<'a> {
             Ticks::Numbers(_) => number(value, self.range.end - self.range.start),
             Ticks::Octaves { names, .. } => {
                 let index = value.round();
-                // plotters adds steps to steps, so that its octaves are whole numbers only about.
+                // plotters sums up steps, so its octaves are only approximately whole numbers.
                 let is_there = index >= 0.0 && (value - index).abs() < 1e-6;
                 let name = is_there.then(|| names.get(index as usize)).flatten();
                 name.copied().unwrap_or_default().to_owned()
@@ -344,7 +345,7 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// The data of the axis as it is drawn.
+    /// Returns the data of the axis as it is drawn.
     fn data(&self) -> AxisData {
         let Range { start, end } = self.range;
         let (scale, from, to) = match self.ticks {
@@ -364,15 +365,14 @@ impl<'a> Axis<'a> {
     }
 }
 
-/// A value with the decimals that tell it from its neighbours on an axis that spans `span`.
+/// Formats a value with the decimals that distinguish neighbouring numbers on an axis of length `span`.
 fn number(value: f64, span: f64) -> String {
-    // There are three numbers at least, so that a step is half of the span at most, and it may have a second digit, as
-    // 0.25 has.
+    // There are at least three numbers, so a step is at most half of the span. It may have a second digit, like 0.25.
     let decimals = (1.0 - (span / 2.0).log10().floor()).clamp(0.0, 9.0) as usize;
     without_idle_digits(fixed(value, decimals))
 }
 
-/// A value of a grid's axis, with three decimals at most.
+/// Formats a value of a grid's axis, with at most three decimals.
 pub fn grid_value(value: f64) -> String {
     without_idle_digits(fixed(value, 3))
 }
@@ -385,17 +385,17 @@ fn without_idle_digits(text: String) -> String {
     }
 }
 
-/// Room on the left of a chart for the names and the numbers of its vertical axis, shown pixels.
+/// Width of the margin on the left of a chart, for the name and the numbers of its vertical axis, shown pixels.
 pub const LEFT: u32 = 76;
 
-/// A curve's look.
+/// The look of a curve.
 #[derive(Clone, Copy)]
 pub struct Stroke {
     /// Colour of the curve.
     pub colour: RGBColor,
-    /// Width of the curve, halves of a shown pixel.
+    /// Thickness of the curve, halves of a shown pixel.
     pub half_pixels: u32,
-    /// True if the curve has gaps.
+    /// True if the curve is dashed.
     pub dashed: bool,
 }
 
@@ -410,7 +410,7 @@ impl Stroke {
     }
 }
 
-/// A chart with the data that are drawn in it.
+/// A chart, and the data that is drawn in it.
 pub struct Plot<'a> {
     /// The chart.
     pub chart: Chart<'a>,
@@ -419,7 +419,7 @@ pub struct Plot<'a> {
 }
 
 impl Plot<'_> {
-    /// Draws a curve, whose x rises, thinned to what can be seen, and keeps all of it.
+    /// Draws a curve with ascending x, thinned to what can be seen, and keeps all its points as data.
     pub fn curve(
         &mut self,
         name: &str,
@@ -432,7 +432,7 @@ impl Plot<'_> {
         self.path(thinned(points.into_iter()), stroke)
     }
 
-    /// Draws a line through places, which is no data.
+    /// Draws a line through places without adding it to the data.
     pub fn path(&mut self, places: Vec<(f64, f64)>, stroke: Stroke) -> Drawn {
         let style = line(stroke.colour, stroke.half_pixels);
         if stroke.dashed {
@@ -445,7 +445,7 @@ impl Plot<'_> {
     }
 }
 
-/// Draws the axes of a chart, which fills `area`, and begins the data of the panel called `name`.
+/// Draws the axes of a chart that fills `area`, and starts the data of the panel called `name`.
 pub fn axes<'a>(area: &Area<'a>, name: &str, x: &Axis<'_>, y: &Axis<'_>) -> Drawn<Plot<'a>> {
     let bottom = if x.is_blank { 10 } else { 44 };
     let x_label = if x.is_blank {
@@ -475,7 +475,7 @@ pub fn axes<'a>(area: &Area<'a>, name: &str, x: &Axis<'_>, y: &Axis<'_>) -> Draw
         .y_label_formatter(&|value| y.label(*value))
         .x_desc(x_label)
         .draw()?;
-    // Not by plotters, which writes it in one line however short the axis is.
+    // plotters would write the name in one line, however short the axis is.
     let (columns, rows) = chart.plotting_area().get_pixel_range();
     let middle = i32::midpoint(rows.start, rows.end) - area.get_base_pixel().1;
     draw_upwards(area, y.quantity, (at(14), middle), rows.end - rows.start)?;
@@ -489,7 +489,7 @@ pub fn axes<'a>(area: &Area<'a>, name: &str, x: &Axis<'_>, y: &Axis<'_>) -> Draw
     Ok(Plot { chart, panel })
 }
 
-/// Writes a quantity upwards around a place, in two lines where one is longer than `length` drawn pixels.
+/// Writes a quantity upwards, centred at a place: in one line, or in two if one would exceed `length` drawn pixels.
 pub fn draw_upwards(area: &Area<'_>, quantity: Quantity, (x, y): (i32, i32), length: i32) -> Drawn {
     let label = quantity.label();
     let fits = quantity.unit.is_empty() || text_width(&label, TEXT) <= length;
@@ -505,11 +505,11 @@ pub fn draw_upwards(area: &Area<'_>, quantity: Quantity, (x, y): (i32, i32), len
     Ok(())
 }
 
-/// Width of the column with a colour bar, shown pixels.
+/// Width of the column that holds a colour bar, shown pixels.
 pub const BAR: u32 = 116;
 
-/// Draws the scale of a map beside it, from `top` to `bottom`: its colours from 0 to 1, values written at shares of it,
-/// and the quantity.
+/// Draws the scale beside a map, from `top` to `bottom`: its colours from 0 to 1, the `values` written at fractions of
+/// it, and the quantity.
 pub fn colour_bar(
     area: &Area<'_>,
     (top, bottom): (i32, i32),
@@ -521,7 +521,7 @@ pub fn colour_bar(
     for step in 0..STEPS {
         let y = |step: i32| bottom - (bottom - top) * step / STEPS;
         let share = (f64::from(step) + 0.5) / f64::from(STEPS);
-        // Each reaches into the one below, so that no light shows between them.
+        // Each cell overlaps the one below, so that no gap shows between them.
         let cell = [
             (at(4), y(step + 1)),
             (at(20), (y(step) + at(2)).min(bottom)),
@@ -537,7 +537,7 @@ pub fn colour_bar(
     draw_upwards(area, quantity, middle, bottom - top)
 }
 
-/// A range that holds zero and all finite `values` with a little room; 0 to 1 where there are none.
+/// Returns a range that includes zero and all finite `values`, with a small margin; 0 to 1 without values.
 pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     const ROOM: f64 = 1.06;
     let (mut low, mut high) = (0.0f64, 0.0f64);
@@ -551,7 +551,8 @@ pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     }
 }
 
-/// The range around zero that holds all finite `values` with a little room; -1 to 1 where there are none.
+/// Returns the range symmetric about zero that includes all finite `values`, with a small margin; -1 to 1 without
+/// values.
 pub fn range_around_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let most = range_with_zero(values.into_iter().map(f64::abs)).end;
     -most..most

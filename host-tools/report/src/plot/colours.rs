@@ -1,13 +1,13 @@
-//! Colours of pictures on light paper, and those in which a dark screen shows the same pictures.
+//! Colours of pictures on light paper, and the colours in which a dark screen shows the same pictures.
 //!
-//! A picture is written with the light colours, which every program draws. A style in it replaces them by dark ones
-//! where the reader prefers a dark scheme, on screens only: paper stays white. Colours of a scale, as in maps, have one
-//! meaning in both and are replaced nowhere.
+//! A picture is written with the light colours, which every program draws. A style inside the picture replaces them by
+//! dark colours where the reader prefers a dark scheme, but only on screens; paper stays white. In a map, the style
+//! also reverses the scale of colours. The colours of a spectrogram are the same in both schemes.
 
 use plotters::style::RGBColor;
 
-/// Colours after Okabe and Ito, told apart with any colour vision; made darker where a line had less contrast than 3
-/// to 1 on white (WCAG 2.1, 1.4.11).
+/// Colours after Okabe and Ito, which any colour vision can distinguish. Some are darker than the originals, because a
+/// line needs a contrast of at least 3 to 1 on white (WCAG 2.1, 1.4.11).
 pub const BLUE: RGBColor = RGBColor(0, 94, 162);
 /// See [`BLUE`].
 pub const VERMILION: RGBColor = RGBColor(213, 94, 0);
@@ -27,18 +27,18 @@ pub const INK: RGBColor = RGBColor(40, 40, 40);
 pub const ON_PALE: RGBColor = RGBColor(41, 41, 41);
 /// Paper, and text on a dark cell.
 const WHITE: RGBColor = RGBColor(255, 255, 255);
-/// Lines of a mesh and what is not there.
+/// Mesh lines, and cells without a value.
 pub const PALE: RGBColor = RGBColor(225, 225, 225);
-/// Values beside the point.
+/// Curves of models, which are less important than those of signals.
 pub const FADED: RGBColor = RGBColor(130, 130, 130);
 
-/// The ground of a dark screen, as of a page's.
+/// The background of a dark screen, the same as that of a page.
 pub const DARK_GROUND: RGBColor = RGBColor(22, 24, 26);
 
-/// Series one after the other.
+/// Colours of series, in their order.
 pub const SERIES: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 
-/// Colours with those that take their place on a dark screen; [`pale`] ones follow from them.
+/// Light colours with their replacements on a dark screen. Replacements of [`pale`] colours are derived from them.
 const DARK: [(RGBColor, RGBColor); 10] = [
     (ALERT, RGBColor(255, 156, 87)),
     (INK, RGBColor(232, 232, 232)),
@@ -52,13 +52,13 @@ const DARK: [(RGBColor, RGBColor); 10] = [
     (SKY, RGBColor(150, 212, 247)),
 ];
 
-/// A colour two thirds of the way to white, so that marks over it stand out.
+/// Returns a colour two thirds of the way to white, so that marks drawn over it stand out.
 pub fn pale(RGBColor(r, g, b): RGBColor) -> RGBColor {
     let lighter = |c: u8| 255 - (255 - c) / 3;
     RGBColor(lighter(r), lighter(g), lighter(b))
 }
 
-/// A colour two thirds of the way to a dark screen's ground, as [`pale`] is to white.
+/// Returns a colour two thirds of the way to a dark screen's background, like [`pale`] on white.
 fn dim(RGBColor(r, g, b): RGBColor) -> RGBColor {
     let RGBColor(ground_r, ground_g, ground_b) = DARK_GROUND;
     let darker = |c: u8, ground: u8| ground + c.saturating_sub(ground) / 3;
@@ -72,8 +72,8 @@ fn dim(RGBColor(r, g, b): RGBColor) -> RGBColor {
 /// Number of colours of a map's scale.
 pub const SHADES: usize = 49;
 
-/// A colour of a map's scale, from pale at zero to dark at the largest value. By way of the palette's blue the scale is
-/// even to the eye.
+/// Returns a colour of a map's scale, from pale at zero to dark at the largest value. Passing through the palette's
+/// blue makes the scale perceptually even.
 pub fn shade(step: usize) -> RGBColor {
     const STOPS: [RGBColor; 3] = [
         RGBColor(247, 247, 247),
@@ -83,10 +83,10 @@ pub fn shade(step: usize) -> RGBColor {
     between(&STOPS, step as f64 / (SHADES - 1) as f64)
 }
 
-/// The colour at a share, 0 to 1, of the way along `stops`.
+/// Returns the colour at the fraction `share`, 0 to 1, of the way along `stops`.
 pub fn between(stops: &[RGBColor], share: f64) -> RGBColor {
     let place = share.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
-    // The end itself belongs to the last part.
+    // The end itself belongs to the last interval.
     let below = (place as usize).min(stops.len() - 2);
     let (RGBColor(r, g, b), RGBColor(to_r, to_g, to_b)) = (stops[below], stops[below + 1]);
     let mix = |from: u8, to: u8| {
@@ -96,12 +96,12 @@ pub fn between(stops: &[RGBColor], share: f64) -> RGBColor {
     RGBColor(mix(r, to_r), mix(g, to_g), mix(b, to_b))
 }
 
-/// A colour as SVG and CSS write it.
+/// Returns a colour in the notation of SVG and CSS.
 pub fn hex(RGBColor(r, g, b): RGBColor) -> String {
     format!("#{r:02X}{g:02X}{b:02X}")
 }
 
-/// The rules that show a picture in its dark colours.
+/// Returns the style rules that show a picture in its dark colours.
 pub fn dark_style() -> String {
     let pales = SERIES.map(|series| (pale(series), dim(in_the_dark(series))));
     let (white, ground) = (hex(WHITE), hex(DARK_GROUND));
@@ -109,8 +109,9 @@ pub fn dark_style() -> String {
     style_of(DARK.into_iter().chain(pales), &ground)
 }
 
-/// The rules that show a map in its dark colours, beside those of every picture: a scale begins near the ground, so
-/// that what is least, and so the best of a cost, is as quiet there as on paper. What stands on a cell changes with it.
+/// Returns the style rules that show a map in its dark colours, in addition to those of every picture. A scale then
+/// begins near the background, so that the lowest values, and thus the best costs, are as inconspicuous as on paper.
+/// Text and marks on a cell change with it.
 pub fn dark_scale_style() -> String {
     let shades = (0..SHADES).map(|step| (shade(step), shade(SHADES - 1 - step)));
     let on_cells = [(ON_PALE, WHITE), (WHITE, ON_PALE)].map(|(light, dark)| {
@@ -123,8 +124,8 @@ pub fn dark_scale_style() -> String {
     style_of(shades, &on_cells.concat())
 }
 
-/// Rules that replace light colours by dark ones on a dark screen, and `others`. Single quotes, because double ones are
-/// those of attributes.
+/// Returns rules that replace light colours by dark ones on a dark screen, followed by `others`. They use single
+/// quotes, because attributes use double quotes.
 fn style_of(pairs: impl Iterator<Item = (RGBColor, RGBColor)>, others: &str) -> String {
     let rules = pairs.map(|(light, dark)| {
         let (light, dark) = (hex(light), hex(dark));
@@ -136,7 +137,7 @@ fn style_of(pairs: impl Iterator<Item = (RGBColor, RGBColor)>, others: &str) -> 
     )
 }
 
-/// The colour that takes the place of one of [`DARK`].
+/// Returns the dark replacement of `light`, or `light` itself if [`DARK`] has none.
 pub fn in_the_dark(light: RGBColor) -> RGBColor {
     let pair = DARK.iter().find(|pair| pair.0 == light);
     pair.map_or(light, |pair| pair.1)
@@ -146,7 +147,7 @@ pub fn in_the_dark(light: RGBColor) -> RGBColor {
 mod tests {
     use super::*;
 
-    /// The contrast of two colours by WCAG 2.1, 1 to 21.
+    /// Returns the contrast of two colours by WCAG 2.1, 1 to 21.
     fn contrast(a: RGBColor, b: RGBColor) -> f64 {
         let luminance = |RGBColor(r, g, b): RGBColor| {
             let linear = |c: u8| {
@@ -211,7 +212,7 @@ mod tests {
             assert!(dark_style().contains(&format!("[fill='{}']", hex(series))));
             assert!(dark_style().contains(&format!("[fill='{}']", hex(pale(series)))));
         }
-        // A style ends at the first of these.
+        // Either of these characters would end the style.
         assert!(!dark_style().contains(['<', '"']));
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures of curves and points over one pair of axes.
+//! Pictures of curves and points, each on one pair of axes.
 
 use std::ops::Range;
 
@@ -14,36 +14,36 @@ use super::{Caption, Svg};
 use crate::dsp::spectrum::{smoothed_amplitude, spectral_cost};
 use crate::support::error::Result;
 
-/// One choice on a front chart, as a point.
+/// One choice as a point of a chart of fronts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrontPoint {
     /// Value along the horizontal axis.
     pub x: f64,
     /// Value along the vertical axis.
     pub y: f64,
-    /// Name of the choice, shown where a reader points at it.
+    /// Name of the choice, shown when a reader points at it.
     pub name: String,
 }
 
-/// Choices that belong together.
+/// Choices that form one series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrontSeries {
     /// Name of the series.
     pub name: String,
-    /// Points; those that are not finite are left out.
+    /// The points. Points that are not finite are not drawn.
     pub points: Vec<FrontPoint>,
-    /// True for a dashed line.
+    /// True if the line is dashed.
     pub dashed: bool,
 }
 
-/// Series of choices and their fronts over two quantities: the horizontal axis in octaves if `in_octaves`, the vertical
-/// one from zero. A front is a line in steps, because between two of its choices the cheaper one holds. Each of `names`
-/// stands to the left below its place, where no choice beats it.
+/// Draws series of choices and their fronts over two quantities. The horizontal axis is in octaves if `in_octaves`; the
+/// vertical axis includes zero. A front is a line in steps, because between two of its choices the cheaper one holds.
+/// Each of `names` is written to the lower left of its place, where no choice beats it.
 ///
-/// Series and fronts without a point that can be drawn have no entry in the legend.
+/// A series or front without a drawable point has no entry in the legend.
 ///
 /// # Errors
-/// A picture that cannot be laid out.
+/// The picture cannot be laid out.
 pub fn front_chart(
     caption: &Caption<'_>,
     (x, y): (Quantity, Quantity),
@@ -51,7 +51,7 @@ pub fn front_chart(
     (series, fronts): (&[FrontSeries], &[FrontSeries]),
     names: &[(&str, f64, f64)],
 ) -> Result<Svg> {
-    // Colours go by the place among all, so that a structure has one colour in several pictures.
+    // A colour depends on the position in `series`, so that a structure has the same colour in several pictures.
     let colours = series.iter().zip(SERIES.into_iter().cycle());
     let colour = |name: &str| {
         let mut own = colours.clone().filter(|(series, _)| series.name == name);
@@ -69,7 +69,7 @@ pub fn front_chart(
     let lowest = places().reduce(f64::min).unwrap_or(0.0);
     let highest = places().reduce(f64::max).unwrap_or(0.0);
     let first = lowest.floor();
-    // Three octaves at least, because fewer numbers do not tell the scale.
+    // At least three octaves, because fewer numbers do not show the scale.
     let start = lowest - first - 0.5;
     let end = (highest - first + 0.3).max(start.ceil() + 2.0);
     let octaves = (0..=end.min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
@@ -96,7 +96,7 @@ pub fn front_chart(
                 draw_front_series(plot, series, stroke(series), is_front, place)?;
             }
         }
-        // Last, because a name has a ground that hides what runs below it.
+        // Names come last, because each has a background that hides what is drawn below it.
         for &(name, x, y) in names {
             draw_name(plot, name, (octave(x) - origin, y))?;
         }
@@ -104,7 +104,7 @@ pub fn front_chart(
     })
 }
 
-/// The series of `all` that have drawable points, with these points alone.
+/// Returns the series of `all` that have drawable points, with only these points.
 fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
     let is_drawn = |point: &&FrontPoint| {
         point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0)
@@ -116,7 +116,7 @@ fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
     kept.filter(|series| !series.points.is_empty()).collect()
 }
 
-/// Draws choices at their `place`s, as a line and dots, that of a front in steps.
+/// Draws choices at their `place`s, as dots joined by a line; the line of a front is in steps.
 fn draw_front_series(
     plot: &mut Plot<'_>,
     series: &FrontSeries,
@@ -145,7 +145,7 @@ fn draw_front_series(
     Ok(())
 }
 
-/// Writes `name` to the left below its `place`.
+/// Writes `name` to the lower left of its `place`.
 fn draw_name(plot: &mut Plot<'_>, name: &str, place: (f64, f64)) -> Drawn {
     let (width, height) = (text_width(name, TEXT), at(TEXT));
     let ground = [(-at(10) - width, at(6)), (-at(6), at(10) + height)];
@@ -158,7 +158,7 @@ fn draw_name(plot: &mut Plot<'_>, name: &str, place: (f64, f64)) -> Drawn {
     Ok(())
 }
 
-/// The line of a front in steps.
+/// Returns the line of a front in steps.
 fn steps(places: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut steps = Vec::new();
     for (index, &(x, y)) in places.iter().enumerate() {
@@ -170,17 +170,17 @@ fn steps(places: &[(f64, f64)]) -> Vec<(f64, f64)> {
     steps
 }
 
-/// Highest frequency shown, Hz: as high as skin feels.
+/// Highest frequency shown, Hz. Skin feels nothing above it.
 const HIGHEST_HZ: f64 = 1000.0;
 
-/// The paper's figures 7 and 10: the smoothed DFT amplitudes of a recording and of its synthesis, and in the title the
-/// cost C ([`spectral_cost`]).
+/// Draws the smoothed DFT amplitudes of a recording and of its synthesis, as in the paper's figures 7 and 10. The title
+/// has the cost C ([`spectral_cost`]).
 ///
-/// Amplitudes are scaled by √(2 / (N · rate)), so that those of noise do not depend on the length N: m/s²/√Hz. The
-/// longer signal is cut as for C.
+/// Amplitudes are scaled by √(2 / (N · rate)), so that those of noise do not depend on the length N. Their unit is
+/// m/s²/√Hz. The longer signal is shortened, as it is for C.
 ///
 /// # Errors
-/// A picture that cannot be laid out.
+/// The picture cannot be laid out.
 pub fn spectra(
     caption: &Caption<'_>,
     (recorded, synthesised): (&[f64], &[f64]),
@@ -193,7 +193,7 @@ pub fn spectra(
     });
     let title = format!("{}: {cost}", caption.title);
     let caption = Caption::new(&title, caption.simulated);
-    // Amplitudes of one number of bins can be compared bin by bin, as C does.
+    // With the same number of bins, amplitudes can be compared bin by bin, as for C.
     let len = recorded.len().min(synthesised.len());
     let end_hz = HIGHEST_HZ.min(rate_hz / 2.0);
     let curves = [
@@ -224,23 +224,23 @@ pub fn spectra(
     })
 }
 
-/// Width of the page's pictures, shown pixels: three stand beside each other under the patch, and one fits a page 420
-/// pixels wide without being scaled down.
+/// Width of the pictures of a page to rub on, shown pixels. Three fit beside each other under the patch, and one fits a
+/// page 420 pixels wide without being scaled down.
 pub const NARROW: u32 = 388;
 
-/// Height of axes, shown pixels.
+/// Height of the page's axes, shown pixels.
 const HEIGHT: u32 = 280;
 
-/// Octaves that are written along a frequency, Hz.
+/// Octave frequencies that are written along a frequency axis, Hz.
 pub(super) const OCTAVES_HZ: [&str; 7] = ["16", "31.5", "63", "125", "250", "500", "1000"];
 
-/// The first of [`OCTAVES_HZ`], exactly, Hz.
+/// The exact value of the first of [`OCTAVES_HZ`], Hz.
 pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 64.0;
 
-/// Empty axes for the last 100 ms of an acceleration within `peak_m_s2`.
+/// Draws empty axes for the last 100 ms of an acceleration within ± `peak_m_s2`.
 ///
 /// # Errors
-/// A peak that is not positive and finite makes axes that cannot be laid out.
+/// The axes cannot be laid out, because the peak is not positive and finite.
 pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
     let x = Axis::new(TIME_MS, -100.0..0.0, 6);
     empty(
@@ -250,13 +250,13 @@ pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
     )
 }
 
-/// Empty axes for the density of power from 20 Hz to 1 kHz, over octaves, between two levels in dB re 1 (m/s²)²/Hz.
+/// Draws empty axes for the power density from 20 Hz to 1 kHz, over octaves, between two levels in dB re 1 (m/s²)²/Hz.
 ///
 /// # Errors
-/// Levels that are not finite and ascending make axes that cannot be laid out.
+/// The axes cannot be laid out, because the levels are not finite and ascending.
 pub fn spectrum_axes(caption: &Caption<'_>, levels_db: Range<f64>) -> Result<Svg> {
     let lowest = FIRST_OCTAVE_HZ.log2();
-    // From 20 Hz to 1 kHz and a little room.
+    // From 20 Hz to 1 kHz, with a small margin.
     let x = Axis::of_octaves(FREQUENCY, 0.35..6.05, lowest, &OCTAVES_HZ);
     empty(caption, &x, &Axis::new(POWER_DENSITY, levels_db, 9))
 }

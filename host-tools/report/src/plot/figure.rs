@@ -1,6 +1,6 @@
-//! The data of a picture: what each pair of its axes shows, with quantities and units.
+//! The data of a picture: the values that each pair of axes shows, with quantities and units.
 //!
-//! A picture is drawn from these values, and carries them thinned for whoever points at it.
+//! A picture is drawn from these values. It also contains a thinned copy of them, which is shown where a reader points.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 use super::colours::hex;
 use crate::support::visible::{escaped, page_json};
 
-/// A rectangle along the axes, in drawn pixels, x to the right and y down.
+/// A rectangle parallel to the axes, in drawn pixels, x to the right and y down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Frame {
     /// Left edge of the rectangle.
@@ -23,7 +23,7 @@ pub struct Frame {
     pub bottom: i32,
 }
 
-/// A quantity with its unit, as it stands along an axis.
+/// A quantity with its unit, as it is written along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Quantity {
     /// The name.
@@ -47,16 +47,16 @@ pub const TIME_S: Quantity = Quantity::new("time", "s");
 pub const TIME_MS: Quantity = Quantity::new("time", "ms");
 /// The paper's cost.
 pub const COST: Quantity = Quantity::new("mismatch C", "%");
-/// The density of a signal's power over frequency.
+/// Power spectral density.
 pub const POWER_DENSITY: Quantity = Quantity::new("power spectral density", "dB re 1 (m/s²)²/Hz");
 
 impl Quantity {
-    /// A quantity; the unit of a count or a ratio is empty.
+    /// Creates a quantity. The unit of a count or a ratio is empty.
     pub const fn new(name: &'static str, unit: &'static str) -> Self {
         Self { name, unit }
     }
 
-    /// Name and unit in one line.
+    /// Returns name and unit in one line.
     pub fn label(&self) -> String {
         if self.unit.is_empty() {
             self.name.to_owned()
@@ -66,10 +66,10 @@ impl Quantity {
     }
 }
 
-/// One pair of axes with what is drawn between them.
+/// One pair of axes with the data drawn in it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Panel {
-    /// Name of the panel; empty where the picture has one alone.
+    /// Name of the panel; empty if the picture has only one.
     pub name: String,
     /// The rectangle between the axes.
     pub frame: Frame,
@@ -111,13 +111,13 @@ pub struct AxisData {
     /// The quantity.
     #[serde(flatten)]
     pub quantity: Quantity,
-    /// Scale from values to places.
+    /// Scale by which values are placed.
     pub scale: AxisScale,
     /// Value at the left or lower end.
     pub from: f64,
     /// Value at the right or upper end.
     pub to: f64,
-    /// Names at 0, 1, and so on, on an axis of names.
+    /// Names at the positions 0, 1, and so on, if the scale is one of names.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
 }
@@ -126,9 +126,9 @@ pub struct AxisData {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AxisScale {
-    /// Equal differences are equal steps.
+    /// Equal steps are equal differences.
     Linear,
-    /// Equal ratios are equal steps.
+    /// Equal steps are equal ratios.
     Log,
     /// Positions with names.
     Names,
@@ -138,34 +138,34 @@ pub enum AxisScale {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// A curve, whose x rises.
+    /// A curve with ascending x.
     Line,
     /// Points in any order.
     Points,
-    /// Cells of a map at positions of two axes of names.
+    /// Cells of a map, at positions along two axes of names.
     Cells,
-    /// Levels, whose values are in the bitmap alone.
+    /// Levels. Their values are only in the bitmap.
     Levels,
 }
 
-/// Values that belong together.
+/// Values that are drawn together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Series {
-    /// Name of the series; empty where the panel's name says it all.
+    /// Name of the series; empty if the panel's name suffices.
     pub name: String,
     /// Kind of the series.
     pub kind: Kind,
-    /// Colour of the series, if it has one.
+    /// Colour of the series; `None` for cells and levels.
     #[serde(serialize_with = "as_hex")]
     pub colour: Option<RGBColor>,
     /// Values along the horizontal axis.
     pub x: Vec<f64>,
     /// Values along the vertical axis; NaN where there is no value.
     pub y: Vec<f64>,
-    /// A third quantity: of each point or cell, or of each x with every y.
+    /// A third quantity: one value for each point or cell, or one for each pair of an x and a y.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub z: Option<Third>,
-    /// A text for each point, or none at all.
+    /// A text for each point; empty if there are no texts.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
@@ -176,7 +176,7 @@ pub struct Third {
     /// The quantity.
     #[serde(flatten)]
     pub quantity: Quantity,
-    /// The values; NaN where there is none.
+    /// The values; NaN where there is no value.
     pub values: Vec<f64>,
 }
 
@@ -190,7 +190,7 @@ fn as_hex<S: Serializer>(colour: &Option<RGBColor>, to: S) -> Result<S::Ok, S::E
 }
 
 impl AxisData {
-    /// An axis of cells of one size, one for each name.
+    /// Creates an axis of equal cells, one for each name.
     pub fn of_cells(quantity: Quantity, names: Vec<String>) -> Self {
         Self {
             quantity,
@@ -203,7 +203,7 @@ impl AxisData {
 }
 
 impl Panel {
-    /// A panel without anything in it.
+    /// Creates a panel without data.
     pub fn new(name: &str, frame: Frame, x: AxisData, y: AxisData) -> Self {
         Self {
             name: name.to_owned(),
@@ -218,7 +218,7 @@ impl Panel {
 }
 
 impl Series {
-    /// A curve or points.
+    /// Creates a curve or points.
     pub fn new(name: &str, kind: Kind, colour: RGBColor, points: &[(f64, f64)]) -> Self {
         let (x, y) = points.iter().copied().unzip();
         Self {
@@ -232,7 +232,7 @@ impl Series {
         }
     }
 
-    /// The cells of a map, all rows of the first column first.
+    /// Creates the cells of a map. The values are column by column.
     pub fn cells(
         quantity: Quantity,
         (columns, rows): (usize, usize),
@@ -251,7 +251,7 @@ impl Series {
         }
     }
 
-    /// Levels, whose values are in the panel's bitmap.
+    /// Creates levels whose values are in the panel's bitmap.
     pub fn levels(quantity: Quantity) -> Self {
         let values = Vec::new();
         Self {
@@ -265,7 +265,7 @@ impl Series {
         }
     }
 
-    /// The series as a page carries it: curves thinned, values with five digits.
+    /// Returns the series as a page contains it: curves are thinned, and values have five digits.
     fn shown(&self) -> Self {
         let points = self.x.iter().copied().zip(self.y.iter().copied());
         let (x, y): (Vec<f64>, Vec<f64>) = match self.kind {
@@ -291,7 +291,7 @@ impl Series {
     }
 }
 
-/// The elements that make a picture readable by pointing: a group for each pair of axes, with its data as JSON.
+/// Returns the elements that let a reader point at a picture's values: a group for each panel, with its data as JSON.
 pub fn overlay(panels: &[Panel]) -> String {
     let mut svg = String::new();
     for panel in panels {
@@ -300,17 +300,17 @@ pub fn overlay(panels: &[Panel]) -> String {
             ..panel.clone()
         };
         let text = page_json(&shown);
-        // Writing into a string does not fail.
+        // Writing into a string cannot fail.
         let _ = writeln!(svg, "<g class=\"axes\" data-panel=\"{}\">", escaped(&text));
         let place = place(panel.frame);
         if let Some(Bitmap { png, .. }) = &panel.bitmap {
-            // Stretched, because it has a pixel for each window and bin, whatever shape the frame has.
+            // The bitmap has one pixel per window and bin, so it is stretched to the shape of the frame.
             let _ = writeln!(
                 svg,
                 "<image {place} preserveAspectRatio=\"none\" href=\"data:image/png;base64,{png}\"/>"
             );
         }
-        // What is not filled hears no pointer unless it is told to.
+        // Unfilled elements receive no pointer events unless this attribute says so.
         let _ = writeln!(
             svg,
             "<rect {place} fill=\"none\" pointer-events=\"all\"/>\n</g>"
@@ -327,13 +327,13 @@ fn place(frame: Frame) -> String {
     )
 }
 
-/// A value with five significant digits.
+/// Rounds a value to five significant digits.
 fn short(value: f64) -> f64 {
     format!("{value:.4e}").parse().unwrap_or(value)
 }
 
-/// At most `MAX_POINTS` points that look like `points`, whose x rise: of each of equal shares, in their order, the
-/// lowest and the highest. What is not finite is left out.
+/// Returns at most `MAX_POINTS` points that look like `points`, whose x ascends. The points are divided into equal
+/// groups, and the lowest and the highest of each group are kept. Points that are not finite are left out.
 pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     const MAX_POINTS: usize = 1500;
     let points: Vec<(f64, f64)> = points
@@ -342,13 +342,13 @@ pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     if points.len() <= MAX_POINTS {
         return points;
     }
-    // Two points of each share are kept.
+    // Two points of each group are kept.
     let share = points.len().div_ceil(MAX_POINTS / 2);
     let extremes = points.chunks(share).flat_map(|chunk| {
         let by_y = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
         let lowest = chunk.iter().min_by(by_y);
         let highest = chunk.iter().max_by(by_y);
-        // The highest may come first.
+        // The highest point may precede the lowest.
         let mut both: Vec<(f64, f64)> = lowest.into_iter().chain(highest).copied().collect();
         both.sort_by(|a, b| a.0.total_cmp(&b.0));
         both

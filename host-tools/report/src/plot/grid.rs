@@ -18,36 +18,36 @@ use crate::support::error::{Error, Result};
 /// A quantity over a texture's grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridMap<'a> {
-    /// The texture, whose nodes a page may play.
+    /// Name of the texture, whose nodes a page may play.
     pub texture: &'a str,
     /// Tangential speeds, mm/s, ascending.
     pub speeds_mm_s: &'a [f64],
     /// Normal forces, N, ascending.
     pub forces_n: &'a [f64],
-    /// Cells of the map, speed-major, as many as there are speeds times forces.
+    /// Cells of the map, speed-major: as many as speeds times forces.
     pub cells: &'a [GridCell],
     /// Quantity of the values.
     pub quantity: Quantity,
-    /// Colours of the values: one scale for all maps that are compared.
+    /// Colours of the values. All maps that are compared share one scale.
     pub scale: Scale,
 }
 
 /// One node of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridCell {
-    /// The value, at least zero, where there is one.
+    /// The value, at least zero, if there is one.
     pub value: Option<f64>,
-    /// Flags of the node, which are marked.
+    /// Flags of the node, which the map marks.
     pub flags: NodeFlags,
 }
 
-/// Width of a map on a report, shown pixels.
+/// Width of a map in a report, shown pixels.
 pub const WIDE: u32 = 960;
 
-/// Digits after the point of the values written.
+/// Number of decimals of the values that are written.
 const DECIMALS: usize = 1;
 
-/// Flags with their marks and their meaning.
+/// Flags with their marks and meanings.
 const MARKS: [(NodeFlags, Mark, &str); 3] = [
     (
         NodeFlags::INTERPOLATED,
@@ -62,15 +62,15 @@ const MARKS: [(NodeFlags, Mark, &str); 3] = [
     (NodeFlags::DOUBTFUL, Mark::Dot, "doubtful recording"),
 ];
 
-/// A heat map `width` shown pixels wide, with the values in its cells, where they fit, and marks at nodes that are not
-/// fitted to good recordings: silent, interpolated, extrapolated or doubtful. Values go from pale at zero to dark at
-/// the largest.
+/// Draws a heat map `width` shown pixels wide. Values are written in the cells where they fit, and run from pale at
+/// zero to dark at the largest. Marks show nodes that are not fitted to good recordings: silent, interpolated,
+/// extrapolated or doubtful.
 ///
 /// # Errors
-/// Cells that are not as many as the grid has nodes, and that the picture cannot be laid out.
+/// The number of cells is not the number of nodes, or the picture cannot be laid out.
 pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<Svg> {
     let (columns, rows) = (map.speeds_mm_s.len(), map.forces_n.len());
-    // A layout divides by the numbers of columns and rows.
+    // The layout divides by the numbers of columns and rows.
     if map.cells.len() != columns * rows || map.cells.is_empty() {
         return Err(Error::Request(format!(
             "a map of {columns} speeds by {rows} forces cannot show {} cells",
@@ -84,7 +84,7 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
         .iter()
         .map(|&(_, mark, name)| (Swatch::Mark(mark), name));
     let entries: Vec<_> = entries.collect();
-    // Rows high enough for a number, within what fits a page.
+    // Rows are high enough for a number, as far as the height fits a page.
     let height = (130 + 30 * rows as u32).clamp(280, 640);
     picture(caption, (width, height), |area| {
         let (chart, bar) = legend(area, &entries)?.split_horizontally(at(width - BAR));
@@ -102,11 +102,11 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
     })
 }
 
-/// Axes without names, and the colours of `scale`, for a map whose cells a page draws. The data has one cell, whose
-/// value is the scale's end.
+/// Draws axes without names and the bar of `scale`, for a map whose cells a page draws. The data has one cell, whose
+/// value is the end of the scale.
 ///
 /// # Errors
-/// A picture that cannot be laid out.
+/// The picture cannot be laid out.
 pub fn map_axes(caption: &Caption<'_>, quantity: Quantity, scale: Scale) -> Result<Svg> {
     picture(caption, (NARROW, 340), |area| {
         let (chart, bar) = area.split_horizontally(at(NARROW - BAR));
@@ -121,7 +121,7 @@ pub fn map_axes(caption: &Caption<'_>, quantity: Quantity, scale: Scale) -> Resu
     })
 }
 
-/// The data of a map that is drawn in a frame.
+/// Returns the data of a map that is drawn in a frame.
 fn panel(map: &GridMap<'_>, frame: Frame) -> Panel {
     let names = |values: &[f64]| values.iter().map(|value| grid_value(*value)).collect();
     let x = AxisData::of_cells(SPEED, names(map.speeds_mm_s));
@@ -169,7 +169,7 @@ fn draw_cell(area: &Area<'_>, place: [(i32, i32); 2], cell: &GridCell, scale: Sc
     Ok(())
 }
 
-/// Places of cells, in drawn pixels. All have one size, because axes need not have equal steps.
+/// Positions of the cells, in drawn pixels. All cells have one size, because the steps of an axis need not be equal.
 struct Layout {
     left: i32,
     top: i32,
@@ -192,7 +192,7 @@ impl Layout {
         }
     }
 
-    /// The rectangle of all cells in the picture.
+    /// Returns the rectangle of all cells, relative to the whole picture.
     fn frame(&self, area: &Area<'_>) -> Frame {
         let (left, top) = area.get_base_pixel();
         Frame {
@@ -203,17 +203,17 @@ impl Layout {
         }
     }
 
-    /// Left edge of the column of a speed; for the number after the last one, the right edge of the map.
+    /// Returns the left edge of a speed's column; for the number after the last speed, the right edge of the map.
     fn column(&self, speed: i32) -> i32 {
         self.left + (self.right - self.left) * speed / self.columns
     }
 
-    /// Lower edge of a row, the lowest force at the bottom.
+    /// Returns the lower edge of a force's row. The lowest force is at the bottom.
     fn row(&self, force: i32) -> i32 {
         self.bottom - (self.bottom - self.top) * force / self.rows
     }
 
-    /// Upper left and lower right corner, with a gap to the neighbours.
+    /// Returns the upper left and the lower right corner of a cell, with a gap to its neighbours.
     fn cell(&self, speed: usize, force: usize) -> [(i32, i32); 2] {
         let (speed, force) = (speed as i32, force as i32);
         [
@@ -230,7 +230,7 @@ impl Layout {
     }
 
     fn draw_axes(&self, area: &Area<'_>, map: &GridMap<'_>) -> Drawn {
-        // Every so many cells a label stands, so that none touches the next.
+        // Labels are some cells apart, so that no label touches the next.
         let apart =
             |needed: i32, cell: i32| (needed.max(1) as usize).div_ceil(cell.max(1) as usize);
         let small = centred(TEXT, INK);
@@ -251,17 +251,18 @@ impl Layout {
     }
 }
 
-/// Scale from values, at least zero, to colours.
+/// A scale from values, at least zero, to colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     end: f64,
 }
 
 impl Scale {
-    /// The scale of all maps that show `values` together. Its end is rounded up, because it is written.
+    /// Creates the common scale of all maps that show `values`. Its end is rounded up, because it is written beside the
+    /// map.
     pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let most = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
-        // Half of the highest decade: a third of the scale is without values at most.
+        // With half of the highest decade as the step, at most a third of the scale is without values.
         let step = 0.5 * 10f64.powf(most.log10().floor());
         let rounded = (most / step).ceil() * step;
         Self {
@@ -269,7 +270,7 @@ impl Scale {
         }
     }
 
-    /// Draws the bar of the scale's colours.
+    /// Draws the bar that shows the scale's colours.
     fn draw(self, bar: &Area<'_>, quantity: Quantity) -> Drawn {
         let ends = (at(16), bar.dim_in_pixel().1 as i32 - at(56));
         let value = |share: f64| self.end * share;
@@ -278,7 +279,7 @@ impl Scale {
         colour_bar(bar, ends, colour, &values, quantity)
     }
 
-    /// The colour of a value, in one of [`SHADES`].
+    /// Returns the colour of a value, one of [`SHADES`].
     fn colour(self, value: f64) -> RGBColor {
         let share = (value / self.end).clamp(0.0, 1.0);
         shade((share * (SHADES - 1) as f64).round() as usize)
@@ -336,7 +337,7 @@ mod tests {
             ("22.0", "40", "0.4"),
             ("31.0", "60", "0.2"),
         ] {
-            // Cells leave a gap of a pixel or two to their neighbours.
+            // Adjacent cells have a gap of one or two pixels.
             assert!((place(text).0 - place(speed).0).abs() <= 2, "{text}");
             assert!((place(text).1 - place(force).1).abs() <= 2, "{text}");
         }
@@ -358,7 +359,7 @@ mod tests {
             assert!(!of(NodeFlags::NONE).contains(name));
             let svg = of(flag);
             assert!(svg.contains(name));
-            // In the map and in the legend.
+            // Once in the map and once in the legend.
             let marks = svg.matches("<polygon").count() + svg.matches("<circle").count();
             assert_eq!(marks, 2, "{name}");
         }

@@ -1,8 +1,8 @@
 //! Pictures for reports, as SVG. Making them needs no font and no display; spectrograms embed PNG images.
 //!
-//! Invariant: axes have a quantity and a unit, maps a bar of their colours, colours differ for any colour vision and on
-//! light and dark screens, no label covers another, curves are thinned to the picture's width so that a picture stays
-//! small whatever the length of a recording, and a picture of simulated data says SIMULATED.
+//! Invariant: every axis has a quantity and a unit, and every map a bar of its colours. Colours differ for any colour
+//! vision and on light and dark screens. No label covers another. Curves are thinned to the picture's width, so that a
+//! picture stays small whatever the length of a recording. A picture of simulated data says SIMULATED.
 
 mod canvas;
 pub(super) mod colours;
@@ -34,18 +34,18 @@ pub use waveforms::waveforms;
 pub struct Caption<'a> {
     /// Title of the picture.
     pub title: &'a str,
-    /// True if anything in it comes from the rig simulator; the picture then says so in its corner.
+    /// True if any of its data comes from the rig simulator; the picture then says so in its corner.
     pub simulated: bool,
 }
 
 impl<'a> Caption<'a> {
-    /// A heading, which says SIMULATED if anything in the picture comes from the rig simulator.
+    /// Creates a heading. It says SIMULATED if any of the picture's data comes from the rig simulator.
     pub const fn new(title: &'a str, simulated: bool) -> Self {
         Self { title, simulated }
     }
 }
 
-/// A picture: one `<svg>` element, which is a file of its own as well as a part of a page, and the data that it shows.
+/// A picture: one `<svg>` element, which can be a file or part of a page, and the data that it shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Svg {
     text: String,
@@ -53,20 +53,20 @@ pub struct Svg {
 }
 
 impl Svg {
-    /// The element's text.
+    /// Returns the element's text.
     pub fn as_str(&self) -> &str {
         &self.text
     }
 
-    /// The data of the picture: pairs of axes, in the order in which they were drawn.
+    /// Returns the data of the picture: its pairs of axes, in the order in which they were drawn.
     pub fn panels(&self) -> &[Panel] {
         &self.panels
     }
 
-    /// Writes the picture into a file, whole or not at all.
+    /// Writes the picture into a file. The file is written completely or not at all.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.text.as_bytes())
     }

@@ -1,4 +1,4 @@
-//! Properties that every picture has, whatever it shows.
+//! Tests of properties that every kind of picture must have.
 
 use model_format::NodeFlags;
 use plotters::style::RGBColor;
@@ -8,7 +8,7 @@ use super::*;
 
 const CAPTION: Caption<'_> = Caption::new("a picture", true);
 
-/// A signal of some seconds at 5 kHz that is not periodic.
+/// A signal of 2.4 s at 5 kHz that is not periodic.
 fn signal(seed: f64) -> Vec<f64> {
     (0..12_000)
         .map(|n| {
@@ -18,7 +18,7 @@ fn signal(seed: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Values that a picture must bear.
+/// Values that a picture must tolerate.
 const ODD: [f64; 6] = [0.0, f64::NAN, f64::INFINITY, 1e300, -1e300, 3.0];
 
 fn map(speeds: usize, forces: usize, value: impl Fn(usize) -> Option<f64>) -> Svg {
@@ -67,7 +67,7 @@ fn front(in_octaves: bool, value: impl Fn(i32) -> f64) -> Svg {
     front_chart(&CAPTION, axes, in_octaves, (&all[..5], &all[5..]), &names).unwrap()
 }
 
-/// Every kind of picture of what it is made for, by name.
+/// Every kind of picture with typical data, by name.
 pub fn pictures() -> Vec<(&'static str, Svg)> {
     let (one, two) = (signal(0.0), signal(1.0));
     let signals = [("recording", &one[..]), ("synthesis: Gaussian", &two[..])];
@@ -89,7 +89,7 @@ pub fn pictures() -> Vec<(&'static str, Svg)> {
     ]
 }
 
-/// Pictures of nothing, of one value, and of what is no number.
+/// Pictures without data, of one value, and of values that are not finite.
 fn odd_pictures() -> Vec<(&'static str, Svg)> {
     let mut all = vec![
         ("map of one", map(1, 1, |_| Some(1.0))),
@@ -110,14 +110,14 @@ fn odd_pictures() -> Vec<(&'static str, Svg)> {
     all
 }
 
-/// Text of a picture with the frame that it fills, about, and whether it runs upwards.
+/// A text of a picture, with the frame that it approximately fills and its direction.
 struct Text {
     words: String,
     frame: figure::Frame,
     runs_up: bool,
 }
 
-/// Returns all texts of a picture, by the sizes that the layout reckons with.
+/// Returns all texts of a picture, with the text sizes that the layout assumes.
 fn texts(svg: &Svg) -> Vec<Text> {
     let elements = svg.as_str().split("<text ").skip(1);
     let text = |element: &str| {
@@ -256,7 +256,7 @@ fn every_axis_of_values_has_three_numbers_at_least() {
                 right,
                 bottom,
             } = panel.frame;
-            // Of panels one below the other the lowest has the numbers.
+            // Of panels one below the other, only the lowest has numbers.
             let column = panels.iter().filter(|other| other.frame.left == left);
             let lowest = column.map(|other| other.frame.bottom).max().unwrap();
             let along = places
@@ -286,7 +286,7 @@ fn no_colour_of_a_line_is_drawn_that_a_dark_screen_does_not_replace() {
             let part = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
             let colour = RGBColor(part(0), part(2), part(4));
             let is_replaced = colours::dark_style().contains(&format!("[stroke='#{hex}']"));
-            // Marks on the cells of a map.
+            // Exempt: marks on the cells of a map.
             let is_on_cell = [colours::ON_PALE, RGBColor(255, 255, 255)].contains(&colour);
             assert!(is_replaced || is_on_cell, "{name}: #{hex}");
         }

@@ -1,4 +1,4 @@
-//! Levels over frequency, as measured.
+//! Measured levels over frequency.
 
 use super::canvas::{Axis, INK, SERIES, Stroke, Swatch, chart};
 use super::curves::{FIRST_OCTAVE_HZ, OCTAVES_HZ};
@@ -15,10 +15,10 @@ pub struct Curve<'a> {
     pub points: &'a [(f64, f64)],
 }
 
-/// Levels from 10 Hz to 1 kHz over octaves, with dashed lines `within_db` around zero over `band_hz`.
+/// Draws levels from 10 Hz to 1 kHz over octaves, with dashed lines at ± `within_db` over `band_hz`.
 ///
 /// # Errors
-/// A picture that cannot be laid out.
+/// The picture cannot be laid out.
 pub fn responses(
     caption: &Caption<'_>,
     curves: &[Curve<'_>],
@@ -33,7 +33,7 @@ pub fn responses(
             .flat_map(|curve| curve.points)
             .map(|point| point.1)
     };
-    // At least twice the band, so that its lines are not the picture's edges.
+    // The range is at least twice the band, so that the band's lines are not the picture's edges.
     let low = levels().fold(-2.0 * within_db, f64::min).floor() - 1.0;
     let high = levels().fold(2.0 * within_db, f64::max).ceil() + 1.0;
     let x = Axis::of_octaves(FREQUENCY, -0.7..6.05, lowest, &OCTAVES_HZ);

@@ -16,33 +16,33 @@ use crate::dsp::spectrum::dft_amplitude;
 use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
 
-/// Length of a window on a steady signal, s: lines 12 Hz apart are told apart.
+/// Length of a window on a steady signal, s. It resolves lines 12 Hz apart.
 const LONG_S: f64 = 0.16;
 
-/// Length of a window on an impulsive signal, s: lines 60 Hz apart are told apart, and clicks 16 ms apart.
+/// Length of a window on an impulsive signal, s. It resolves lines 60 Hz apart, and clicks 16 ms apart.
 const SHORT_S: f64 = 0.032;
 
-/// Kurtosis above which a recording is impulsive: that of Gaussian noise is 3, and 5.8 if its level swings between none
-/// and twice its mean.
+/// Kurtosis above which a recording is impulsive. Gaussian noise has 3, and 5.8 if its level swings between zero and
+/// twice its mean.
 const IMPULSIVE: f64 = 7.0;
 
-/// Windows in a picture at most.
+/// Largest number of windows in a picture.
 const COLUMNS: usize = 240;
 
-/// Levels shown below the highest, dB.
+/// Range of levels shown below the highest, dB.
 const RANGE_DB: f64 = 60.0;
 
-/// The top of a scale that shows all finite `levels`: the next multiple of ten, dB; `None` without any.
+/// Returns the top of a scale that shows all finite `levels`, rounded up to a multiple of 10 dB; `None` without levels.
 fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
     let highest = levels.filter(|level| level.is_finite()).reduce(f64::max);
     highest.map(|highest| 10.0 * (highest / 10.0).ceil())
 }
 
-/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale. The recording's
-/// kurtosis decides the length of both signals' windows.
+/// Draws spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, on one scale. The
+/// recording's kurtosis decides the length of the windows of both signals.
 ///
 /// # Errors
-/// Signals without power, and that the picture cannot be laid out.
+/// The signals have no power, or the picture cannot be laid out.
 pub fn spectrograms(
     caption: &Caption<'_>,
     (recorded, synthesised): (&[f64], &[f64]),
@@ -80,7 +80,7 @@ pub fn spectrograms(
     })
 }
 
-/// Length of the windows on a `recording` and on what stands beside it, s.
+/// Returns the length of the windows on a `recording` and on its synthesis, s.
 fn window_s(recording: &[f64]) -> f64 {
     match kurtosis(recording.iter()) {
         Some(kurtosis) if kurtosis > IMPULSIVE => SHORT_S,
@@ -91,9 +91,9 @@ fn window_s(recording: &[f64]) -> f64 {
 /// The windows of a spectrogram.
 #[derive(Clone, Copy)]
 struct Windows {
-    /// Samples of one window.
+    /// Length of a window, samples.
     len: usize,
-    /// Samples from the first window's beginning to the last one's.
+    /// Samples from the beginning of the first window to that of the last.
     spare: usize,
     /// Number of windows.
     count: usize,
@@ -101,43 +101,43 @@ struct Windows {
 }
 
 impl Windows {
-    /// The windows of `window_s` over a signal of `samples` samples.
+    /// Creates the windows of `window_s` over a signal of `samples` samples.
     fn of(samples: usize, rate_hz: f64, window_s: f64) -> Self {
         let len = ((window_s * rate_hz) as usize).clamp(2, samples.max(2));
         let spare = samples.saturating_sub(len);
         Self {
             len,
             spare,
-            // A quarter of a window after each other, so that a click is within an eighth of the middle of one, where
-            // its weight is 0.85 or more.
+            // Windows are a quarter of their length apart, so that a click is within an eighth of the middle of some
+            // window, where the weight is at least 0.85.
             count: (4 * spare / len + 1).min(COLUMNS),
             rate_hz,
         }
     }
 
-    /// First sample of a window.
+    /// Returns the first sample of a window.
     fn begin(&self, window: usize) -> usize {
-        // Not by a step of samples, whose round-off would leave the signal's end out.
+        // A step rounded to whole samples would leave the signal's end out.
         self.spare * window / (self.count - 1).max(1)
     }
 
-    /// Time at the middle of a window, s.
+    /// Returns the time at the middle of a window, s.
     fn middle_s(&self, window: usize) -> f64 {
         (self.begin(window) as f64 + 0.5 * self.len as f64) / self.rate_hz
     }
 
-    /// Times that are shown, s: each window is drawn around its middle, and the ends have no window's middle.
+    /// Returns the range of times shown, s. Each window is drawn around its middle, half a step to each side.
     fn shown_s(&self) -> Range<f64> {
         let half_s = 0.5 * self.step_s();
         self.middle_s(0) - half_s..self.middle_s(self.count - 1) + half_s
     }
 
-    /// Frequency step from bin to bin, Hz.
+    /// Returns the frequency step from bin to bin, Hz.
     fn bin_hz(&self) -> f64 {
         self.rate_hz / self.len as f64
     }
 
-    /// Time step from window to window, s; of a single window, its length.
+    /// Returns the time step from window to window, s; for a single window, its length.
     fn step_s(&self) -> f64 {
         let (steps, samples) = if self.count > 1 {
             (self.count - 1, self.spare)
@@ -148,7 +148,7 @@ impl Windows {
     }
 }
 
-/// Puts levels into a panel as the bitmap that fills its frame.
+/// Puts levels into a panel, as the bitmap that fills its frame.
 fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
     panel.series.push(Series::levels(POWER_DENSITY));
     panel.bitmap = Some(Bitmap {
@@ -167,8 +167,8 @@ fn palette() -> impl Iterator<Item = RGBColor> {
     (0..=u8::MAX).map(|index| colour(f64::from(index) / f64::from(u8::MAX)))
 }
 
-/// One column per window, its power spectral densities from the lowest frequency up, one-sided, in dB
-/// re 1 (m/s²)²/Hz.
+/// Returns one column per window: the one-sided power spectral densities from the lowest frequency up, in dB re 1
+/// (m/s²)²/Hz.
 fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>> {
     let Windows {
         len: window,
@@ -180,7 +180,7 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
         .collect();
     let bins = (highest_hz * window as f64 / rate_hz) as usize + 1;
     let energy: f64 = weights.iter().map(|weight| weight * weight).sum();
-    // One-sided, by the sum of the squared weights: Heinzel, Rüdiger and Schilling (2002), equation 23.
+    // One-sided, normalised by the sum of the squared weights: Heinzel, Rüdiger and Schilling (2002), equation 23.
     let scale_db = 10.0 * (2.0 / (rate_hz * energy)).log10();
     (0..windows.count)
         .map(|column| {
@@ -199,14 +199,14 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
         .collect()
 }
 
-/// Draws the bar that shows the levels of a spectrogram's colours.
+/// Draws the bar that shows which level each colour of a spectrogram stands for.
 fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
     let values =
         [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));
     colour_bar(area, ends, colour, &values, POWER_DENSITY)
 }
 
-/// A colour of a scale that rises in lightness throughout, from dark blue by green to yellow.
+/// Returns a colour of a scale whose lightness rises throughout, from dark blue through green to yellow.
 fn colour(share: f64) -> RGBColor {
     const STOPS: [RGBColor; 5] = [
         RGBColor(20, 16, 60),
@@ -218,15 +218,15 @@ fn colour(share: f64) -> RGBColor {
     between(&STOPS, share)
 }
 
-/// The panel as a PNG, a pixel per window and bin, in indices of the palette.
+/// Encodes the panel as a PNG with a pixel per window and bin, in indices of the palette.
 fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
     let (width, height) = (panel.len(), panel[0].len());
     let mut pixels = Vec::with_capacity(width * height);
-    // A bitmap begins with its upper row, which has the highest frequency.
+    // A bitmap begins with its top row, the highest frequency.
     for bin in (0..height).rev() {
         for column in panel {
             let share = (column[bin] - top_db + RANGE_DB) / RANGE_DB;
-            // Not a number becomes zero.
+            // NaN becomes zero.
             pixels.push((255.0 * share.clamp(0.0, 1.0)).round() as u8);
         }
     }
@@ -269,11 +269,11 @@ mod tests {
             inner.map(|level| 10f64.powf(level / 10.0))
         };
         let mean = powers().sum::<f64>() / powers().count() as f64;
-        // Nine (m/s²)² over 2500 Hz.
+        // 9 (m/s²)² spread over 2500 Hz.
         assert!((mean / (9.0 / 2500.0) - 1.0).abs() < 0.05, "{mean}");
     }
 
-    /// Clicks of 2 ms, ten per second, in noise 40 dB below; and noise whose level swings four times per second.
+    /// Clicks of 2 ms, ten per second, in noise 40 dB below them; and noise whose level swings four times per second.
     #[test]
     fn a_click_is_as_short_as_a_short_window_and_a_swell_keeps_the_long_one() {
         let noise = noise(3, 10_000);

@@ -1,4 +1,4 @@
-//! Waveforms of several signals beside each other, with their envelopes.
+//! Waveforms of several signals, one below the other, with their envelopes.
 
 use super::canvas::{
     Axis, HEADING, INK, LEFT, SERIES, Stroke, Swatch, TEXT, at, axes, legend, picture,
@@ -8,7 +8,7 @@ use super::figure::{ACCELERATION, TIME_MS, TIME_S};
 use super::{Caption, Svg};
 use crate::support::error::Result;
 
-/// Durations of the two columns, s: cycles on the left, changes of level on the right.
+/// Durations of the two columns, s. The left one shows cycles, the right one changes of level.
 const DURATIONS_S: [f64; 2] = [0.1, 2.0];
 
 /// Window of the envelope, s.
@@ -20,21 +20,22 @@ const ROW: u32 = 144;
 /// Height of a signal's name above its row, shown pixels.
 const NAME: u32 = 18;
 
-/// Height of the lowest row's numbers and of the legend, shown pixels.
+/// Height of the lowest row's numbers and of the legend together, shown pixels.
 const BESIDE: u32 = 64;
 
-/// Signals, m/s², each with its name, one below the other: 100 ms of the middle on the left, 2 s on the right, with
-/// the envelope, ± the RMS over windows of 10 ms. All have one scale.
+/// Draws signals, m/s², each with its name, one below the other: the middle 100 ms on the left, and the middle 2 s on
+/// the right with the envelope, ± the RMS over windows of 10 ms. All signals have one scale.
 ///
 /// # Errors
-/// A picture that cannot be laid out.
+/// The picture cannot be laid out.
 pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64) -> Result<Svg> {
     let middle = |signal: &'_ [f64], seconds: f64| {
         let len = ((seconds * rate_hz).round() as usize).min(signal.len());
         let begin = (signal.len() - len) / 2;
         begin..begin + len
     };
-    // What lies outside of the longer column is not drawn, and a click there would make all that is drawn small.
+    // Samples outside the longer column are not drawn. They do not count, because a click there would make the drawn
+    // part small.
     let drawn = signals
         .iter()
         .flat_map(|(_, signal)| &signal[middle(signal, DURATIONS_S[1])]);
@@ -81,9 +82,9 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
     })
 }
 
-/// RMS over windows of 10 ms that overlap by half, each with the sample at its middle.
+/// Computes the RMS over windows of 10 ms that overlap by half. Each value is at its window's middle sample.
 fn envelope(signal: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
-    // Two at least, of which the half is a step.
+    // At least two samples, because the step is half a window.
     let window = ((ENVELOPE_S * rate_hz).round() as usize).max(2);
     let windows = signal.windows(window).step_by(window / 2);
     windows

@@ -1,4 +1,4 @@
-//! Parts of recordings that a page plays: how long they are, at which nodes, and their bytes.
+//! Parts of recordings that a page plays (clips): their duration, their nodes, and their bytes.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
@@ -11,19 +11,20 @@ use serde::Serialize;
 use super::{Clips, Recordings};
 use crate::texture::grid::is_recorded;
 
-/// Bytes of all clips of a page by [`Clips::Budget`], a byte per sample; in the page they take a third more.
+/// Size of all clips of a page with [`Clips::Budget`], bytes. Each sample takes one byte; in the page they take a third
+/// more.
 const BUDGET_BYTES: f64 = 380_000.0;
 
-/// Shortest and longest clip by the budget, s.
+/// Shortest and longest clip with [`Clips::Budget`], s.
 const DURATION_S: (f64, f64) = (0.5, 1.5);
 
-/// Duration over which a clip's end goes into its beginning, s.
+/// Duration over which a clip's end is faded into its beginning, s.
 const JOINT_S: f64 = 0.03;
 
 /// Largest code.
 const FULL_CODE: f64 = 127.0;
 
-/// Compression of the codes, as that of telephony: μ-law with μ = 255 (ITU-T G.711).
+/// Parameter μ of the codes' compression: μ-law as in telephony (ITU-T G.711).
 const MU: f64 = 255.0;
 
 /// A part of a recording.
@@ -36,13 +37,14 @@ pub struct Clip {
     file: String,
     sample_rate_hz: u32,
     peak_m_s2: f64,
-    /// Samples as `i8`: the code c is sign(c) · `peak_m_s2` · (256^(|c|/127) - 1)/255, m/s².
+    /// Samples as `i8`. The code c stands for sign(c) · `peak_m_s2` · (256^(|c|/127) - 1)/255, m/s².
     codes_base64: String,
 }
 
 impl Clip {
-    /// The middle of `signal`, m/s², so many `samples` long, as a clip of the node of `place`: the texture's index, the
-    /// node's, its speed, mm/s, and force, N. None of a signal that is silent or too short for a joint.
+    /// Returns the middle `samples` samples of `signal`, m/s², as a clip. The first argument is its node: the index of
+    /// the texture, the index of the node, speed, mm/s, and force, N. `None` if the signal is silent or too short for a
+    /// joint.
     pub fn of(
         (texture, node, speed_mm_s, force_n): (usize, usize, f64, f64),
         file: &Path,
@@ -72,11 +74,12 @@ impl Clip {
     }
 }
 
-/// The middle of `signal`, so many `samples` or what there is, whose end goes into its beginning at equal power.
+/// Returns the middle `samples` samples of `signal`, or fewer if it is shorter. The end is cross-faded into the
+/// beginning at equal power, so that the clip can be repeated.
 fn looped(signal: &[f64], samples: usize) -> Option<Vec<f64>> {
     let joint = (JOINT_S * f64::from(SAMPLE_RATE_HZ)) as usize;
     let length = samples.min(signal.len().checked_sub(joint)?);
-    // A joint may take half of what is heard, not more.
+    // A joint may take half of the clip at most.
     if length < 2 * joint {
         return None;
     }
@@ -84,30 +87,30 @@ fn looped(signal: &[f64], samples: usize) -> Option<Vec<f64>> {
     let mut clip = signal[begin..begin + length].to_vec();
     let after = &signal[begin + length..begin + length + joint];
     for (at, (x, &after)) in clip.iter_mut().zip(after).enumerate() {
-        // sin² + cos² = 1: the power of noise stays, because before and after the joint it is uncorrelated.
+        // Because sin² + cos² = 1, the power of noise is constant: the two signals that are mixed are uncorrelated.
         let turn = FRAC_PI_2 * (at as f64 + 0.5) / joint as f64;
         *x = *x * turn.sin() + after * turn.cos();
     }
     Some(clip)
 }
 
-/// The code of a value of -1 to 1.
+/// Returns the code of a value from -1 to 1.
 fn code(value: f64) -> i8 {
     let magnitude = (MU * value.abs()).ln_1p() / MU.ln_1p();
     (FULL_CODE * magnitude * value.signum()).round() as i8
 }
 
-/// The nodes that have clips, and the clips' duration.
+/// The choice of the nodes that have clips, and the clips' duration.
 pub struct Thinning {
-    /// Every so many speeds and forces, the last one among them.
+    /// One clip per this number of speeds and of forces, counted from the last.
     every: (usize, usize),
-    /// Numbers of speeds and forces of the largest grid.
+    /// Numbers of speeds and of forces of the largest grid.
     counts: (usize, usize),
     duration_s: f64,
 }
 
 impl Thinning {
-    /// The choice for the nodes of `library` that `recordings` may have.
+    /// Chooses among the nodes of `library` for which `recordings` may have a recording.
     pub fn of(library: &Library<'_>, recordings: &Recordings<'_>) -> Self {
         let grids: Vec<(usize, usize)> = library
             .textures()
@@ -138,7 +141,7 @@ impl Thinning {
         };
         let mut every = (1, 1);
         while duration_s(every) < DURATION_S.0 && every.0 * every.1 < counts.0 * counts.1 {
-            // The axis of which more is left.
+            // The axis on which more nodes are left is thinned.
             if counts.0.div_ceil(every.0) >= counts.1.div_ceil(every.1) {
                 every.0 *= 2;
             } else {
@@ -152,7 +155,7 @@ impl Thinning {
         }
     }
 
-    /// Returns whether the node of these indices has a clip, if it has a recording.
+    /// Returns true if the node with these indices has a clip, provided it has a recording.
     pub fn keeps(&self, speed: usize, force: usize) -> bool {
         let from_the_last = |index: usize, count: usize| count.saturating_sub(index + 1);
         from_the_last(speed, self.counts.0).is_multiple_of(self.every.0)
@@ -164,7 +167,7 @@ impl Thinning {
         (self.duration_s * f64::from(SAMPLE_RATE_HZ)).round() as usize
     }
 
-    /// The choice, in words.
+    /// Returns the choice, in words.
     pub fn in_words(&self, clips: usize) -> String {
         let of_axis = [(self.every.0, "speed"), (self.every.1, "force")];
         let thinned = of_axis.iter().filter(|(every, _)| *every > 1);
@@ -191,14 +194,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The value of a code, as the page's script has it.
+    /// The value of a code, as the page's script computes it.
     fn value(code: i8) -> f64 {
         let magnitude = ((1.0 + MU).powf(f64::from(code).abs() / FULL_CODE) - 1.0) / MU;
         magnitude * f64::from(code).signum()
     }
 
     proptest! {
-        /// Half a step of μ-law: ln(256)/127/2 of the value and 1/255.
+        /// The error is at most half a step of μ-law: ln(256)/127/2 times the sum of the value and 1/255.
         #[test]
         fn a_code_is_within_half_a_step_of_its_value(x in -1.0f64..1.0) {
             let step = (1.0 + MU).ln() / FULL_CODE;
@@ -208,7 +211,7 @@ mod tests {
 
     #[test]
     fn a_clip_goes_on_where_the_recording_goes_on_when_it_is_repeated() {
-        // A slow ramp: its only jump would be at the joint.
+        // In a slow ramp, the only jump could be at the joint.
         let signal: Vec<f64> = (0..10_000).map(|n| n as f64 * 1e-3).collect();
         let clip = looped(&signal, 5000).expect("it is long enough");
         let joint = (clip[0] - clip[clip.len() - 1]).abs();

@@ -1,5 +1,5 @@
-//! The page's data, written as JSON into its element `data`. A name that ends in `_base64` is Base64 of little-endian
-//! numbers.
+//! The page's data, written as JSON into its element `data`. A field whose name ends in `_base64` holds little-endian
+//! numbers in Base64.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -22,17 +22,17 @@ use crate::support::decimal::significant;
 use crate::support::error::Result;
 use crate::texture::grid::as_written;
 
-/// Version of the data's form.
+/// Version of the data's format.
 const VERSION: u32 = 2;
 
-/// Most textures that the title names.
+/// Largest number of textures that the title names.
 const MOST_IN_TITLE: usize = 4;
 
-/// Peak over RMS of Gaussian noise through a filter, which hardly exceeds it.
+/// Crest factor (peak over RMS) that filtered Gaussian noise hardly exceeds.
 const NOISE_PEAK: f64 = 4.0;
 
-/// Peak over RMS of textures with codebooks or a track of the level: of 30 s of each of twelve real surfaces, at most
-/// 0.023 % of the samples exceed it, and up to 0.97 % [`NOISE_PEAK`].
+/// Crest factor of textures with codebooks or a level track. In 30 s of each of twelve real surfaces, at most 0.023 %
+/// of the samples exceed it, and up to 0.97 % exceed [`NOISE_PEAK`].
 const LIVELY_PEAK: f64 = 10.0;
 
 /// All data.
@@ -75,12 +75,12 @@ pub struct TextureData {
     can_leave_out: PartsData,
     level_law: String,
     pub nodes: NodesData,
-    /// No level of the spectra is above it, dB; negative infinity of silence.
+    /// Upper bound of the levels of all spectra, dB; negative infinity for a silent texture.
     pub top_db: f64,
-    /// A byte per node and band: mean power density of the node as it is played, without lines, in steps of 0.5 dB
-    /// below `top_db`, in dB re 1 (m/s²)²/Hz; 255 is silent.
+    /// One byte per node and band: the mean power density at which the node is played, without lines, in steps of 0.5
+    /// dB below `top_db`, in dB re 1 (m/s²)²/Hz. 255 stands for silence.
     model_base64: String,
-    /// The same of the recordings with their lines.
+    /// The same for the recordings, with their lines.
     recorded_base64: Option<String>,
 }
 
@@ -104,14 +104,14 @@ impl PartsData {
     }
 }
 
-/// Values of a texture's nodes, speed-major: speed index times number of forces plus force index.
+/// Values of a texture's nodes, speed-major. A node's index is speed index times number of forces plus force index.
 #[derive(Serialize)]
 pub struct NodesData {
     orders: Vec<usize>,
     pub rms_m_s2: Vec<f64>,
     /// The bits of [`model_format::NodeFlags`].
     flags: Vec<u8>,
-    /// C as a share; nothing where no node has one.
+    /// C as a ratio, not in percent; `None` if no node has a C.
     pub costs: Option<Vec<Option<f64>>>,
 }
 
@@ -136,10 +136,10 @@ impl NodesData {
 }
 
 impl Data {
-    /// The data of `inputs`, telling `progress` of each texture done.
+    /// Collects the data of `inputs`, and calls `progress` after each texture.
     ///
     /// # Errors
-    /// A recording that cannot be used any more.
+    /// A recording cannot be used any more.
     pub fn of(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<Self> {
         let library = inputs.library;
         let thinning = inputs
@@ -188,14 +188,14 @@ impl Data {
         })
     }
 
-    /// Digest of each texture with its name.
+    /// Returns each texture's name and digest.
     pub fn digests(&self) -> Vec<(String, String)> {
         let names = self.textures.iter().map(|texture| texture.name.clone());
         names.zip(self.digest.of_textures.iter().cloned()).collect()
     }
 }
 
-/// Findings of a node's recordings.
+/// Results of a node's recordings.
 #[derive(Default)]
 struct Recorded {
     spectrum: Option<Spectrum>,
@@ -204,7 +204,7 @@ struct Recorded {
 }
 
 impl TextureData {
-    /// The acceleration that samples of the loudest node hardly exceed, m/s².
+    /// Returns the acceleration that samples of the loudest node hardly exceed, m/s².
     fn peak_m_s2(&self) -> f64 {
         let is_lively = self.can_leave_out.codebooks || self.can_leave_out.track;
         self.highest_rms_m_s2 * if is_lively { LIVELY_PEAK } else { NOISE_PEAK }
@@ -237,7 +237,7 @@ impl TextureData {
         let all = recorded.iter().filter_map(|node| node.spectrum.as_ref());
         let highest_db = models.iter().chain(all).map(Spectrum::highest_db);
         let highest_db = highest_db.fold(f64::NEG_INFINITY, f64::max);
-        // A code counts steps downwards, and has no sign.
+        // A code is unsigned and counts steps downwards, so no level may be above the top.
         let top_db = (STEPS_PER_DB * highest_db).ceil() / STEPS_PER_DB;
         let recorded_base64 = any_recorded.then(|| {
             let silence = Spectrum::silence();
@@ -281,7 +281,7 @@ fn recorded_at(
 ) -> Result<Recorded> {
     let (speed_mm_s, force_n) = (texture.speed(speed).0, texture.force(force).0);
     let is_here = |name: &str, speed: f64, force: f64| {
-        // A library's axes are the recordings' own values as `f32`, and so are equal when those are.
+        // A library's axes are the recordings' own values rounded to `f32`, so equal values compare as equal.
         name == texture.name() && (speed as f32, force as f32) == (speed_mm_s, force_n)
     };
     let set = recordings.set;
@@ -354,7 +354,7 @@ fn scene_data(scene: &Scene) -> Value {
     })
 }
 
-/// The names as a list in words.
+/// Returns the names as a list in words.
 fn in_words(names: &[&str]) -> String {
     match names {
         [] => String::new(),

@@ -1,9 +1,9 @@
-//! A library as one page that a hand can rub: the kernel, the library, recordings' clips and spectra, style and scripts
-//! are in it, and its policy forbids every request.
+//! A library as one page to rub on, by pointer or touch: kernel, library, the recordings' clips and spectra, style and
+//! scripts are in it, and its content security policy forbids every request.
 //!
-//! The kernel is the device's, as the WebAssembly module of `host-tools/browser`, whose page has the form of the data.
-//! The built module lies beside this file, so that making a page needs no compiler. A test builds it again and compares
-//! the bytes.
+//! The kernel is the device's own, compiled to the WebAssembly module of `host-tools/browser`, whose page specifies the
+//! form of the data. The compiled module is kept next to this file, so that a page can be written without a compiler. A
+//! test compiles the module again and compares the bytes.
 
 mod clips;
 mod data;
@@ -38,20 +38,20 @@ pub const KERNEL_BUILT_BY: &str = include_str!("kernel.txt");
 /// Duration of the clips of recordings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clips {
-    /// As long as a budget of the page's size allows, at fewer nodes if they are many.
+    /// As long as a budget of the page's size allows. If there are many nodes, only some have clips.
     Budget,
-    /// So many seconds at every recorded node, however large the page becomes.
+    /// This number of seconds at every recorded node, however large the page becomes.
     Seconds(f64),
 }
 
-/// Recordings behind a library, and what they say of it.
+/// The recordings that a library was fitted to, and their comparison with it.
 #[derive(Clone, Copy)]
 pub struct Recordings<'a> {
     /// The recordings.
     pub set: &'a RecordingSet,
     /// The library's comparison with them.
     pub evaluation: &'a Evaluation,
-    /// Reduction of the axes to one signal, the same as for the fit.
+    /// Reduction of the axes to one signal, the same as in the fit.
     pub conditioning: Conditioning,
     /// Duration of the recordings' clips.
     pub clips: Clips,
@@ -64,23 +64,23 @@ pub struct Inputs<'a> {
     pub library: &'a Library<'a>,
     /// Bytes of the library.
     pub bytes: &'a [u8],
-    /// Recordings, where there are any.
+    /// The recordings, if there are any.
     pub recordings: Option<Recordings<'a>>,
-    /// Seed that the page begins with.
+    /// Seed with which the page starts.
     pub seed: u64,
-    /// A plant with its name, whose tip is heard by a switch.
+    /// A plant with its name. The page has a switch to hear its tip.
     pub plant: Option<(&'a str, &'a Plant)>,
 }
 
-/// The page's policy: nothing is fetched, from anywhere. A script may compile the kernel, and the sound's own thread
-/// is loaded from the page itself.
+/// The page's content security policy: nothing is fetched from anywhere. Scripts may compile the kernel, and the script
+/// of the sound's own thread is loaded from the page itself.
 const POLICY: &str = "default-src 'none'; img-src data:; media-src data: blob:; style-src 'unsafe-inline'; \
      script-src 'unsafe-inline' 'wasm-unsafe-eval' data:; base-uri 'none'; form-action 'none'";
 
-/// Mark in the page's body where the notice stands, if there is one.
+/// Placeholder in the page's body for the notice, if there is one.
 const NOTICE_MARK: &str = "<!--notice-->";
 
-/// Scripts of the sound's thread, in their order.
+/// Scripts of the sound's thread, in the order in which they are loaded.
 const WORKLET: [&str; 4] = [
     include_str!("kernel.js"),
     include_str!("resampler.js"),
@@ -88,7 +88,7 @@ const WORKLET: [&str; 4] = [
     include_str!("worklet.js"),
 ];
 
-/// Scripts of the page, in their order.
+/// Scripts of the page, in the order in which they are loaded.
 const SCRIPTS: [&str; 16] = [
     include_str!("kernel.js"),
     include_str!("resampler.js"),
@@ -108,23 +108,23 @@ const SCRIPTS: [&str; 16] = [
     include_str!("page.js"),
 ];
 
-/// A page that was written.
+/// Properties of a page that was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
-    /// Bytes of the page.
+    /// Size of the page, bytes.
     pub bytes: usize,
-    /// True if any texture is of simulated recordings.
+    /// True if any texture was fitted to simulated recordings.
     pub simulated: bool,
     /// Number of clips.
     pub clips: usize,
-    /// Digest of each texture with its name; see [`stylus_kernel::digest`].
+    /// Name and digest of each texture; see [`stylus_kernel::digest`].
     pub digests: Vec<(String, String)>,
 }
 
-/// Writes the page, telling `progress` of each texture done; there are as many as the library has.
+/// Writes the page, and calls `progress` after each of the library's textures.
 ///
 /// # Errors
-/// A recording that cannot be used any more, or a file that cannot be written.
+/// A recording cannot be used any more, or the file cannot be written.
 pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<Written> {
     let (text, written) = page(inputs, progress)?;
     atomic_file::write(path, text.as_bytes())?;

@@ -1,30 +1,30 @@
-//! Pictures of the page: axes for what its scripts draw.
+//! Pictures of the page: axes in which its scripts draw.
 
 use super::data::Data;
 use crate::plot::{COST, Caption, Quantity, Scale, Svg, map_axes, spectrum_axes, waveform_axes};
 use crate::support::error::Result;
 
-/// Span of the spectra's axis, dB.
+/// Range of the spectra's level axis, dB.
 const SPAN_DB: f64 = 80.0;
 
-/// Steps of its ends, dB.
+/// Step to which the ends of that axis are rounded, dB.
 const STEP_DB: f64 = 10.0;
 
 /// Levels of a node.
 const RMS: Quantity = Quantity::new("RMS level", "m/s²");
 
-/// The pictures as templates, by the names that the scripts know. All textures share their scales.
+/// Returns the pictures as template elements, with the names that the scripts use. All textures share their scales.
 ///
 /// # Errors
-/// A picture that cannot be laid out.
+/// A picture cannot be laid out.
 pub fn templates(data: &Data) -> Result<String> {
-    // A library of silence alone has no peak, and axes from zero to zero cannot be laid out.
+    // A library that is all silence has no peak, and axes from zero to zero cannot be laid out.
     let peak = if data.full_scale_m_s2 > 0.0 {
         data.full_scale_m_s2
     } else {
         1.0
     };
-    // Short, because the mark of simulated data stands beside it.
+    // The title is short, because the word SIMULATED may stand beside it.
     let waveform = waveform_axes(&Caption::new("Waveform", data.simulated), peak)?;
     let mut text = template("waveform", &waveform) + &template("spectrum", &spectrum(data)?);
     for (name, title, quantity, scale) in maps(data) {
@@ -34,7 +34,7 @@ pub fn templates(data: &Data) -> Result<String> {
     Ok(text)
 }
 
-/// The axes of spectra.
+/// Returns the axes of spectra.
 fn spectrum(data: &Data) -> Result<Svg> {
     let highest = data.textures.iter().map(|texture| texture.top_db);
     // The level of a silent texture is negative infinity.
@@ -45,7 +45,8 @@ fn spectrum(data: &Data) -> Result<Svg> {
     spectrum_axes(&caption, highest - SPAN_DB..highest)
 }
 
-/// Axes of maps that the textures need, with a scale for all of them: those of C where it is known.
+/// Returns the axes of the maps that the textures need: of C where it is known, and of levels for the other textures.
+/// All textures share one scale per kind of map.
 fn maps(data: &Data) -> impl Iterator<Item = (&'static str, &'static str, Quantity, Scale)> {
     let nodes = || data.textures.iter().map(|texture| &texture.nodes);
     let shares = nodes().flat_map(|nodes| nodes.costs.iter().flatten().flatten());
@@ -57,7 +58,7 @@ fn maps(data: &Data) -> impl Iterator<Item = (&'static str, &'static str, Quanti
     of_costs.into_iter().chain(of_levels)
 }
 
-/// A picture as a template.
+/// Returns a picture as a template element.
 fn template(name: &str, picture: &Svg) -> String {
     format!("<template id=\"{name}\">{}</template>\n", picture.as_str())
 }

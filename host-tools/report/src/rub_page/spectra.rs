@@ -1,4 +1,4 @@
-//! Power densities of recordings and models in bands of a twelfth of an octave, as a page keeps them.
+//! Power densities of recordings and models in twelfth-octave bands, in the form that a page keeps.
 
 use model_format::{Node, SAMPLE_RATE_HZ};
 
@@ -10,19 +10,20 @@ use crate::texture::quantise::reflection;
 /// Bands per octave.
 const PER_OCTAVE: f64 = 12.0;
 
-/// The lowest centre, Hz.
+/// Centre of the lowest band, Hz.
 const LOWEST_HZ: f64 = 20.0;
 
-/// Number of bands, the last one's centre being the last up to 1 kHz.
+/// Number of bands. The centre of the last is the highest one up to 1 kHz.
 const BANDS: usize = 68;
 
-/// Steps per decibel of a code.
+/// Steps of a code per decibel.
 pub const STEPS_PER_DB: f64 = 2.0;
 
 /// Code of a band without power.
 const NO_POWER: u8 = u8::MAX;
 
-/// Frequencies of a model's spectrum: steps of 0.5 Hz at 5 kHz, finer than the narrowest band by half.
+/// Number of frequencies of a model's spectrum. At 5 kHz they are 0.5 Hz apart, less than half the narrowest band's
+/// width.
 const MODEL_BINS: usize = 5001;
 
 /// Centres of the bands, Hz, ascending.
@@ -40,12 +41,12 @@ fn band_edges_hz() -> impl Iterator<Item = (f64, f64)> {
 pub struct Spectrum([f64; BANDS]);
 
 impl Spectrum {
-    /// No power anywhere.
+    /// A spectrum without power.
     pub fn silence() -> Self {
         Self([0.0; BANDS])
     }
 
-    /// The mean in each band of `power_between`, the power between two frequencies, Hz.
+    /// Computes the mean density in each band. `power_between` returns the power between two frequencies, Hz.
     fn of(power_between: impl Fn(f64, f64) -> f64) -> Self {
         let mut densities = [0.0; BANDS];
         for (density, (low, high)) in densities.iter_mut().zip(band_edges_hz()) {
@@ -54,7 +55,7 @@ impl Spectrum {
         Self(densities)
     }
 
-    /// Levels, dB re 1 (m/s²)²/Hz; none of a band without power.
+    /// Levels, dB re 1 (m/s²)²/Hz; `None` for a band without power.
     pub fn levels_db(&self) -> impl Iterator<Item = Option<f64>> {
         self.0
             .iter()
@@ -66,18 +67,18 @@ impl Spectrum {
         self.levels_db().flatten().fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Levels as steps of 0.5 dB below `top_db`, which none exceeds.
+    /// Levels as numbers of steps of 0.5 dB below `top_db`, an upper bound of all levels.
     pub fn codes(&self, top_db: f64) -> Vec<u8> {
         let code = |level: Option<f64>| {
             let steps = level.map(|db| (STEPS_PER_DB * (top_db - db)).round());
-            // What is weaker than the codes reach is weak and not silent.
+            // A level below the range of the codes counts as the weakest, not as silence.
             steps.map_or(NO_POWER, |steps| steps.min(f64::from(NO_POWER - 1)) as u8)
         };
         self.levels_db().map(code).collect()
     }
 }
 
-/// The spectrum of what a node's model plays without lines, at its own level.
+/// Returns the spectrum of a node's model as it is played, without lines, at the node's own level.
 pub fn model_spectrum(node: &Node<'_>, rate_hz: f64) -> Spectrum {
     let output_power = f64::from(node.output_power);
     if output_power <= 0.0 {
@@ -91,7 +92,7 @@ pub fn model_spectrum(node: &Node<'_>, rate_hz: f64) -> Spectrum {
     let values = LogSpectrum::of_model_at(&model, MODEL_BINS);
     let step_hz = rate_hz / 2.0 / (MODEL_BINS - 1) as f64;
     Spectrum::of(|low_hz, high_hz| {
-        // Each value is for the frequencies nearer to its own than to any other.
+        // Each value stands for the frequencies that are nearer to its own frequency than to any other.
         let first = (low_hz / step_hz).round() as usize;
         let last = ((high_hz / step_hz).round() as usize).min(MODEL_BINS - 1);
         let share = |bin: usize| {
@@ -99,18 +100,18 @@ pub fn model_spectrum(node: &Node<'_>, rate_hz: f64) -> Spectrum {
             (to.min(high_hz) - from.max(low_hz)).max(0.0)
         };
         let values = (first..=last).filter_map(|bin| Some((bin, values.values().get(bin)?)));
-        // One-sided: twice the density of both sides, per hertz of the rate.
+        // One-sided density, per hertz: twice the two-sided density, divided by the sample rate.
         let power = values.map(|(bin, value)| value.exp() * share(bin));
         power.sum::<f64>() * 2.0 / rate_hz
     })
 }
 
-/// The spectrum of recordings of one node, m/s²; none without a signal.
+/// Returns the mean spectrum of the recordings of one node, m/s²; `None` if they are silent.
 pub fn recorded_spectrum(signals: &[Vec<f64>]) -> Option<Spectrum> {
     let blocks: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
     let shortest = blocks.iter().map(|block| block.len()).min()?;
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    // Of several recordings of a node each has to have a segment, because their spectra are averaged.
+    // Each of several recordings must contain at least one segment, because their spectra are averaged.
     let segment = longest_segment(rate_hz).min(shortest);
     let density = PowerSpectrum::of_blocks(&blocks, segment, rate_hz);
     let spectrum = Spectrum::of(|low_hz, high_hz| density.power_between(low_hz, high_hz));

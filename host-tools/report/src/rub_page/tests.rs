@@ -1,4 +1,4 @@
-//! The page and its data against the library that they are of.
+//! Tests of the page and its data against the library that they show.
 
 use model_format::{CodeSpec, Library, NodeFlags, NodeSpec, Provenance, TextureSpec, encode};
 use stylus_kernel::arithmetic::Portable;
@@ -42,7 +42,7 @@ fn page_of(specs: &[TextureSpec]) -> (String, Written) {
     page(&inputs, || ()).unwrap()
 }
 
-/// The content of the element `id`.
+/// Returns the content of the element `id`.
 fn element<'a>(page: &'a str, id: &str) -> &'a str {
     let begin = page.find(&format!("id=\"{id}\">")).unwrap();
     let content = &page[begin + id.len() + 6..];
@@ -65,7 +65,7 @@ fn a_page_needs_nothing_but_itself_and_no_name_ends_its_elements() {
     assert_fetches_nothing(&text);
 }
 
-/// A script that is in no list would be dead, and a test of the page would not say so.
+/// A script that is in no list would never run, and no other test would notice.
 #[test]
 fn every_script_of_the_folder_is_in_the_page() {
     let (text, _) = page_of(&[texture("felt", Provenance::Recorded)]);
@@ -99,8 +99,8 @@ fn the_digests_are_those_of_the_reference_arithmetic() {
     }
 }
 
-/// A page's spectra by an independent path: the density of white noise is flat, and what a resonance has between 20 and
-/// 1000 Hz is the integral of its synthesis's own estimate.
+/// Checks a page's spectra by an independent computation: the density of white noise is flat, and the power of a
+/// resonance between 20 and 1000 Hz is the integral of the spectrum estimated from its synthesis.
 #[test]
 fn spectra_have_the_level_of_what_is_played() {
     let bytes = encode(&[texture("felt", Provenance::Recorded)]).unwrap();
@@ -123,7 +123,7 @@ fn spectra_have_the_level_of_what_is_played() {
         let difference = model - heard;
         assert!(difference.abs() < 1.5, "{hz} Hz: {difference} dB");
     }
-    // Half a step of what a page keeps, and silence stays silence.
+    // Levels agree to half a step of the page's codes, and silence stays silence.
     let top_db = model.highest_db() + 0.3;
     for (code, level) in model.codes(top_db).iter().zip(model.levels_db().flatten()) {
         assert!((top_db - f64::from(*code) / 2.0 - level).abs() <= 0.2501);

@@ -1,4 +1,4 @@
-//! A plant's response, for the page's switch between the pin and the tip, as it is and after a calibration.
+//! A plant's response, with and without a calibration, for the page's switch between pin and tip.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -8,19 +8,20 @@ use stylus_plant::{Complex, Plant};
 
 use crate::dsp::equaliser::{CALIBRATION_GAIN_DB, Response, design};
 
-/// Distance of the response's frequencies, Hz: an impulse response of half a second.
+/// Spacing of the response's frequencies, Hz. It gives an impulse response half a second long.
 const STEP_HZ: f64 = 2.0;
 
-/// Highest of the response's frequencies, Hz: a kernel at 10 kHz plays nothing above it.
+/// Highest of the response's frequencies, Hz. A kernel at 10 kHz plays nothing above it.
 const HIGHEST_HZ: f64 = 5000.0;
 
-/// Rate at which a calibration's equaliser is designed here, Hz. Below 1 kHz one for 5 kHz does the same.
+/// Sample rate for which a calibration's equaliser is designed here, Hz. Below 1 kHz an equaliser for 5 kHz has the
+/// same effect.
 const RATE_HZ: f64 = 10_000.0;
 
 /// Frequencies at which a calibration measures, Hz.
 const MEASURED_HZ: std::ops::RangeInclusive<u32> = 10..=1000;
 
-/// Third octaves from the lowest frequency of the band in which tip and pin have the same mean level.
+/// Number of third-octave bands, and centre of the lowest, Hz, over which tip and pin have the same mean level.
 const LEVEL_BANDS: i32 = 15;
 const LEVEL_FROM_HZ: f64 = 30.0;
 
@@ -29,20 +30,20 @@ const LEVEL_FROM_HZ: f64 = 30.0;
 pub struct TipData {
     name: String,
     step_hz: f64,
-    /// The plant's response at multiples of `step_hz`, at a mean level of 0 dB: real and imaginary parts, `f32` in
+    /// The plant's response at multiples of `step_hz`, with a mean level of 0 dB: real and imaginary parts as `f32` in
     /// little endian, in Base64.
     tip: String,
-    /// The response through the equaliser of a calibration, in the form of `tip`.
+    /// The response through a calibration's equaliser, in the same form as `tip`.
     calibrated: String,
 }
 
 impl TipData {
-    /// The response of `plant`, called `name`, with a mean level of 0 dB over third octaves from 30 to 760 Hz. A second
-    /// response is the one after a calibration that knows the plant without noise.
+    /// Computes the response of `plant`, called `name`, with a mean level of 0 dB over third-octave bands from 30 to
+    /// 760 Hz. A second response includes a calibration that measures the plant without noise.
     pub fn of(name: &str, plant: &Plant) -> Self {
         let level_db = |hz: f64| (hz, 20.0 * plant.response(hz).norm().log10());
         let points = MEASURED_HZ.step_by(5).map(|hz| level_db(f64::from(hz)));
-        // A plant without a finite response is left as it is.
+        // A plant without a finite response is not equalised.
         let designed = Response::new(points.collect())
             .ok()
             .and_then(|response| design(&response, RATE_HZ, CALIBRATION_GAIN_DB).ok());
@@ -56,14 +57,15 @@ impl TipData {
     }
 }
 
-/// `response` over frequency with a mean level of 0 dB, in base 64.
+/// Encodes `response` over frequency, with a mean level of 0 dB, in Base64.
 fn levelled(response: impl Fn(f64) -> Complex<f64>) -> String {
-    // The mean of logarithms, because levels are to agree: a resonance's peak would decide a mean of powers.
+    // The mean of logarithms is taken, because levels have to agree. A mean of powers would be dominated by a
+    // resonance's peak.
     let bands = (0..LEVEL_BANDS).map(|band| LEVEL_FROM_HZ * 2_f64.powf(f64::from(band) / 3.0));
     let logarithms = bands.map(|hz| response(hz).norm().ln());
     let level = (logarithms.sum::<f64>() / f64::from(LEVEL_BANDS)).exp();
     let steps = (HIGHEST_HZ / STEP_HZ) as u32;
-    // Nothing moves at zero frequency, where a stylus that hangs free has no steady state.
+    // The response at zero frequency is set to zero, because a stylus that hangs free has no steady state.
     let there = (1..=steps).map(|step| response(f64::from(step) * STEP_HZ) / level);
     let parts = there.flat_map(|response| [response.re, response.im]);
     let parts = [0.0, 0.0].into_iter().chain(parts);
@@ -71,7 +73,7 @@ fn levelled(response: impl Fn(f64) -> Complex<f64>) -> String {
     STANDARD.encode(bytes)
 }
 
-/// The response of `sections` in a row at `hz`.
+/// Returns the response at `hz` of `sections` in series.
 fn cascade(sections: &[Biquad], hz: f64) -> Complex<f64> {
     let delay = Complex::cis(-std::f64::consts::TAU * hz / RATE_HZ);
     let of = |section: &Biquad| {

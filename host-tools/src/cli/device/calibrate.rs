@@ -68,11 +68,11 @@ struct CalibrationReport {
     at_rest: Option<AtRest>,
     /// The scales of force and path, if they were measured.
     scales: ScalesReport,
-    /// Every setting that was set, read back.
+    /// Every setting that was changed, read back from the device.
     set: Vec<Set>,
 }
 
-/// The coil and the response, each if it was asked for.
+/// The results for the coil and for the response, each if it was requested.
 #[derive(Serialize)]
 struct Report {
     #[serde(flatten)]
@@ -137,7 +137,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Sets the coil's values, the sensors' zeros, and the scales that are wanted.
+/// Sets the coil's values, the sensors' zeros, and the scales that were requested.
 fn calibrate(
     arguments: &Arguments,
     device: &Device,
@@ -184,7 +184,7 @@ fn calibrate(
     })
 }
 
-/// An error for settings that are stored although the measurement after them failed.
+/// Returns an error for settings that were stored although the measurement after them failed.
 fn unverified(changes: &[SettingChange], failure: &Error) -> Error {
     let stored: Vec<String> = changes
         .iter()
@@ -196,7 +196,7 @@ fn unverified(changes: &[SettingChange], failure: &Error) -> Error {
     ))
 }
 
-/// Words for an answer that lacks.
+/// Message for an answer that is missing.
 const UNANSWERED: &str =
     "nobody answered: give --resistance, --amplifier-gain, --power-limit and --yes";
 
@@ -209,7 +209,7 @@ fn check(changes: &[SettingChange]) -> Result<()> {
     Ok(())
 }
 
-/// The stylus to calibrate, and how.
+/// The stylus to calibrate, with the command's arguments.
 struct Bench<'a> {
     arguments: &'a Arguments,
     device: &'a Device,
@@ -217,8 +217,8 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// The coil by the command line, and by what the operator answers, with its changes. Where only scales are wanted,
-    /// a coil that was set before stays.
+    /// Returns the coil, from the command line and the operator's answers, and the changes of its settings. If only
+    /// scales are requested, a coil that was set before is kept.
     fn coil(&self, settings: &Settings) -> Result<(Coil, Vec<SettingChange>)> {
         let arguments = self.arguments;
         let mut coil = Coil {
@@ -262,7 +262,7 @@ impl Bench<'_> {
         Ok((coil, coil.changes().to_vec()))
     }
 
-    /// Measures a stylus that is held still in this `pose`.
+    /// Measures a stylus that is held still in this `pose`. With `is_force_alone`, the accelerometer is not checked.
     fn measure(&self, pose: &str, is_force_alone: bool) -> Result<AtRest> {
         if !self.arguments.yes {
             answer(&format!("hold the stylus still, {pose}, then press Enter"))?;
@@ -281,7 +281,7 @@ impl Bench<'_> {
         )))
     }
 
-    /// The zeros of the sensors, and the scales that are wanted, measured.
+    /// Measures the zeros of the sensors, and the scales that were requested.
     fn sensors(&self, settings: &Settings) -> Result<(Vec<SettingChange>, ScalesReport)> {
         let keeps_force = self.arguments.keep_force;
         let mut changes = Vec::new();
@@ -295,13 +295,13 @@ impl Bench<'_> {
         }
         let scales = self.scales()?;
         if !keeps_force {
-            // The tip's weight is part of the force in the pose in which the stylus is used.
+            // The zero includes the tip's weight, in the pose in which the stylus is used.
             changes.push(self.measure("in the air, tip down", true)?.force_zero());
         }
         Ok((changes, scales))
     }
 
-    /// Measures again what was set, and returns the sensors at rest if the force's zero was.
+    /// Measures again what was set. Returns the sensors at rest if the force's zero was set.
     fn verify(&self, scales: &ScalesReport, stored: &Settings) -> Result<Option<AtRest>> {
         let at_rest = if self.arguments.keep_force {
             None
@@ -313,12 +313,12 @@ impl Bench<'_> {
     }
 }
 
-/// Prints to standard error, so that standard output holds the report alone.
+/// Prints to standard error, so that standard output contains only the report.
 fn say(text: &str) {
     tell(text);
 }
 
-/// The operator's answer to `question`.
+/// Asks `question` and returns the operator's answer.
 fn answer(question: &str) -> Result<String> {
     say(question);
     let mut line = String::new();

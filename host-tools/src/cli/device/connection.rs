@@ -1,4 +1,4 @@
-//! The connection to a stylus: its arguments, and the commands that are about it alone: `devices`, `stop`, and
+//! The connection to a stylus: its arguments, and the commands that concern only the connection, `devices`, `stop` and
 //! `share-link`.
 
 #[cfg(unix)]
@@ -64,11 +64,11 @@ impl Link {
         self.open(&link, timeouts)
     }
 
-    /// Connects as [`Link::connect`] does, also to a stylus that speaks another protocol, by a link of this command
-    /// alone.
+    /// Connects like [`Link::connect`], but without sharing the link. The stylus may speak another version of the
+    /// protocol.
     ///
     /// # Errors
-    /// No stylus is attached, or several are and none is named, or the link cannot be opened.
+    /// No stylus is attached, several are attached and none is named, or the link cannot be opened.
     pub fn connect_to_any(&self) -> Result<Device> {
         let link = match &self.link {
             Some(link) => link.clone(),
@@ -81,11 +81,11 @@ impl Link {
         )?)
     }
 
-    /// Connects to the stylus, by a link of this command alone where the link cannot be shared. Commands that must
-    /// always find a way use it.
+    /// Connects to the stylus; if the link cannot be shared, by a link of this command only. It is for commands that
+    /// must reach the stylus in any case.
     ///
     /// # Errors
-    /// The error of [`Link::connect`], where neither way leads to the stylus.
+    /// The error of [`Link::connect`], if neither kind of link reaches the stylus.
     fn connect_somehow(&self) -> Result<Device> {
         let link = || match &self.link {
             Some(link) => Ok(link.clone()),
@@ -127,10 +127,10 @@ impl Link {
     }
 }
 
-/// The way to start the sharing of a link: this program and its command.
+/// Returns how to start the sharing of a link: this program and its command.
 ///
 /// # Errors
-/// A system that does not tell where this program's file is.
+/// The system does not report where this program's file is.
 pub fn sharing() -> Result<Sharing> {
     Ok(Sharing {
         program: std::env::current_exe().map_err(LinkError::Host)?,
@@ -138,7 +138,7 @@ pub fn sharing() -> Result<Sharing> {
     })
 }
 
-/// The first word, which is the command, because options follow it.
+/// Returns the first argument, which is the command, because options follow it.
 fn command() -> String {
     std::env::args().nth(1).unwrap_or_default()
 }
@@ -225,8 +225,8 @@ pub struct ShareLinkArguments {
     link: LinkAddress,
 }
 
-/// Runs `stylus share-link`, which commands start to share a link; nobody types it. The one line that it prints is for
-/// the command that has started it.
+/// Runs `stylus share-link`. Other commands start it to share a link; users never type it. Its only line of output is
+/// for the command that started it.
 #[cfg(unix)]
 pub fn share_link(arguments: &ShareLinkArguments) {
     match serve(&arguments.link, || say(BROKER_READY)) {

@@ -80,7 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// True if a response is stored, and the headroom of each texture and of each surface of a scene.
+/// Returns true if a response is stored, and the headroom of each texture and of each surface of a scene.
 fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
     let response = device.response()?.stored.map(|stored| stored.response);
     Ok((
@@ -89,10 +89,10 @@ fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
     ))
 }
 
-/// Warns of textures that exceed what the stylus gives, if a response is stored.
+/// Warns of textures that exceed what the stylus can output, if a response is stored.
 ///
 /// # Errors
-/// A lost link, or a texture of a rate that no stylus plays.
+/// The link is lost, or no stylus plays a texture's sample rate.
 pub fn warn_of(device: &Device, library: &Library<'_>) -> Result<()> {
     if device.response()?.stored.is_none() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! The response's part of `stylus calibrate`, and `stylus check`.
+//! The part of `stylus calibrate` on the response, and `stylus check`.
 
 use std::path::PathBuf;
 use std::time::SystemTime;
@@ -20,7 +20,7 @@ use crate::cli::input::positive;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{note, print, print_json, tell};
 
-/// The operator's answer to a question.
+/// A function that asks the operator a question and returns the answer.
 pub type Answer<'a> = &'a dyn Fn(&str) -> Result<String>;
 
 #[derive(clap::Args)]
@@ -51,23 +51,23 @@ pub struct ResponseArguments {
 #[derive(Serialize)]
 pub struct ResponseReport {
     verdict: String,
-    /// Fault that was found; none if it passed.
+    /// Fault that was found; `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     fault: Option<Fault>,
     found: Option<Calibrated>,
 }
 
 impl ResponseArguments {
-    /// Checks the picture to write.
+    /// Checks the file of the picture that will be written.
     ///
     /// # Errors
-    /// As [`Overwrite::file`].
+    /// The errors of [`Overwrite::file`].
     pub fn check_output(&self) -> Result<()> {
         let svg = self.svg.as_ref();
         svg.map_or(Ok(()), |svg| self.overwrite.file(svg))
     }
 
-    /// Has the operator hold the stylus, and notes what is not known of the accelerometer.
+    /// Asks the operator to hold the stylus, and notes what is unknown about the accelerometer.
     fn prepare(&self, answer: Option<Answer<'_>>) -> Result<()> {
         if let Some(answer) = answer {
             answer(
@@ -83,10 +83,10 @@ impl ResponseArguments {
         Ok(())
     }
 
-    /// Measures, proves and stores the response. `answer` asks the operator; none if nobody is asked.
+    /// Measures, verifies and stores the response. `answer` asks the operator; `None` if nobody is asked.
     ///
     /// # Errors
-    /// A fault of the actuator, after which nothing has changed, or a link that is lost.
+    /// The actuator has a fault, and nothing was changed; or the link is lost.
     pub fn run(
         &self,
         device: &Device,
@@ -146,7 +146,7 @@ impl ResponseArguments {
     }
 }
 
-/// The fault, by what the operator measures where nothing moves.
+/// Returns the fault. If nothing moves, it is completed with a resistance that the operator measures.
 fn with_resistance(fault: Fault, answer: Option<Answer<'_>>) -> Result<Fault> {
     let (Verdict::NothingMoves, Some(answer)) = (fault.verdict, answer) else {
         return Ok(fault);

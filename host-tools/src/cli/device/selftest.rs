@@ -83,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     line.finish_and_clear();
     let record = Record::new(device.info(), lines);
-    // Shown before it is written, so that a file that cannot be written loses nothing.
+    // The record is shown before it is written, so that it is not lost if the file cannot be written.
     if arguments.json {
         print_json(&record)?;
     } else {
@@ -127,7 +127,7 @@ fn words(step: Step, seconds: f64) -> String {
     }
 }
 
-/// The lines as a table, each remedy below its line.
+/// Returns the lines as a table, with each remedy below its line.
 fn text(record: &Record) -> String {
     let (header, rows) = headed(record.lines.iter().map(|line| {
         [

@@ -51,7 +51,7 @@ enum Action {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // Names and values are checked before the device is connected.
+    // Names and values are checked before the connection to the device.
     let mut changes = Vec::new();
     let mut wanted = SettingSet::ALL;
     match &arguments.action {
@@ -69,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let device = arguments.link.connect()?;
     let settings = match &arguments.action {
-        // The device judges the values, because it may have other ranges.
+        // The device checks the values, because its ranges may differ from those known here.
         Some(Action::Set { yes, .. }) => change(
             &device,
             &SettingsChange::of(&changes).map_err(refused)?,
@@ -93,7 +93,7 @@ fn refused(error: SettingsError) -> Error {
     Error::Request(error.to_string())
 }
 
-/// Proposes a change, asks the user about what it loosens, and applies it.
+/// Proposes a change, asks the user about the limits that it loosens, and applies it.
 fn change(device: &Device, change: &SettingsChange, yes: bool) -> Result<Settings> {
     let (before, state) = (device.settings()?, device.status()?.settings);
     let proposal = device.propose(change)?;
@@ -106,7 +106,7 @@ fn change(device: &Device, change: &SettingsChange, yes: bool) -> Result<Setting
     Ok(device.apply(&proposal)?)
 }
 
-/// Shows `lines`, and asks whether they are meant, unless `yes` has said so.
+/// Shows `lines`, and asks whether the user wants them, unless `yes` confirms that.
 fn consent(lines: &[String], yes: bool) -> Result<()> {
     let input = std::io::stdin();
     if !yes && !input.is_terminal() {
@@ -117,7 +117,7 @@ fn consent(lines: &[String], yes: bool) -> Result<()> {
             told.join("; ")
         )));
     }
-    // A standard error that is closed must not keep a script from its change.
+    // A closed standard error must not prevent a script from making the change.
     let mut shown = std::io::stderr().lock();
     for line in lines {
         let _ = writeln!(shown, "{line}");
@@ -153,7 +153,7 @@ fn show(settings: &Settings, state: &SettingsState, wanted: SettingSet, json: bo
     Ok(())
 }
 
-/// Cells of the table.
+/// Returns the cells of a row of the table.
 fn cells(row: &SettingRow) -> Vec<String> {
     let value = match (row.state, row.value) {
         (_, Some(value)) => value.to_string(),

@@ -1,4 +1,4 @@
-//! `stylus slots`: the libraries in the stylus, and which of them it plays.
+//! `stylus slots`: the libraries in the stylus, and which of them is active.
 
 use host_tools::link::Device;
 use host_tools::link::{SlotContent, TextureEntry};
@@ -22,7 +22,7 @@ pub enum Slot {
 }
 
 impl Slot {
-    /// The slot, if it is named.
+    /// Returns the slot if one is named, `None` for the newest.
     pub fn id(self) -> Option<SlotId> {
         match self {
             Self::A => Some(SlotId::A),
@@ -145,7 +145,7 @@ fn textures(textures: &[TextureEntry]) -> String {
     table(&header, &rows)
 }
 
-/// Table of scenes; empty without scenes.
+/// Returns a table of scenes; empty without scenes.
 fn scenes(scenes: &[SceneInfo]) -> String {
     if scenes.is_empty() {
         return String::new();

@@ -64,12 +64,12 @@ struct Aborted {
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.library {
         Some(library) => upload(arguments, library),
-        // Without a library, the only thing that can be asked for.
+        // Without a library, an abort is the only possible request.
         None => abort(arguments),
     }
 }
 
-/// Ends what is under way, and tells what it was.
+/// Aborts the upload that is under way, and reports its state.
 fn abort(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let before = device.upload_progress()?;
@@ -128,7 +128,7 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     show(path, &uploaded, arguments.activate)
 }
 
-/// Shows what was uploaded from `path`, and how.
+/// Prints what was uploaded from `path`, and how.
 fn show(path: &Path, uploaded: &Uploaded, is_active: bool) -> Result<()> {
     if uploaded.resumed_from > 0 {
         note(&format!(

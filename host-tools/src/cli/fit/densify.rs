@@ -16,7 +16,7 @@ pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<
     Ok(densified)
 }
 
-/// Table of added lines.
+/// Returns the table of added lines.
 pub fn lines_added(lines: &[AddedLine]) -> String {
     let mut textures: Vec<&str> = Vec::new();
     for line in lines {

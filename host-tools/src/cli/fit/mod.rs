@@ -54,7 +54,8 @@ pub struct Arguments {
     json: bool,
 }
 
-/// The options at their rate. What needs comparisons with recordings, which are made at 5 kHz, is refused at another.
+/// Returns the options with a checked sample rate. Options that compare with recordings, which have 5 kHz, are refused
+/// at another rate.
 fn checked_rate(options: &fit::Options, densify: bool) -> Result<fit::Options> {
     options.check_rate()?;
     if densify && options.sample_rate_hz != SAMPLE_RATE_HZ {
@@ -75,15 +76,15 @@ pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, V
     Ok((fit, bytes))
 }
 
-/// A fit as one library holds it.
+/// A fit of one library.
 struct Fitted {
     fit: Fit,
     bytes: Vec<u8>,
-    /// Hashes of the recordings' bytes, if they are known already.
+    /// Hashes of the recordings' bytes, if they were computed already.
     contents: Option<Vec<u64>>,
 }
 
-/// Fits `set` in one go, or by its partial results.
+/// Fits `set` at once, or from its partial results.
 fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Result<Fitted> {
     if large.shard.is_some() {
         let problem =
@@ -113,7 +114,7 @@ fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Resul
     })
 }
 
-/// The set with its speeds and forces moved to nominal ones, which is said.
+/// Returns the set with its speeds and forces moved to nominal ones, and prints the moves.
 fn snapped(set: RecordingSet, snap: Snap) -> Result<RecordingSet> {
     let (set, moves) = set.snapped(snap)?;
     if moves.is_empty() && ![Snap::default(), Snap::NONE].contains(&snap) {
@@ -123,7 +124,8 @@ fn snapped(set: RecordingSet, snap: Snap) -> Result<RecordingSet> {
     Ok(set)
 }
 
-/// Checks what is to be written: the library and its record. With --each they are in a folder that grows.
+/// Checks the files to write: the library and its record. With --each there is nothing to check, because their folder
+/// grows.
 fn check_outputs(arguments: &Arguments) -> Result<()> {
     let Some(out) = arguments.out.as_ref().filter(|_| !arguments.large.each) else {
         return Ok(());
@@ -149,7 +151,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(shard) = arguments.large.shard_to_map() {
         return parts::map_shard(&set, &options, shard, &arguments.large, arguments.json);
     }
-    // clap asks for it in every other case.
+    // In every other case clap requires this option.
     let Some(out) = arguments.out.as_deref() else {
         return Err(Error::Request("give --out, the library to write".into()));
     };
@@ -175,7 +177,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     tell(&fit, &bytes, out, denser.as_ref(), arguments.json)
 }
 
-/// Tells of `fit`, whose library of these `bytes` was written to `out`.
+/// Reports on `fit`, whose library of these `bytes` was written to `out`.
 fn tell(
     fit: &Fit,
     bytes: &[u8],
@@ -210,7 +212,7 @@ fn tell(
     ))
 }
 
-/// Shows `fit`: its trials, its textures, and the parts that were found.
+/// Prints `fit`: its trials, its textures, and the parts that were found.
 fn show(fit: &Fit, textures: &[TextureSummary], denser: Option<&Densified>) -> Result<()> {
     show_verdicts(fit);
     low_rates(&fit.trials).iter().for_each(|text| note(text));

@@ -1,5 +1,5 @@
-//! `stylus fit --parts` and `--each`: partial results in a folder, computed by one process or by many, and a library of
-//! its own for each texture.
+//! `stylus fit --parts` and `--each`. Partial results are kept in a folder, and one process or many compute them. With
+//! `--each`, each texture gets a separate library.
 
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ impl LargeSet {
         self.parts.clone()
     }
 
-    /// The shard to compute and leave in --parts, if that is all there is to do.
+    /// Returns the shard to compute and leave in --parts, if nothing else is requested.
     pub fn shard_to_map(&self) -> Option<Shard> {
         self.shard.filter(|_| !self.merge)
     }
@@ -78,7 +78,7 @@ fn mapped(
     shard: Shard,
     folder: &Path,
 ) -> Result<Mapped> {
-    // Units are of different sizes, so that a shard's share is known to a few trials only.
+    // Units have different sizes, so the number of trials in a shard is known only approximately.
     let share = (set.trials.len() as u64).div_ceil(u64::from(shard.of));
     let bar = progress::bar(share, "analysing trials");
     let mapped = map(set, options, shard, folder, |trials| bar.inc(trials as u64))?;
@@ -86,8 +86,8 @@ fn mapped(
     Ok(mapped)
 }
 
-/// Joins the partial results in --parts, or in `default`; computes what is not there first, unless --merge says that
-/// all is.
+/// Merges the partial results in --parts, or in `default`. Missing results are computed first, unless --merge states
+/// that all exist.
 pub fn merged<'s>(
     set: &'s RecordingSet,
     options: &fit::Options,
@@ -113,7 +113,7 @@ pub fn fit_merged(merged: &Merged<'_>, trials: usize) -> Result<(Fit, Vec<u8>)> 
     Ok((fit, bytes))
 }
 
-/// Folder of partial results in that of the libraries, unless --parts names another.
+/// Name of the folder of partial results in the folder of the libraries, unless --parts names another.
 const PARTS: &str = "parts";
 
 /// A library that was written.
@@ -123,7 +123,7 @@ struct Written {
     library: String,
     bytes: usize,
     trials: usize,
-    /// Trials with a finding of triage.
+    /// Number of trials with a verdict of triage.
     doubtful: usize,
     warnings: Vec<Warning>,
 }

@@ -1,4 +1,4 @@
-//! Report of `stylus fit`: as JSON, and as text.
+//! The report of `stylus fit`, as JSON and as text.
 
 use host_tools::dsp::spectrum::band_centre_hz;
 use host_tools::fit::densify::AddedLine;
@@ -27,7 +27,7 @@ pub struct FitReport<'a> {
     pub added_lines: Option<&'a [AddedLine]>,
 }
 
-/// Lines on what excites each texture's models, and why.
+/// Returns lines that state what excites each texture's models, and why.
 pub fn excitations(reports: &[ExcitationReport]) -> String {
     let texts: Vec<String> = reports.iter().map(excitation).collect();
     texts.join("\n")
@@ -84,7 +84,8 @@ fn codebook(codebook: &CodebookReport) -> String {
     )
 }
 
-/// Each texture's lines that are tied to position, or the reason for none. Textures of the same text share a row.
+/// Returns each texture's lines that are tied to position, or the reason why there are none. Textures with the same
+/// text share a row.
 pub fn lines_found(fit: &Fit) -> String {
     let mut said: Vec<(String, Vec<&str>)> = Vec::new();
     for texture in &fit.textures {
@@ -100,10 +101,11 @@ pub fn lines_found(fit: &Fit) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// Share of the rig's noise from which on it is shown, without --full.
+/// Smallest fraction of power due to the rig's noise that is shown without --full.
 const SHOWN_FLOOR: f32 = 0.1;
 
-/// Table of the rig's share of the recordings' power, by texture and speed; `None` where it is not known.
+/// Returns a table of the fraction of the recordings' power that is due to the rig, by texture and speed; `None` if it
+/// is not known.
 pub fn rigs_share(fit: &Fit) -> Option<String> {
     let least = if is_full() { 0.0 } else { SHOWN_FLOOR };
     let band = |(band, share): (usize, f32)| {
@@ -138,7 +140,7 @@ pub fn rigs_share(fit: &Fit) -> Option<String> {
     Some(table(&["texture", "speed (mm/s)", heading], &rows))
 }
 
-/// The number of trials that were used, and of all where some were left out.
+/// Returns the number of trials that were used; if some were left out, also the total.
 pub fn trials_used(trials: &[TrialReport]) -> String {
     let used = trials.iter().filter(|trial| trial.used).count();
     if used == trials.len() {
@@ -147,7 +149,8 @@ pub fn trials_used(trials: &[TrialReport]) -> String {
     format!("{used} of {}", counted(trials.len(), "trial"))
 }
 
-/// Mean and standard deviation of the share of energy that the reduction kept, over trials that are not silent.
+/// Returns mean and standard deviation of the fraction of energy that the reduction kept, over trials that are not
+/// silent.
 pub fn energy_kept(trials: &[TrialReport]) -> String {
     let shares: Vec<f64> = trials
         .iter()
@@ -163,8 +166,8 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
     format!("{mean:.0} % ± {deviation:.0} %")
 }
 
-/// Tells of recordings that were sampled below 5 kHz, and above which frequency they hold nothing of the surface; none
-/// if there are none. Rates too low for skin have a verdict.
+/// Describes recordings that were sampled below 5 kHz, and the frequency above which they contain nothing of the
+/// surface; `None` if there are none. Rates too low for skin have a verdict instead.
 pub fn low_rates(trials: &[TrialReport]) -> Option<String> {
     let is_low = |rate_hz: &f64| *rate_hz < f64::from(SAMPLE_RATE_HZ);
     let low: Vec<f64> = (trials.iter().map(|trial| trial.source_rate_hz))

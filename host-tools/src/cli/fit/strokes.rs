@@ -1,4 +1,4 @@
-//! `--strokes`: a library from all of a free hand's strokes.
+//! `--strokes`: a library that is fitted to all strokes of a free hand.
 
 use std::path::PathBuf;
 
@@ -27,11 +27,11 @@ pub struct Strokes {
 }
 
 impl Strokes {
-    /// The fit of one texture to all strokes in `files`, its library, and its record.
+    /// Fits one texture to all strokes in `files`. Returns the fit, its library and its record.
     ///
     /// # Errors
-    /// A folder; a first file whose name is none of a texture; a file that is no recording of a free hand; those of
-    /// [`fit_strokes`].
+    /// A path is a folder; the first file's name is no valid name of a texture; a file is not a recording of a free
+    /// hand; or an error of [`fit_strokes`].
     pub fn fitted(
         &self,
         files: &[PathBuf],
@@ -57,7 +57,7 @@ impl Strokes {
         Ok((fit, bytes, record))
     }
 
-    /// The texture's name.
+    /// Returns the texture's name.
     fn name(&self, files: &[PathBuf]) -> Result<String> {
         let (None, Some(first)) = (&self.texture, files.first()) else {
             return Ok(self.texture.clone().unwrap_or_default());

@@ -53,7 +53,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     )))
 }
 
-/// One line about a scene: its path, its motion, its surfaces and its equaliser.
+/// Returns one line about a scene: its path, its motion, its surfaces and its equaliser.
 pub fn headline(compiled: &CompiledScene) -> String {
     let scene = &compiled.scene;
     let path = match (scene.regions.first(), scene.regions.last()) {

@@ -32,7 +32,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let out = &arguments.out;
-    // The library may get its scenes in place, and is replaced as any other file then.
+    // The output may be the library itself, which is then replaced like any other file.
     (arguments.overwrite).file_in_place(out, &arguments.library)?;
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         scenes.push(compiled.scene);
     }
     let written = with_scenes(&library, &scenes)?;
-    // The stylus will decode these bytes, so they are checked before they are written.
+    // The stylus will decode these bytes, so they are decoded here before they are written.
     let checked = decode_library(out, &written).map(|l: Library<'_>| l.scene_count())?;
     atomic_file::write(out, &written)?;
     for line in lines {

@@ -11,7 +11,7 @@ use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, warn};
 use crate::cli::table::{headed, table};
 
-/// Rate of force that is assumed if none is known, N/s.
+/// Rate of force at contact that is assumed if none is known, N/s.
 const ASSUMED_FORCE_RATE_N_S: f64 = 100.0;
 
 #[derive(clap::Args)]

@@ -62,15 +62,15 @@ pub struct Source {
 }
 
 impl Source {
-    /// Returns true for a scene file.
+    /// Returns true if the source is a scene file.
     fn is_text(&self) -> bool {
         is_text(&self.file)
     }
 
-    /// Path of the library.
+    /// Returns the path of the library.
     ///
     /// # Errors
-    /// A scene file without `--library`, or a library with `--library`.
+    /// A scene file was given without `--library`, or a library with `--library`.
     pub fn library_path(&self) -> Result<&Path> {
         match (&self.library, self.is_text()) {
             (Some(library), true) => Ok(library),
@@ -86,10 +86,10 @@ impl Source {
         }
     }
 
-    /// Compiles the scene against `library`, which is the file at [`Source::library_path`].
+    /// Compiles the scene with `library`, which was read from [`Source::library_path`].
     ///
     /// # Errors
-    /// A text that does not compile, or a library without such a scene.
+    /// The scene file does not compile, or the library has no such scene.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         if self.is_text() {
             let compiled = SceneFile::read(&self.file)?.compile(library)?;

@@ -1,18 +1,18 @@
-//! The file of an image for the part's own loader (AN2606): DfuSe, as ST's UM0391 describes it.
+//! The file by which the part's built-in loader (AN2606) writes an image, in the format DfuSe of ST's UM0391.
 
 use crc::{CRC_32_JAMCRC, Crc};
 use stylus_app::flash::WORD_BYTES;
 
 use super::segments::Piece;
 
-/// Length of the prefix, and of the target's, before its length and the number of its elements.
+/// Length of the file's prefix, and of the target's prefix without its size and its number of elements, bytes.
 const PREFIX_BYTES: usize = 11;
 const TARGET_BYTES: usize = 266;
 
 /// Identifiers of the suffix: any device, the loader's product and vendor, and the version of the format.
 const IDENTIFIERS: [u16; 4] = [0xFFFF, 0xDF11, 0x0483, 0x011A];
 
-/// The file that writes `pieces`, and erases their sectors before.
+/// Returns the file that erases the sectors of `pieces` and then writes them.
 pub fn file(pieces: &[Piece]) -> Vec<u8> {
     let mut elements = Vec::new();
     for Piece { address, bytes, .. } in pieces {
@@ -27,7 +27,7 @@ pub fn file(pieces: &[Piece]) -> Vec<u8> {
     let all_bytes = PREFIX_BYTES + TARGET_BYTES + 8 + elements.len();
     file.extend((all_bytes as u32).to_le_bytes());
     file.push(1);
-    // Of the alternate setting 0, the internal flash, and without a name.
+    // The target is alternate setting 0, the internal flash, and has no name.
     file.extend(b"Target");
     file.resize(PREFIX_BYTES + TARGET_BYTES, 0);
     file.extend((elements.len() as u32).to_le_bytes());
@@ -53,7 +53,7 @@ mod tests {
         }];
         let file = file(&pieces);
         let word = |at| u32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"));
-        // UM0391, sections 2.1 to 2.4: prefix, target's prefix, element.
+        // UM0391, sections 2.1 to 2.4: prefix, target prefix, element.
         let suffix = file.len() - 16;
         assert_eq!(&file[..6], b"DfuSe\x01");
         assert_eq!((word(6) as usize, file[10]), (suffix, 1));
@@ -64,7 +64,7 @@ mod tests {
             file[293..suffix],
             [[7; 33].as_slice(), &[0xFF; 31]].concat()
         );
-        // DFU 1.1, appendix B: the suffix, and a sum without a complement at its end.
+        // DFU 1.1, appendix B: the suffix, whose checksum at the end is not complemented.
         assert_eq!(
             file[suffix..suffix + 8],
             [0xFF, 0xFF, 0x11, 0xDF, 0x83, 4, 0x1A, 1]

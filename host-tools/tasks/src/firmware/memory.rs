@@ -1,4 +1,4 @@
-//! The use of each memory by an image, from its sections.
+//! The use of each memory by an image, computed from its sections.
 
 use std::fmt;
 
@@ -7,16 +7,16 @@ use object::{Endianness, Object, ObjectSymbol, elf};
 
 use anyhow::{Context, Result, bail};
 
-/// A memory and the bytes taken of it.
+/// A memory, and how many of its bytes are used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Use {
     /// The name.
     pub name: &'static str,
     /// The first address.
     pub start: u64,
-    /// Taken bytes.
+    /// Number of used bytes.
     pub used: u64,
-    /// All bytes.
+    /// Total number of bytes.
     pub size: u64,
 }
 
@@ -27,7 +27,7 @@ pub struct Memory(Vec<Use>);
 /// The memory map that the linker reads.
 const MAP: &str = include_str!("../../../../memory.x");
 
-/// The shown name of each memory, and its name in the map.
+/// Name of each memory in tables, and its name in the map.
 const SHOWN: [(&str, &str); 5] = [
     ("bootloader", "BOOTLOADER"),
     ("flash", "FLASH"),
@@ -36,15 +36,14 @@ const SHOWN: [(&str, &str); 5] = [
     ("DTCM, stack", "STACK"),
 ];
 
-/// The most bytes that the product's image and its bootloader may take of a memory, so that there is room for what
-/// comes.
+/// Largest use of a memory by the product's image and its bootloader, bytes. The rest is reserved for extensions.
 const LIMITS: [(&str, u64); 3] = [
     ("bootloader", 32 * 1024),
     ("flash", 340 * 1024),
     ("ITCM", 56 * 1024),
 ];
 
-/// First address and length of the region called `name` in the map.
+/// Returns first address and length of the region called `name` in the map.
 pub(super) fn region(name: &str) -> Option<(u64, u64)> {
     let line = MAP
         .lines()
@@ -61,7 +60,7 @@ impl Memory {
     /// Reads the use of memories from the bytes of an image.
     ///
     /// # Errors
-    /// The bytes are no image.
+    /// The bytes are not an image.
     pub fn of(image: &[u8]) -> Result<Self> {
         let file = ElfFile32::<Endianness>::parse(image)?;
         let mut uses = Vec::new();
@@ -90,7 +89,7 @@ impl Memory {
                 u64::from(segment.p_filesz(endian)),
             );
             add(&mut uses, at, in_memory);
-            // Data that is copied at the start takes flash as well.
+            // Data that is copied at the start also occupies flash.
             if kept != at {
                 add(&mut uses, kept, in_file);
             }
@@ -106,10 +105,10 @@ impl Memory {
         Ok(Self(uses))
     }
 
-    /// Checks that the image leaves the room that it must.
+    /// Checks that the image leaves the required free space.
     ///
     /// # Errors
-    /// A memory of which it takes too much.
+    /// The image uses too much of a memory.
     pub fn check_limits(&self) -> Result<()> {
         for Use { name, used, .. } in &self.0 {
             let limit = LIMITS.iter().find(|(limited, _)| limited == name);

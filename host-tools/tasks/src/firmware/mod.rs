@@ -1,4 +1,4 @@
-//! The image for the STM32H743: its build, its use of memory, the place of the tick's code, and flashing.
+//! The image for the STM32H743: its build, its use of memory, the placement of the tick's code, and flashing.
 
 mod dfu;
 mod memory;
@@ -34,16 +34,16 @@ pub(crate) const PROFILE: &str = "firmware";
 /// A variant of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Image {
-    /// The image that is flashed.
+    /// The image of the release.
     Product,
-    /// The image with faults on request, for the tests of its reaction to them.
+    /// The image with faults on request, for tests of the firmware's reaction to faults.
     FaultInjection,
-    /// The image with a watchdog that waits while a debugger halts the core.
+    /// The image whose watchdog stops while a debugger halts the core.
     DebugHalt,
 }
 
 impl Image {
-    /// Features of the package that make this variant.
+    /// Cargo features that select this variant.
     const fn features(self) -> &'static str {
         match self {
             Self::Product => "image",
@@ -61,21 +61,21 @@ impl Image {
     }
 }
 
-/// Builds `image`, checks that the tick's code reads no flash, that flashing writes nothing but bootloader, image and
-/// marks, and that the product leaves room in flash and ITCM, and returns the file. Beside it lies the one for the
-/// part's own loader, with the extension dfu.
+/// Builds `image` and returns its file. Checks that the tick's code reads no flash, that flashing writes only the
+/// bootloader, the image and the records' last pages, and that the product leaves free space in bootloader, flash and
+/// ITCM. A second file for the part's built-in loader is written next to it, with the extension dfu.
 ///
 /// # Errors
-/// There is no toolchain, the build fails, the tick leads to flash, a segment lies elsewhere, or the product is too
-/// large.
+/// There is no toolchain, the build fails, the tick leads to flash, a segment is in another region, or the product is
+/// too large.
 pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     build_saying(toolchain, image, Progress::Quiet)
 }
 
-/// Builds as [`build`] does; `progress` says how much of the build is shown.
+/// Builds like [`build`]. `progress` decides how much of the build is shown.
 ///
 /// # Errors
-/// As [`build`].
+/// The errors of [`build`].
 pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> Result<PathBuf> {
     let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
     let bytes = read(&kept)?;
@@ -89,7 +89,7 @@ pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> 
     Ok(kept)
 }
 
-/// Cargo for a package that is flashed, with the flags of all of them.
+/// Returns cargo for a package that is flashed, with the flags that all such packages share.
 fn cargo(toolchain: &Toolchain, subcommand: &str, package: &str, folders: &Folders) -> Command {
     let mut cargo = toolchain.cargo(subcommand, &folders.sources, &folders.target);
     cargo.args(["--package", package, "--profile", PROFILE]);
@@ -101,14 +101,14 @@ fn cargo(toolchain: &Toolchain, subcommand: &str, package: &str, folders: &Folde
     cargo
 }
 
-/// Cargo for the bootloader.
+/// Returns cargo for the bootloader.
 pub(crate) fn bootloader(toolchain: &Toolchain, subcommand: &str, folders: &Folders) -> Command {
     let mut cargo = cargo(toolchain, subcommand, "stylus-boot", folders);
     cargo.args(["--features", "image"]);
     cargo
 }
 
-/// Builds the bootloader, and returns the file with its bytes.
+/// Builds the bootloader, and returns the file that contains its bytes.
 fn build_bootloader(
     toolchain: &Toolchain,
     folders: &Folders,
@@ -133,22 +133,22 @@ fn build_in(
     cargo.args(progress.argument());
     cargo.args(["--features", image.features()]);
     cargo.env("STYLUS_BOOTLOADER", bootloader);
-    // Without this variable defmt leaves out all but errors.
+    // Without this variable, defmt drops all messages but errors.
     if std::env::var_os("DEFMT_LOG").is_none() {
         cargo.env("DEFMT_LOG", "info");
     }
     process::run(&mut cargo)?;
     let built = folders.target.join(TARGET).join("firmware/stylus-firmware");
-    // All variants are built under one name, so that each gets a copy under its own.
+    // All variants are built under one name, so each is copied to its own name.
     let kept = folders.target.join(image.file_name());
     fs::copy(process::built(built)?, &kept)?;
     Ok(kept)
 }
 
-/// The use of each memory by the image in `file`.
+/// Returns the use of each memory by the image in `file`.
 ///
 /// # Errors
-/// The file is no image.
+/// The file is not an image.
 pub fn memory(file: &Path) -> Result<Memory> {
     Memory::of(&read(file)?)
 }
@@ -158,7 +158,7 @@ fn read(file: &Path) -> Result<Vec<u8>> {
 }
 
 /// Arguments of probe-rs. By default it halts the core at a HardFault and at a reset, before the image's handlers can
-/// put the output to mid-scale, so both catches are off.
+/// put the output to mid-scale. Therefore both catches are switched off.
 const PROBE_RS: [&str; 5] = [
     "run",
     "--no-catch-hardfault",
@@ -167,7 +167,7 @@ const PROBE_RS: [&str; 5] = [
     CHIP,
 ];
 
-/// The flashing program.
+/// Returns the program that flashes images.
 ///
 /// # Errors
 /// probe-rs is not installed.

@@ -1,12 +1,16 @@
-//! The check that nothing reachable from the tick, the update and the waits for bank 1 is in flash.
+//! The check that no code or data in flash is reachable from the handlers of tick, update and supply, or from the waits
+//! for flash bank 1.
 //!
-//! The image keeps its relocations (`--emit-relocs`): every address in the code that the linker filled in. From the two
-//! handlers on, and from the two routines that wait for the bank with the code while it is busy, each one is followed.
-//! A call must lead to ITCM, and data must be in DTCM. There are two exceptions:
+//! The image keeps its relocations (`--emit-relocs`), i.e. every address that the linker filled in. Starting at the
+//! handlers of the tick, the update and a falling supply, and at the two routines that wait while the bank with the
+//! code is busy, the check follows each of them. A call must lead to ITCM, and data must be in DTCM. There are two
+//! exceptions:
 //!
-//! - a panic, because it ends in mid-scale and a reset: calls of it, with the addresses of its message and place;
-//! - constants that the update alone reads, such as a table of core's square root. The update computes while something
-//!   is played. Only writing settings keeps the code's bank of the flash busy, and that is refused then.
+//! - a panic, because it ends in mid-scale and a reset: calls of it, with the addresses of its message and of its
+//!   source location;
+//! - constants that only the update reads, such as a table of core's square root. The update computes only while
+//!   something is played. The code's bank of the flash is busy only while settings are written, and that is refused
+//!   during playing.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,19 +22,19 @@ use object::{
 
 use anyhow::{Context, Result, bail};
 
-/// The handler that the tick begins with.
+/// The handler in which the tick begins.
 const TICK: &str = "TIM6_DAC";
 
-/// The handler that the update begins with.
+/// The handler in which the update begins.
 const UPDATE: &str = "SWPMI1";
 
-/// The handler of a falling supply, which a busy bank must not keep waiting.
+/// The handler of a falling supply, which a busy bank must not delay.
 const SUPPLY: &str = "PVD_AVD";
 
-/// The routines that erase and program the bank with the code, whose fetches stall meanwhile.
+/// The routines that erase and program the bank that contains the code. Fetches of code from this bank stall meanwhile.
 const OF_CODE_BANK: [&str; 2] = ["erase_without_code", "program_without_code"];
 
-/// Calls that never return, as parts of names, because the compiler has two manglings.
+/// Calls that never return. Only parts of their names are given, because the compiler mangles names in two ways.
 const PANICS: [&str; 5] = [
     "9panicking",
     "16slice_index_fail",
@@ -39,16 +43,17 @@ const PANICS: [&str; 5] = [
     "17rust_begin_unwind",
 ];
 
-/// The most bytes of code between the address of a panic's message and the call of the panic: some loads of constants.
+/// Largest distance in the code between loading the address of a panic's message and the call of the panic, bytes. It
+/// covers some loads of constants.
 const PANIC_ARGUMENTS_BYTES: u64 = 40;
 
-/// A reference of the tick's code.
+/// A reference in the code in ITCM.
 #[derive(Clone, Debug)]
 struct Reference {
     /// Address of the instruction.
     at: u64,
     is_call: bool,
-    /// The named symbol and its address.
+    /// Name and address of the symbol that is referred to.
     name: String,
     address: u64,
 }
@@ -63,13 +68,13 @@ struct Function {
 /// Checks the image with these bytes.
 ///
 /// # Errors
-/// The bytes are no image, a root or the relocations are missing, or a root reaches flash.
+/// The bytes are not an image, a root or the relocations are missing, or a root reaches flash.
 pub fn check(image: &[u8]) -> Result<()> {
     let file = ElfFile32::<Endianness>::parse(image)?;
     check_roots(&functions(&file), &references(&file)?)
 }
 
-/// Checks everything that the roots reach.
+/// Checks everything that can be reached from the roots.
 fn check_roots(functions: &BTreeMap<u64, Function>, references: &[Reference]) -> Result<()> {
     for root in [TICK, SUPPLY].into_iter().chain(OF_CODE_BANK) {
         check_from(root, functions, references, |_| false)?;
@@ -79,7 +84,7 @@ fn check_roots(functions: &BTreeMap<u64, Function>, references: &[Reference]) ->
     })
 }
 
-/// Checks everything that `root` reaches. Addresses that are `excepted` may be in flash.
+/// Checks everything that can be reached from `root`. References for which `excepted` returns true may lead to flash.
 fn check_from(
     root: &str,
     functions: &BTreeMap<u64, Function>,
@@ -116,7 +121,7 @@ fn check_from(
     Ok(())
 }
 
-/// Functions in ITCM by their first address.
+/// Returns the functions in ITCM by their first address.
 fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
     let mut functions: BTreeMap<u64, Function> = file
         .symbols()
@@ -136,7 +141,7 @@ fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
             )
         })
         .collect();
-    // A function in assembly may have no length: it ends where the next one begins.
+    // A function in assembly may have no length. It ends where the next one begins.
     let starts: Vec<u64> = functions.keys().copied().collect();
     for (index, start) in starts.iter().enumerate() {
         if let Some(function) = functions.get_mut(start)
@@ -148,7 +153,7 @@ fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
     functions
 }
 
-/// All references of the code in ITCM, by address of the instruction.
+/// Returns all references in the code in ITCM, ordered by the address of the instruction.
 fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
     let section = file.section_by_name(".itcm");
     let section = section.context("there is no section .itcm")?;
@@ -179,7 +184,7 @@ fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
     Ok(references)
 }
 
-/// True where the first of `references` is a panic, or the address of a panic's argument.
+/// Returns true if the first of `references` is a call of a panic, or the address of a panic's argument.
 fn is_of_a_panic(references: &[Reference], function_end: u64) -> bool {
     let Some(first) = references.first() else {
         return false;
@@ -192,7 +197,7 @@ fn is_of_a_panic(references: &[Reference], function_end: u64) -> bool {
     })
 }
 
-/// The first address of the function in ITCM around `address`.
+/// Returns the first address of the function in ITCM that contains `address`.
 fn function_at(functions: &BTreeMap<u64, Function>, address: u64) -> Option<u64> {
     let (&start, function) = functions.range(..=address).next_back()?;
     (address < function.end).then_some(start)
@@ -200,8 +205,8 @@ fn function_at(functions: &BTreeMap<u64, Function>, address: u64) -> Option<u64>
 
 const ITCM_BYTES: u64 = 64 * 1024;
 
-/// Returns whether `address` is in ITCM. Addresses below 8 are not, because unloaded sections have address 0, and null
-/// is no function.
+/// Returns true if `address` is in ITCM. Addresses below 8 do not count, because sections that are not loaded have
+/// address 0, and there is no function at null.
 fn is_itcm(address: u64) -> bool {
     (8..ITCM_BYTES).contains(&address)
 }
@@ -227,7 +232,7 @@ mod tests {
         }
     }
 
-    /// The tick from 1024 to 1124, which calls a function from 2000 to 2100.
+    /// A tick at 1024 to 1124, which calls a function at 2000 to 2100.
     fn program(more: Vec<Reference>) -> Result<()> {
         let function = |name: &str, end| Function {
             name: name.to_owned(),
@@ -254,7 +259,7 @@ mod tests {
                 assert!(error.contains("somewhere"), "{error}");
             }
         }
-        // Functions that the tick does not call may name anything in flash.
+        // A function that the tick does not call may refer to anything in flash.
         assert!(program(vec![reference(3000, true, "somewhere", FLASH)]).is_ok());
     }
 

@@ -1,4 +1,4 @@
-//! A check that the image is the same bytes wherever it is built.
+//! A check that the image has the same bytes wherever it is built.
 
 use std::fs;
 
@@ -10,8 +10,8 @@ use crate::process::Progress;
 use crate::toolchain::Toolchain;
 use crate::workspace::{self, Folders};
 
-/// Builds the image here, and again from a copy of the sources in another folder, with other outputs and, on Unix,
-/// another name of the folder of cargo's own files. Returns the image's length, bytes.
+/// Builds the image here, and again from a copy of the sources in another folder, with another output folder and, on
+/// Unix, another name for the folder of cargo's own files. Returns the image's length, bytes.
 ///
 /// # Errors
 /// A build fails; the images differ; or the image names a folder of this machine.
@@ -38,7 +38,7 @@ pub fn check(toolchain: &Toolchain) -> Result<usize> {
     #[cfg(unix)]
     {
         let link = elsewhere.join("home of cargo");
-        // One of an earlier check may lead nowhere.
+        // A link that an earlier check left may lead nowhere.
         let _ = fs::remove_file(&link);
         std::os::unix::fs::symlink(&folders.cargo_home, &link)?;
         folders.cargo_home = link;

@@ -1,4 +1,5 @@
-//! The parts of an image for the flash, by its program headers, because whatever flashes it writes whole segments.
+//! The parts of an image that go to the flash, according to its program headers, because flashing tools write whole
+//! segments.
 
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 use object::{Endianness, elf};
@@ -10,10 +11,11 @@ use super::memory::region;
 /// Regions of the memory map that hold code.
 const CODE: [&str; 2] = ["BOOTLOADER", "FLASH"];
 
-/// Regions of which the last page is flashed with ones, so that whatever flashes erases their sectors.
+/// Regions whose last page is flashed with ones, so that the flashing tool erases their sectors.
 const ERASED: [&str; 2] = ["RECORDS_1", "RECORDS_2"];
 
-/// Bytes that probe-rs programs at once, the `page_size` in its description of the part. It fills up a page with ones.
+/// Number of bytes that probe-rs programs at once, the `page_size` in its description of the part. It fills a page up
+/// with ones.
 const PAGE_BYTES: u64 = 0x400;
 
 /// Bytes for a region of the flash.
@@ -27,10 +29,10 @@ pub struct Piece {
     pub bytes: Vec<u8>,
 }
 
-/// The piece that the ELF file `image` has for each region of the flash.
+/// Returns the bytes of the ELF file `image`, one piece for each region of the flash.
 ///
 /// # Errors
-/// The bytes are no image, or a segment lies where nothing may be flashed: on records, settings or libraries.
+/// The bytes are not an image, or a segment is where nothing may be flashed: on records, settings or libraries.
 pub fn pieces(image: &[u8]) -> Result<Vec<Piece>> {
     let file = ElfFile32::<Endianness>::parse(image)?;
     let endian = file.endian();
@@ -45,10 +47,10 @@ pub fn pieces(image: &[u8]) -> Result<Vec<Piece>> {
     joined(&segments)
 }
 
-/// The pieces of an image that is flashed with its bootloader: one for each region.
+/// Returns the pieces of an image that is flashed together with its bootloader, one for each region.
 ///
 /// # Errors
-/// As [`pieces`], or there is nothing for one of the regions.
+/// The errors of [`pieces`]; or one of the regions is empty.
 pub fn all_pieces(image: &[u8]) -> Result<Vec<Piece>> {
     let pieces = pieces(image)?;
     for name in CODE.into_iter().chain(ERASED) {
@@ -59,10 +61,10 @@ pub fn all_pieces(image: &[u8]) -> Result<Vec<Piece>> {
     Ok(pieces)
 }
 
-/// The bytes that the ELF file `image` has from the start of the region called `name` on.
+/// Returns the bytes of the ELF file `image` from the start of the region called `name` on.
 ///
 /// # Errors
-/// As [`pieces`], or it has nothing at the region's start.
+/// The errors of [`pieces`]; or there is nothing at the region's start.
 pub fn flashed(image: &[u8], name: &str) -> Result<Vec<u8>> {
     let (start, _) = region(name).with_context(|| format!("memory.x has no region {name}"))?;
     let piece = pieces(image)?
@@ -72,7 +74,7 @@ pub fn flashed(image: &[u8], name: &str) -> Result<Vec<u8>> {
     Ok(piece.bytes)
 }
 
-/// A piece per region of these segments, which are in order.
+/// Joins segments, in ascending order, to one piece per region.
 fn joined(segments: &[(u64, &[u8])]) -> Result<Vec<Piece>> {
     let mut pieces: Vec<Piece> = Vec::new();
     for &(address, bytes) in segments {
@@ -92,7 +94,7 @@ fn joined(segments: &[(u64, &[u8])]) -> Result<Vec<Piece>> {
     Ok(pieces)
 }
 
-/// Name of the region to which a segment may be flashed.
+/// Returns the name of the region to which a segment may be flashed.
 fn region_of(address: u64, bytes: &[u8]) -> Result<&'static str> {
     let end = address + bytes.len() as u64;
     for name in CODE.into_iter().chain(ERASED) {
@@ -121,7 +123,7 @@ mod tests {
 
     const ONES: [u8; 32] = [0xFF; 32];
 
-    /// Addresses in regions of the map.
+    /// Returns an address in a region of the map.
     fn at(name: &str, offset: u64) -> u64 {
         region(name).expect("it is in the map").0 + offset
     }

@@ -24,11 +24,11 @@ pub struct Arguments {
     pub out: Option<PathBuf>,
 }
 
-/// Writes the update with the image of the ELF file `image`, signed as `arguments` say, and returns the file.
+/// Writes the update for the ELF file `image`, signed as `arguments` request, and returns the written file.
 ///
 /// # Errors
-/// The image or the key cannot be read, the image trusts the development key and is to be signed by another, or the
-/// update cannot be written.
+/// The image or the key cannot be read, the image trusts the development key but another key is given, or the update
+/// cannot be written.
 pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     let seed = match &arguments.key {
         Some(_) if env::var_os("STYLUS_UPDATE_KEY").is_none() => bail!(
@@ -50,11 +50,11 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     Ok(out)
 }
 
-/// Makes a pair of keys: the secret one in the new file `path`, and the public one beside it, with the extension pub.
-/// Returns the public one's file.
+/// Generates a pair of keys. Writes the secret key to the new file `path`, and the public key next to it with the
+/// extension pub. Returns the file of the public key.
 ///
 /// # Errors
-/// The file is there already or cannot be written, or the system has no random numbers.
+/// The file exists already or cannot be written, or the system provides no random numbers.
 pub fn make_keys(path: &Path) -> Result<PathBuf> {
     if path.exists() {
         bail!("{} is there already: name another file", path.display());
@@ -68,7 +68,7 @@ pub fn make_keys(path: &Path) -> Result<PathBuf> {
     Ok(public)
 }
 
-/// Writes a file that only its owner can read.
+/// Writes a file that only its owner may read.
 fn write_secret(path: &Path, text: &str) -> std::io::Result<()> {
     let mut options = fs::OpenOptions::new();
     options.write(true).create_new(true);

@@ -1,4 +1,4 @@
-//! Rust files outside tests, and the rule on their imports: no circles between modules of a crate.
+//! Rust files without their tests, and the rule on their imports: no circles between modules of a crate.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::iter::Peekable;
@@ -8,28 +8,28 @@ use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree, token_stream};
 use super::Outcome;
 use super::tree::Tree;
 
-/// A Rust file outside its tests.
+/// A Rust file without its tests.
 #[derive(Default)]
 pub struct Source {
     pub path: String,
     words: BTreeSet<String>,
-    /// Each word that follows another, with that one: `fn read`.
+    /// Pairs of successive words, such as `fn read`.
     pairs: BTreeSet<String>,
     imports: Vec<Import>,
 }
 
-/// A path of two segments or more that code names, with its line.
+/// A path of at least two segments that code names, with its line.
 struct Import {
     segments: Vec<String>,
     line: usize,
-    /// The name that it has in the module, of a path in a `use`.
+    /// For a path in a `use`, the name that it gets in the module.
     name: Option<String>,
 }
 
 type Trees = Peekable<token_stream::IntoIter>;
 
 impl Source {
-    /// True where an item of this name is defined. Of `A::b`, `b` counts, which may be a variant.
+    /// Returns true if the file defines an item of this name. For `A::b`, only `b` counts, which may be a variant.
     pub fn defines(&self, name: &str) -> bool {
         let kinds = "fn struct enum trait const static type mod".split(' ');
         match name.rsplit_once("::") {
@@ -40,14 +40,14 @@ impl Source {
         }
     }
 
-    /// Reads `stream`, whose paths begin with `before`: those of a group in a `use`.
+    /// Reads `stream`. Its paths are below the segments `before`, which are not empty for a group in a `use`.
     fn read(&mut self, stream: TokenStream, before: &[String], mut is_use: bool) {
         let (mut is_of_tests, mut last) = (false, String::new());
         let mut trees = stream.into_iter().peekable();
         while let Some(tree) = trees.next() {
             let previous = std::mem::take(&mut last);
             match tree {
-                // An item of tests goes up to its block or semicolon.
+                // An item of tests ends with its block or semicolon.
                 TokenTree::Group(group) if is_of_tests => {
                     is_of_tests = group.delimiter() != Delimiter::Brace;
                 }
@@ -76,7 +76,7 @@ impl Source {
         }
     }
 
-    /// Reads the path, or the paths of a `use`, that begin with `first` below the segments `before`.
+    /// Reads the path that begins with `first`, or the paths of a `use`, below the segments `before`.
     fn read_path(&mut self, first: &Ident, trees: &mut Trees, before: &[String], is_use: bool) {
         let line = first.span().start().line;
         let mut segments = [before, &[first.to_string()]].concat();
@@ -90,7 +90,7 @@ impl Source {
                 _ => break,
             }
         }
-        // `a::{self}` is `a`.
+        // `a::{self}` means `a`.
         if segments.len() > 1 && segments.last().is_some_and(|last| last == "self") {
             segments.pop();
         }
@@ -126,7 +126,7 @@ pub fn read(tree: &Tree, outcome: &mut Outcome) -> Vec<Source> {
     sources
 }
 
-/// A module of a crate, or an item, by its path, the crate's folder first.
+/// The path of a module or an item. It begins with the crate's folder.
 type Path = Vec<String>;
 
 fn module_of(path: &str) -> Option<Path> {
@@ -136,10 +136,10 @@ fn module_of(path: &str) -> Option<Path> {
     Some([root].into_iter().chain(parts).map(str::to_owned).collect())
 }
 
-/// Imports of each module: the imported one, the file and the line.
+/// Imports of each module: the imported module, the file and the line.
 type Arrows<'a> = BTreeMap<Path, Vec<(Path, &'a str, usize)>>;
 
-/// Checks that imports have no circles.
+/// Checks that the imports between modules form no circles.
 pub fn check(sources: &[Source], outcome: &mut Outcome) {
     let modules = modules(sources);
     let imports = |module| {
@@ -147,7 +147,7 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
         let all = sources.iter().copied();
         all.flat_map(|source| source.imports.iter().map(move |import| (source, import)))
     };
-    // Each name that a `use` gives in a module, with what it names.
+    // The names that `use` declarations introduce in modules, and the paths to which they refer.
     let mut names: BTreeMap<Path, Path> = BTreeMap::new();
     for module in modules.keys() {
         for (_, import) in imports(module) {
@@ -166,7 +166,7 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
             while !modules.contains_key(&target) && target.len() > 1 {
                 target.pop();
             }
-            // A module may use those below it. What the root names may be of another crate.
+            // A module may use the modules below it. Names at the root may belong to another crate.
             if !target.starts_with(module) && target.len() > 1 {
                 let arrow = (target, source.path.as_str(), import.line);
                 arrows.entry(module.clone()).or_default().push(arrow);
@@ -177,7 +177,7 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
     check_circles(arrows, outcome);
 }
 
-/// All modules outside tests: a crate's roots, and those that the module around them declares.
+/// Returns all modules outside tests: the crates' roots, and the modules that their parent module declares.
 fn modules(sources: &[Source]) -> BTreeMap<Path, Vec<&Source>> {
     let mut found: BTreeMap<Path, Vec<&Source>> = BTreeMap::new();
     for source in sources {
@@ -185,7 +185,7 @@ fn modules(sources: &[Source]) -> BTreeMap<Path, Vec<&Source>> {
             found.entry(module).or_default().push(source);
         }
     }
-    // A module comes after the one around it.
+    // A parent module comes before its submodules, so it has been checked before them.
     for module in found.keys().cloned().collect::<Vec<_>>() {
         if let Some((name, around @ [_, ..])) = module.split_last() {
             let is_declared = found.get(around).is_some_and(|around| {
@@ -201,7 +201,7 @@ fn modules(sources: &[Source]) -> BTreeMap<Path, Vec<&Source>> {
     found
 }
 
-/// The path that `segments` have within the crate, in `module`.
+/// Returns the path within the crate that `segments` mean in `module`.
 fn absolute(module: &[String], segments: &[String]) -> Path {
     let ups = segments.iter().take_while(|part| *part == "super").count();
     let (base, rest) = match segments[0].as_str() {
@@ -215,9 +215,10 @@ fn absolute(module: &[String], segments: &[String]) -> Path {
     [base, rest].concat()
 }
 
-/// `target` with each name of a `use` in it under the path of what it names.
+/// Returns `target` with each name that a `use` introduced replaced by the path to which it refers.
 fn defined(mut target: Path, names: &BTreeMap<Path, Path>) -> Path {
-    /// More names for one item than anybody gives, so that names which stand for each other end.
+    /// Bound on the number of replacements, larger than any real chain of names, so that names which refer to each
+    /// other end.
     const MOST: usize = 20;
     for _ in 0..MOST {
         let mut lengths = 1..=target.len();
@@ -230,7 +231,7 @@ fn defined(mut target: Path, names: &BTreeMap<Path, Path>) -> Path {
     target
 }
 
-/// Reports the imports that are in circles: those that stay when modules without imports or without importers are
+/// Reports the imports that are in circles: those that remain when modules without imports or without importers are
 /// removed until nothing changes.
 fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
     loop {

@@ -1,6 +1,6 @@
-//! `cargo tasks house`: the rules of the layout that no compiler holds.
+//! `cargo tasks house`: the rules of the layout that no compiler enforces.
 //!
-//! Each module has the rules on one kind of text. They read sources and pages, and build nothing.
+//! Each module has the rules for one kind of text. They read sources and pages, and build nothing.
 
 mod code;
 mod pages;
@@ -13,12 +13,12 @@ use std::path::Path;
 
 use tree::Tree;
 
-/// The result of a check: how much was checked of each kind, and the departures.
+/// The result of a check: how much of each kind was checked, and the departures from the rules.
 #[derive(Debug, Default)]
 pub struct Outcome {
-    /// The kinds with the number of each.
+    /// The kinds of checked things, with their numbers.
     pub checked: Vec<(&'static str, usize)>,
-    /// The departures: file from the repository's root, line from 1, and the rule that does not hold.
+    /// The departures: file relative to the repository's root, line counted from 1, and the violated rule.
     pub findings: BTreeSet<(String, usize, String)>,
 }
 
@@ -27,8 +27,8 @@ impl Outcome {
         self.findings.insert((path.to_owned(), line, problem));
     }
 
-    /// Notes how many things of a kind were checked. A rule that looks in the wrong place finds nothing, and would hold
-    /// for ever, so none at all is a finding.
+    /// Notes how many things of a kind were checked. A rule that looks in the wrong place would never report anything,
+    /// so zero checked things are themselves a finding.
     fn count(&mut self, kind: &'static str, count: usize) {
         self.checked.push((kind, count));
         if count == 0 {
@@ -59,7 +59,7 @@ fn check_tree(tree: &Tree) -> Outcome {
 mod tests {
     use super::*;
 
-    /// The findings in `files`, without those of rules that have nothing to check.
+    /// Returns the findings in `files`, without those of rules that have nothing to check.
     fn found(files: &[(&str, &str)]) -> Vec<String> {
         let findings = check_tree(&Tree::of(files)).findings.into_iter();
         let told = findings.filter(|(.., problem)| !problem.starts_with("no "));
@@ -97,7 +97,7 @@ mod tests {
         }
     }
 
-    /// Checks that the circles in the crate `a` are the first lines of these files.
+    /// Asserts that the circles in the crate `a` are reported at the places `expected`.
     fn assert_circles(files: &[(&str, &str)], expected: [&str; 2]) {
         let told = found(files);
         assert_eq!(told.len(), expected.len(), "{told:?}");

@@ -1,10 +1,10 @@
-//! Rules on pages of Markdown: the paths exist that they name, and so do the items that link to a Rust file.
+//! Rules on pages of Markdown: the paths that they name exist, and so do the items whose names link to a Rust file.
 
 use super::Outcome;
 use super::code::Source;
 use super::tree::{Tree, folder, joined};
 
-/// Folders of outputs, which exist only after a run.
+/// Folders of outputs, which exist only after a build or a run.
 const OUTPUTS: [&str; 4] = [
     "demo-out",
     "target",
@@ -12,7 +12,7 @@ const OUTPUTS: [&str; 4] = [
     "tests/fuzz/artifacts",
 ];
 
-/// Checks every link within the repository; every code span that is a path; and the item in [`item`](path).
+/// Checks every link within the repository, every code span that is a path, and the item in [`item`](path).
 pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
     let (mut paths, mut names) = (0, 0);
     for (page, text) in tree.texts_of(&["md"]) {
@@ -51,7 +51,7 @@ pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
     outcome.count("names in pages", names);
 }
 
-/// The page `text` with its code fences blank.
+/// Returns the page `text` with its code fences blank.
 fn outside_fences(text: &str) -> String {
     let mut is_open = false;
     let lines = text.split('\n').map(|line| {
@@ -62,7 +62,7 @@ fn outside_fences(text: &str) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// The links in `piece` to files, each with its place and whether the file exists.
+/// Returns the links in `piece` to files: position, path, and whether the file exists.
 fn links<'a>(tree: &Tree, page: &str, piece: &'a str) -> Vec<(usize, &'a str, bool)> {
     let targets = piece.match_indices("](").filter_map(|(at, _)| {
         let target = piece[at + 2..].split([')', ' ', '#']).next()?;
@@ -76,11 +76,11 @@ fn is_item(span: &str) -> bool {
     !span.contains(['.', '/', ' ', '-', '\n'])
 }
 
-/// Tells if the path in a code span exists, from the root or from the page's folder; none if `span` is no path: its
-/// first part must be there.
+/// Returns whether the path in a code span exists, relative to the root or to the page's folder. `None` if `span` is
+/// not a path: it counts as a path only if its first part exists.
 fn span_exists(tree: &Tree, page: &str, span: &str) -> Option<bool> {
     let is_in_path = |char: char| char.is_alphanumeric() || "/._-+".contains(char);
-    // `path:12` is a place in a file.
+    // `path:12` refers to a line of a file.
     let path = span
         .split(':')
         .next()

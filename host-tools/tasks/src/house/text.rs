@@ -3,11 +3,11 @@
 use super::Outcome;
 use super::tree::{Tree, extension, folder};
 
-/// Characters that a line may have.
+/// Largest number of characters of a line.
 const MOST: usize = 120;
 
-/// Checks the length of lines, which rustfmt leaves as they are in comments. In pages, rows of tables and lines of one
-/// link cannot be broken.
+/// Checks the length of lines, because rustfmt does not shorten comments. In pages, rows of tables and lines with a
+/// single link are exempt, because they cannot be broken.
 pub fn check_lines(tree: &Tree, outcome: &mut Outcome) {
     let mut count = 0;
     for (path, text) in tree.texts_of(&["rs", "toml", "md", "x", "sh", "py", ""]) {
@@ -29,7 +29,7 @@ pub fn check_lines(tree: &Tree, outcome: &mut Outcome) {
     outcome.count("files", count);
 }
 
-/// Folders of packages with lints of their own: those that have unsafe code, and those of other workspaces.
+/// Folders of packages with their own lints: packages with unsafe code, and packages of other workspaces.
 const OWN_LINTS: [&str; 9] = [
     "firmware",
     "firmware/boot",
@@ -42,7 +42,8 @@ const OWN_LINTS: [&str; 9] = [
     "tests/virtual-stylus/probe-image",
 ];
 
-/// Checks that every other package takes the workspace's lints, which forbid unsafe code. No stable cargo does.
+/// Checks that every other package uses the workspace's lints, which forbid unsafe code. Stable cargo does not check
+/// that.
 pub fn check_lints(tree: &Tree, outcome: &mut Outcome) {
     let manifests = tree.texts_of(&["toml"]);
     let packages = manifests.filter(|(_, text)| text.contains("[package]\n"));

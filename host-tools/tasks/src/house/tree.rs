@@ -1,11 +1,12 @@
-//! The repository's own files: those that git tracks or would track.
+//! The repository's own files: those that git tracks or would add.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 use std::{fs, io};
 
-/// Paths from the repository's root, with `/` between folders, and their texts, empty for what is no text.
+/// Paths relative to the repository's root, with `/` between folders, and the files' texts. A file that is not text has
+/// an empty text.
 #[derive(Debug)]
 pub struct Tree(BTreeMap<String, String>);
 
@@ -32,7 +33,7 @@ impl Tree {
         Ok(Self(files))
     }
 
-    /// A tree of `files`, each a path and its text.
+    /// Returns a tree of `files`, each a path and its text.
     #[cfg(test)]
     pub fn of(files: &[(&str, &str)]) -> Self {
         let file = |&(path, text): &(&str, &str)| (path.to_owned(), text.to_owned());
@@ -44,13 +45,13 @@ impl Tree {
         self.0.keys().map(String::as_str)
     }
 
-    /// All files with one of these `extensions`, without their dots.
+    /// Returns all files with one of these `extensions`, given without the dot.
     pub fn texts_of(&self, extensions: &[&str]) -> impl Iterator<Item = (&str, &str)> {
         let texts = (self.0.iter()).map(|(path, text)| (path.as_str(), text.as_str()));
         texts.filter(|(path, _)| extensions.contains(&extension(path)))
     }
 
-    /// True for a file, and for a folder that holds one.
+    /// Returns true if `path` is a file, or a folder that contains one.
     pub fn has(&self, path: &str) -> bool {
         let below = format!("{path}/");
         let mut after = self.paths().skip_while(|file| *file < path);
@@ -58,7 +59,7 @@ impl Tree {
     }
 }
 
-/// `path` as seen from `folder`, without `.` and `..`; `None` where it leaves the repository.
+/// Resolves `path` relative to `folder`, without `.` and `..`; `None` if it leaves the repository.
 pub fn joined(folder: &str, path: &str) -> Option<String> {
     let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
     for part in path.split('/') {
@@ -71,13 +72,13 @@ pub fn joined(folder: &str, path: &str) -> Option<String> {
     Some(parts.join("/"))
 }
 
-/// The extension of a file's name, empty if it has none.
+/// Returns the extension of a file's name; empty if it has none.
 pub fn extension(path: &str) -> &str {
     let name = path.rsplit('/').next().unwrap_or(path);
     name.rsplit_once('.').map_or("", |(_, extension)| extension)
 }
 
-/// The folder of `path`, empty for the root.
+/// Returns the folder of `path`; empty for the root.
 pub fn folder(path: &str) -> &str {
     path.rsplit_once('/').map_or("", |(folder, _)| folder)
 }

@@ -1,16 +1,16 @@
-//! The heading of a release in CHANGELOG.md, as a patch that a person commits.
+//! The heading of a release in CHANGELOG.md, as a patch for a person to commit.
 
 use anyhow::{Context, Result, bail};
 
 const UNRELEASED: &str = "## [Unreleased]";
 
-/// Lines of context on either side of a change, as `git apply` wants them.
+/// Lines of context before and after a change, as `git apply` expects them.
 const CONTEXT: usize = 3;
 
-/// The patch that makes what is unreleased in `text` that of `version`, released at `date`.
+/// Returns the patch that turns the unreleased entries in `text` into those of `version`, released at `date`.
 ///
 /// # Errors
-/// Nothing is unreleased, or the version was released before.
+/// There are no unreleased entries, or the version was released before.
 pub fn cut(text: &str, version: &str, date: &str) -> Result<String> {
     let lines: Vec<&str> = text.lines().collect();
     let heading = format!("## [{version}]");

@@ -8,18 +8,18 @@ use anyhow::{Result, bail};
 use super::Build;
 use crate::{process, toolchain, workspace};
 
-/// A system that the command is built for.
+/// A system for which the command is built.
 pub struct System {
-    /// Name of the system in the names of files, with the ending of a program.
+    /// Name of the system in file names. It includes the extension of programs.
     pub name: &'static str,
     target: &'static str,
     /// The program as cargo names it.
     program: &'static str,
-    /// The linker, and the package of Debian that has it.
+    /// The linker, and Debian's package that contains it.
     linker: [&'static str; 2],
-    /// Further flags for the compiler.
+    /// Additional flags for the compiler.
     flags: &'static [&'static str],
-    /// Files of the player's library, as cargo names them, and their folders in its archive.
+    /// Files of the player's library, as cargo names them, each with its folder in the player's archive.
     pub libraries: &'static [(&'static str, &'static str)],
 }
 
@@ -49,7 +49,7 @@ pub const WINDOWS: System = System {
     target: "x86_64-pc-windows-gnu",
     program: "stylus.exe",
     linker: ["x86_64-w64-mingw32-gcc", "gcc-mingw-w64-x86-64"],
-    // The time of the build would be in the program, and names that are drawn among its symbols.
+    // Without these flags the program would contain the time of the build, and random names among its symbols.
     flags: &["-Clink-arg=-Wl,--no-insert-timestamp", "-Cstrip=symbols"],
     libraries: &[
         ("stylusplayer.dll", "bin"),
@@ -59,7 +59,7 @@ pub const WINDOWS: System = System {
 };
 
 impl System {
-    /// Returns true for Windows, whose libraries have other names.
+    /// Returns true for Windows, whose libraries have different names.
     pub fn is_windows(&self) -> bool {
         self.target.contains("windows")
     }
@@ -96,8 +96,8 @@ pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
     process::built(folder.join(system.program))
 }
 
-/// Builds what the arguments of cargo name for `system`, with further arguments for the linker, and returns the folder
-/// of the files.
+/// Builds the packages or targets that `named` selects by cargo's arguments, for `system` and with the additional
+/// linker arguments `linked`. Returns the folder of the built files.
 ///
 /// # Errors
 /// The build fails.

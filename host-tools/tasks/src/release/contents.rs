@@ -1,7 +1,7 @@
-//! The packages that the files of a release are made of, as a list of CycloneDX 1.5.
+//! The packages that are built into the files of a release, as a list in the format CycloneDX 1.5.
 //!
-//! One list for all files, from `cargo metadata`: nothing is to be installed for it, and it names no folder and no
-//! instant, so that the same commit gives the same bytes.
+//! There is one list for all files, from `cargo metadata`, so no further tool is needed. It names no folder and no
+//! time, so that the same commit gives the same bytes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::{process, workspace};
 
-/// Packages of which files of a release are built.
+/// Packages from which the files of a release are built.
 const ROOTS: [&str; 5] = [
     "host-tools",
     "stylus-browser",
@@ -20,7 +20,7 @@ const ROOTS: [&str; 5] = [
     "stylus-python",
 ];
 
-/// The list, as JSON.
+/// Returns the list as JSON.
 ///
 /// # Errors
 /// Cargo fails.
@@ -46,7 +46,7 @@ fn items<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = &'a Value> {
     value[key].as_array().into_iter().flatten()
 }
 
-/// The list by cargo's description of the workspace.
+/// Returns the list for a workspace that cargo describes by `metadata`.
 fn of_metadata(metadata: &Value) -> Result<Value> {
     let packages: BTreeMap<&str, &Value> = items(metadata, "packages")
         .map(|package| (text(package, "id"), package))
@@ -87,7 +87,7 @@ fn of_metadata(metadata: &Value) -> Result<Value> {
     }))
 }
 
-/// The packages in `next`, and all that are built into them.
+/// Returns the packages in `next`, and all packages that are built into them.
 fn reached<'a>(mut next: Vec<&'a str>, nodes: &BTreeMap<&str, &'a Value>) -> BTreeSet<&'a str> {
     let mut found = BTreeSet::new();
     while let Some(id) = next.pop() {
@@ -102,7 +102,7 @@ fn reference(package: &Value) -> String {
     format!("{}@{}", text(package, "name"), text(package, "version"))
 }
 
-/// The entry of `package`.
+/// Returns the entry of `package`.
 fn component(package: &Value) -> Value {
     let mut component = json!({
         "type": "library",
@@ -111,14 +111,14 @@ fn component(package: &Value) -> Value {
         "version": package["version"],
         "licenses": [{ "expression": package["license"] }],
     });
-    // The workspace's own are in no registry.
+    // The workspace's own packages are in no registry.
     if package["source"].is_string() {
         component["purl"] = format!("pkg:cargo/{}", reference(package)).into();
     }
     component
 }
 
-/// The packages that are built into that of `node`: neither those of its tests nor those of its build alone.
+/// Returns the packages that are built into that of `node`. Dependencies of only its tests or its build are not.
 fn built_in(node: &Value) -> impl Iterator<Item = &str> {
     items(node, "deps")
         .filter(|dependency| items(dependency, "dep_kinds").any(|kind| kind["kind"].is_null()))

@@ -1,6 +1,6 @@
-//! Files for people to download: the image, the command and the player for each system, the Python wheel, the pages'
-//! module, the list of all that they contain, and their checksums. The same commit gives the same bytes. RELEASING.md
-//! says how they are published, which this does not do.
+//! Files for people to download: the image, the command and the player for each system, the Python wheel, the
+//! WebAssembly module for pages, the list of all packages in them, and their checksums. The same commit gives the same
+//! bytes. This module does not publish them; RELEASING.md describes how to.
 
 mod changelog;
 mod command;
@@ -54,7 +54,7 @@ impl Part {
         Self::Changelog,
     ];
 
-    /// The system of a part that is a command.
+    /// Returns the system of a part that contains the command.
     fn system(self) -> Option<&'static System> {
         match self {
             Self::LinuxX86 => Some(&command::LINUX_X86),
@@ -86,13 +86,13 @@ pub struct Arguments {
     against: Option<PathBuf>,
 }
 
-/// Properties of a build that all parts have in common.
+/// Properties of a build that are common to all parts.
 struct Build {
     is_dev: bool,
     out: PathBuf,
     key: Option<PathBuf>,
     folders: Folders,
-    /// The commit's time, s since 1970, in place of each instant that a file would hold.
+    /// The commit's time, s since 1970, which replaces every time that a file would contain.
     epoch: String,
     date: String,
 }
@@ -100,7 +100,7 @@ struct Build {
 /// Builds the files, and returns their folder.
 ///
 /// # Errors
-/// The folder of sources has changes, a tool is missing, or a build fails.
+/// The sources differ from the commit, a tool is missing, or a build fails.
 pub fn run(arguments: &Arguments) -> Result<PathBuf> {
     let parts = match arguments.only.as_slice() {
         [] => &Part::ALL[..],
@@ -197,7 +197,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
     }
 }
 
-/// Checks that the folder of sources is as committed.
+/// Checks that the folder of sources is identical to the commit.
 fn check_clean() -> Result<()> {
     let changed = git(&["status", "--porcelain"])?;
     if !changed.is_empty() {
@@ -209,7 +209,8 @@ fn check_clean() -> Result<()> {
     Ok(())
 }
 
-/// Checks that the update is signed by a key of one's own, which the image trusts: everybody has the development key.
+/// Checks that the update is signed by a private key that the image trusts, and not by the development key, which is
+/// public.
 fn check_key(key: Option<&Path>) -> Result<()> {
     let public = std::env::var_os("STYLUS_UPDATE_KEY").map(PathBuf::from);
     match (key, public) {
@@ -221,7 +222,7 @@ fn check_key(key: Option<&Path>) -> Result<()> {
     }
 }
 
-/// Checks that all tools are there, so that nothing is found missing after an hour.
+/// Checks that all tools are installed, so that a missing one is not discovered after an hour.
 fn check_tools(parts: &[Part]) -> Result<()> {
     let mut lacking = Vec::new();
     for part in parts {
@@ -247,7 +248,7 @@ fn git(arguments: &[&str]) -> Result<String> {
     process::output(git.args(arguments).current_dir(workspace::root()))
 }
 
-/// Makes `folder` an empty one. Only files of an earlier release are removed.
+/// Creates `folder` or empties it. Only files of an earlier release are removed.
 fn emptied(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     for entry in fs::read_dir(folder)? {
@@ -305,7 +306,7 @@ fn checksums(folder: &Path) -> Result<String> {
     Ok(sums)
 }
 
-/// Compares the files that both lists have.
+/// Compares the checksums of the files that are in both lists.
 fn compare(own: &str, other: &str) -> Result<()> {
     let name_of = |line: &str| line.split_whitespace().nth(1).map(str::to_owned);
     let mut same = 0;

@@ -1,9 +1,9 @@
-//! The player for a system, as an archive: shared and static library, headers, the file of C#, and what CMake and
-//! pkg-config read.
+//! The player for a system, as an archive: shared and static library, headers, the C# file, and the files that CMake
+//! and pkg-config read.
 //!
-//! On Linux the shared library and its symbols have a version: the number of the interface. Rust's compiler hands the
-//! linker a script of its own that names no version, which GNU's linker takes together with no other script; its
-//! `--default-symver` gives each symbol the name of the library.
+//! On Linux the shared library and its symbols have a version, the number of the interface. Rust's compiler passes the
+//! linker its own version script, which names no version, and GNU's linker does not combine that with another script.
+//! Its option `--default-symver` therefore gives each symbol the name of the library as version.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -18,7 +18,7 @@ use crate::{process, toolchain, workspace};
 
 const HEADER: &str = "host-tools/c/include/stylus_player.h";
 
-/// Files of the repository, and their folders in the archive.
+/// Files of the repository, each with its folder in the archive.
 const FILES: [(&str, &str); 10] = [
     (HEADER, "include"),
     ("host-tools/c/include/stylus_player.hpp", "include"),
@@ -81,7 +81,7 @@ pub fn build(system: &System, build: &Build) -> Result<()> {
     archive(scratch.path(), &name, build)
 }
 
-/// The number of the header's interface.
+/// Returns the number of the interface that the header declares.
 fn interface(header: &str) -> Result<&str> {
     let numbers = header
         .lines()
@@ -89,7 +89,7 @@ fn interface(header: &str) -> Result<&str> {
     numbers.context("the header defines no STYLUS_PLAYER_ABI")
 }
 
-/// Names of the functions that the header declares: what stands before a bracket outside of comments.
+/// Returns the names of the functions that the header declares: the words before a bracket, outside of comments.
 fn functions(header: &str) -> Vec<&str> {
     let lines = header.lines().filter(|line| !line.trim().starts_with("//"));
     let heads = lines.filter_map(|line| line.split_once('('));
@@ -98,8 +98,8 @@ fn functions(header: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Writes `stylusplayer.def` and `stylusplayer.lib`, by which MSVC links with the DLL, into `folder`. Rust's linker
-/// writes the short form that MSVC writes.
+/// Writes `stylusplayer.def` and `stylusplayer.lib` into `folder`. MSVC needs them to link with the DLL. Rust's linker
+/// writes the same short form of import library as MSVC.
 fn write_import_library(header: &str, folder: &Path) -> Result<()> {
     let definitions = folder.join("stylusplayer.def");
     let names = functions(header).join("\n    ");
@@ -123,7 +123,7 @@ fn copy(file: &Path, folder: &Path) -> Result<()> {
     copied.map(drop).with_context(|| file.display().to_string())
 }
 
-/// Writes an archive whose bytes depend on names and contents alone.
+/// Writes an archive whose bytes depend only on names and contents.
 fn archive(parent: &Path, name: &str, build: &Build) -> Result<()> {
     let archive = build.out.join(format!("{name}.tar.gz"));
     let mut tar = Command::new(process::find("tar", "it comes with GNU tar")?);

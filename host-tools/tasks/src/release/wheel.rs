@@ -1,4 +1,4 @@
-//! The wheel of the Python package, which needs no compiler where it is installed.
+//! The wheel of the Python package, so that an installation needs no compiler.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -8,7 +8,7 @@ use anyhow::Result;
 use super::Build;
 use crate::{process, toolchain, workspace};
 
-/// The program that builds wheels.
+/// Returns the program that builds wheels.
 ///
 /// # Errors
 /// maturin is not installed.
@@ -16,7 +16,7 @@ pub fn maturin() -> Result<PathBuf> {
     process::find("maturin", "`pip install maturin`")
 }
 
-/// Builds the wheel for this system, for each Python from 3.9 on.
+/// Builds the wheel for this system. It fits every Python from 3.9 on.
 ///
 /// # Errors
 /// maturin is not installed, or fails.
@@ -33,7 +33,7 @@ pub fn build(build: &Build) -> Result<()> {
     if build.is_dev {
         program.env("CARGO_TARGET_DIR", workspace::host_target_folder());
     } else {
-        // In a folder of its own, because other flags would make cargo build everything there again.
+        // A separate folder, because other flags would make cargo rebuild everything in the common one.
         program.env("CARGO_TARGET_DIR", &build.folders.target);
         program.env("CARGO_ENCODED_RUSTFLAGS", build.folders.compiler_flags(&[]));
     }

@@ -1,13 +1,13 @@
 //! Tables of figures in the pages. Each is a block that `cargo tasks tables` writes, because figures that a person
-//! copies go stale.
+//! copies become outdated.
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of `INSTANT` | constants | `cargo tasks tables --check`, at once |
+//! | the tables of `INSTANT` | constants | `cargo tasks tables --check`, at once |
 //! | [`MEMORY`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
 //!
-//! The last two depend on the compiler and name it. Tables of another compiler are not compared.
+//! The last two depend on the compiler, whose version they name. Tables of another compiler are not compared.
 
 pub mod page;
 mod rows;
@@ -24,13 +24,13 @@ use crate::{firmware, workspace};
 /// The table of the image's memories.
 pub const MEMORY: &str = "memory";
 
-/// The table of ticks on the virtual stylus. The tests of that workspace make its rows.
+/// The table of ticks on the virtual stylus. The tests in that workspace compute its rows.
 pub const TICKS: &str = "ticks";
 
-/// The making of a table's content.
+/// A function that computes a table's content.
 type Make = fn() -> String;
 
-/// All tables that are made within a second, by their names.
+/// Names of all tables that are computed within a second, each with its function.
 const INSTANT: [(&str, Make); 4] = [
     ("settings", rows::settings),
     ("scene-stages", rows::scene_stages),
@@ -53,7 +53,7 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     PAGES.iter().map(|(name, _)| *name)
 }
 
-/// The page that has table `name`.
+/// Reads the page that contains table `name`.
 fn page(name: &str) -> Result<Page> {
     let known = PAGES.iter().find(|(known, _)| *known == name);
     let no_table = || {
@@ -64,7 +64,7 @@ fn page(name: &str) -> Result<Page> {
     Page::read(&workspace::root().join(path))
 }
 
-/// Checks the tables that are made within a second, and that the pages have every table and no other.
+/// Checks the tables that are computed within a second, and that the pages have every table and no other.
 ///
 /// # Errors
 /// The first row that differs from its command's, with its page and table.
@@ -75,7 +75,7 @@ pub fn check_instant() -> Result<()> {
     for name in names() {
         page(name)?.block(name)?;
     }
-    // A block in the pages that no command writes.
+    // Every block in the pages must be one that a command writes.
     for (_, path) in PAGES {
         let text = std::fs::read_to_string(workspace::root().join(path)).context(path)?;
         for line in text.lines().filter_map(|line| line.strip_prefix(OPENING)) {
@@ -85,11 +85,11 @@ pub fn check_instant() -> Result<()> {
     Ok(())
 }
 
-/// Writes the tables called `asked`; without names, those that are made within a second. Calls `told` with the name of
-/// each changed table. The tests on the virtual stylus write [`TICKS`], not this function.
+/// Writes the tables called `asked`, or without names the tables that are computed within a second. Calls `told` with
+/// the name of each table that changes. [`TICKS`] is written by the tests on the virtual stylus, not by this function.
 ///
 /// # Errors
-/// A name is that of no table, a page lacks the block, or the source of a table is missing.
+/// A name belongs to no table, a page lacks the block, or the source of a table is missing.
 pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
     let instant = INSTANT.iter().map(|(name, _)| (*name).to_owned());
     let asked = if asked.is_empty() {
@@ -105,7 +105,7 @@ pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
     Ok(())
 }
 
-/// Makes table `name` again.
+/// Computes the content of table `name`.
 fn made(name: &str) -> Result<String> {
     if let Some((_, make)) = INSTANT.iter().find(|(table, _)| *table == name) {
         return Ok(make());
@@ -121,8 +121,8 @@ fn made(name: &str) -> Result<String> {
     }
 }
 
-/// Compares a table that depends on the compiler with `made`, if the page names the same compiler. Returns true if it
-/// does.
+/// Compares a table that depends on the compiler with `made`, if the page names the same compiler. Returns true if they
+/// were compared.
 ///
 /// # Errors
 /// The first row that differs.

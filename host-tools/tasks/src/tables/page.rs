@@ -1,7 +1,7 @@
-//! Blocks of a page that a command writes: lines between `<!-- table: NAME, made by ... -->` and `<!-- end -->`.
+//! Blocks of a page that a command writes: the lines between `<!-- table: NAME, made by ... -->` and `<!-- end -->`.
 //!
-//! This file uses the standard library and anyhow alone, because the tests on the virtual stylus include it by its
-//! path: their workspace does not build the tasks.
+//! This file uses only the standard library and anyhow, because the tests on the virtual stylus include it by its path:
+//! their workspace does not build the tasks.
 
 use std::path::{Path, PathBuf};
 
@@ -32,10 +32,10 @@ impl Page {
         Ok(Self { path, text })
     }
 
-    /// The content of block `name`: whole lines.
+    /// Returns the content of block `name`, which consists of whole lines.
     ///
     /// # Errors
-    /// The page has no such block, or the block does not end.
+    /// The page has no such block, or the block is not closed.
     pub fn block(&self, name: &str) -> Result<&str> {
         let (begin, end) = self.range(name)?;
         Ok(&self.text[begin..end])
@@ -64,7 +64,7 @@ impl Page {
         );
     }
 
-    /// Writes `content` into block `name`, and the page to its file if the content changes. Returns true if it does.
+    /// Writes `content` into block `name`. If the content changes, writes the page to its file and returns true.
     ///
     /// # Errors
     /// There is no such block, or the page cannot be written.
@@ -78,7 +78,7 @@ impl Page {
         Ok(true)
     }
 
-    /// The begin and the end of the content of block `name`.
+    /// Returns the begin and the end of the content of block `name`.
     fn range(&self, name: &str) -> Result<(usize, usize)> {
         let missing = || {
             let (path, opening) = (self.path.display(), opening(name));
@@ -96,7 +96,7 @@ impl Page {
     }
 }
 
-/// The line that opens block `name`.
+/// Returns the line that opens block `name`.
 fn opening(name: &str) -> String {
     format!("{OPENING}{name}, made by `cargo tasks tables {name}` -->")
 }

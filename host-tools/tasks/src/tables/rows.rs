@@ -31,7 +31,7 @@ pub fn settings() -> String {
     table(header, Setting::ALL.into_iter().map(row))
 }
 
-/// Instructions per tick of a scene's stages, and the budget of all of them together.
+/// Instructions per tick of a scene's stages, and the budget for all stages together.
 pub fn scene_stages() -> String {
     let rows = [
         ("list of stages and mix", cost::MIX, ""),
@@ -64,7 +64,7 @@ fn term(cost: StageCost, each: &str) -> String {
     }
 }
 
-/// Bounds that every library keeps.
+/// Limits that every library observes.
 pub fn library_limits() -> String {
     let whole = |value: usize| grouped(value as u64);
     let rows = [
@@ -90,7 +90,7 @@ pub fn library_limits() -> String {
     most(rows)
 }
 
-/// Bounds that every scene keeps.
+/// Limits that every scene observes.
 pub fn scene_limits() -> String {
     let whole = |value: usize| grouped(value as u64);
     let between = |[least, most]: [f32; 2]| format!("{least} to {most}");
@@ -150,7 +150,7 @@ fn most<const ROWS: usize>(rows: [(&str, String); ROWS]) -> String {
     table(["quantity", "at most, or range"], rows)
 }
 
-/// The taken bytes of each memory. `compiler` is the version of the compiler, without its name.
+/// The used bytes of each memory. `compiler` is the version of the compiler, without its name.
 pub fn memory(memory: &Memory, compiler: &str) -> String {
     let rows = memory.uses().iter().map(|memory| {
         [
@@ -165,7 +165,7 @@ pub fn memory(memory: &Memory, compiler: &str) -> String {
     )
 }
 
-/// A table with `header` and `rows`. No cell may contain a bar.
+/// Returns a table with `header` and `rows`. No cell may contain a vertical bar.
 pub fn table<const COLUMNS: usize>(
     header: [&str; COLUMNS],
     rows: impl IntoIterator<Item = [String; COLUMNS]>,
@@ -177,7 +177,7 @@ pub fn table<const COLUMNS: usize>(
     text
 }
 
-/// `number` with a space before every three digits, from five digits on.
+/// Formats `number` with a space before every three digits, if it has at least five digits.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     if digits.len() < 5 {

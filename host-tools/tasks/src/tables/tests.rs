@@ -1,4 +1,4 @@
-//! Blocks of pages, and the pages themselves.
+//! Tests of blocks of pages, and of the pages themselves.
 
 use super::page::Page;
 use super::{check_instant, page, rows, write};

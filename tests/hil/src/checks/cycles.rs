@@ -1,4 +1,4 @@
-//! Cycles of tick and update, by the device's own cycle counter, for every texture and scene of the suite.
+//! Cycles of the tick and of the update for every texture and scene of the suite, by the device's own cycle counter.
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{CycleReport, MotionSource, Selection};
@@ -6,13 +6,13 @@ use model_format::link::{CycleReport, MotionSource, Selection};
 use crate::bench::Bench;
 use crate::error::Result;
 
-/// Time before a measurement, ms of the device.
+/// Time for which a selection plays before it is measured, ms of the device.
 const RUN_UP_MS: u64 = 200;
 
-/// Ticks from an update's request to the block that it decides (`stylus_app::UPDATE_LEAD_TICKS`).
+/// Ticks from the request for an update to the block that the update decides (`stylus_app::UPDATE_LEAD_TICKS`).
 const UPDATE_TICKS: u32 = 3;
 
-/// Measures the idle device and `selections`.
+/// Measures the idle device, and the device while it plays each of `selections`.
 ///
 /// # Errors
 /// The link fails, or the device refuses to play.
@@ -36,7 +36,7 @@ pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<()
     Ok(())
 }
 
-/// Adds a line: the tick must end within its period, and the update before its block begins.
+/// Adds two lines: the tick must end within its period, and the update before its block begins.
 fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
     let CycleReport {
         core_hz,

@@ -1,4 +1,4 @@
-//! Upload, stream and play at the same time, without a missed or a late tick.
+//! Upload, stream and playback at the same time, without a missed or late tick.
 
 use std::panic::resume_unwind;
 use std::thread;
@@ -13,11 +13,11 @@ use crate::checks::playing::count;
 use crate::error::{Error, Result};
 use crate::library;
 
-/// Plays the dearest texture along the host's motion, streams a recording and uploads `library` again and again, for
-/// the bench's length.
+/// Plays the most expensive texture along the host's motion, streams a recording and uploads `library` again and again,
+/// for the length that the bench sets.
 ///
 /// # Errors
-/// The link fails, or the device refuses what it should take.
+/// The link fails, or the device refuses a request that it should accept.
 pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     let (traffic, driven) =
         bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {
@@ -45,7 +45,7 @@ pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// The traffic since the status `before`, with a round trip per upload.
+/// Returns the traffic since the status `before`, with one round trip per upload.
 fn all_at_once(bench: &Bench, library: &[u8], before: Status) -> Result<Traffic> {
     let end_ms = before.uptime_ms + bench.lengths.endurance_ms;
     thread::scope(|scope| {
@@ -69,8 +69,8 @@ fn all_at_once(bench: &Bench, library: &[u8], before: Status) -> Result<Traffic>
     })
 }
 
-/// Uploads until the device's clock shows `end_ms`, the last upload to its end; at least one. Returns a round trip of
-/// each.
+/// Uploads at least once, and again until the device's clock shows `end_ms`; the last upload is completed. Returns one
+/// round trip per upload.
 fn uploads(bench: &Bench, library: &[u8], end_ms: u64) -> Result<Vec<Duration>> {
     let announced = UploadBegin {
         length: library.len() as u32,

@@ -1,5 +1,5 @@
-//! The fault image: rows of the converters that are read late; and each fault on request, its reset, its reason and its
-//! kind in the status, and silence after it.
+//! Tests with the fault image: rows of the converters that are read late, and each fault on request. After a fault
+//! there must be a reset, its reason and the kind of the fault in the status, and silence.
 
 use std::ops::Range;
 
@@ -25,7 +25,7 @@ pub struct Ending {
     pub kind: FaultKind,
     /// Part of the fault's text in the status.
     text: &'static str,
-    /// Range of the address in the status; none if there needs to be no address.
+    /// Range of the address in the status; `None` if no address is required.
     address: Option<Range<u32>>,
 }
 
@@ -41,7 +41,7 @@ impl Ending {
         }
     }
 
-    /// A fault that only the watchdog ends.
+    /// A fault that is ended only by the watchdog.
     const fn starved(fault: Injected, name: &'static str, kind: FaultKind) -> Self {
         Self {
             reason: ResetReason::Watchdog,
@@ -49,7 +49,7 @@ impl Ending {
         }
     }
 
-    /// A failure of the hardware that moves the codes, which the tick finds.
+    /// A failure of the hardware that moves the codes to the DAC, which the tick detects.
     const fn of_output(fault: Injected, name: &'static str) -> Self {
         Self {
             text: "output",
@@ -57,7 +57,7 @@ impl Ending {
         }
     }
 
-    /// An access that the memory's protection refuses at `address`.
+    /// An access at `address` that the memory protection refuses.
     const fn at(address: Range<u32>, fault: Injected, name: &'static str) -> Self {
         Self {
             address: Some(address),
@@ -73,7 +73,7 @@ impl Ending {
         }
     }
 
-    /// Returns true if the status tells of this fault.
+    /// Returns true if the fault in the status is this fault.
     pub fn explains(&self, told: &Fault) -> bool {
         let is_there = |range: &Range<u32>| told.address.is_some_and(|at| range.contains(&at));
         told.kind == self.kind
@@ -82,10 +82,10 @@ impl Ending {
     }
 }
 
-/// Addresses below the stack, which an overflow meets.
+/// Addresses below the stack, which an overflow reaches.
 const BELOW_STACK: Range<u32> = 0x1fff_fc00..0x2000_0000;
 
-/// Faults that end in a reset. A core that stops leaves the output to timer and DMA.
+/// Faults that end in a reset. When the core stops, timer and DMA still drive the output.
 pub const ENDING: [Ending; 19] = {
     use FaultKind::{ExecutorStopped, HardFault, Nmi, Panic, TickStopped, UnexpectedInterrupt};
     use Injected as I;
@@ -121,8 +121,8 @@ pub const ENDING: [Ending; 19] = {
     ]
 };
 
-/// Number of times that a critical section is injected, and blocks of a recording, of 6.4 ms each, from one to the
-/// next.
+/// Number of critical sections that are injected, and number of a recording's blocks, of 6.4 ms each, from one section
+/// to the next.
 const SECTIONS: u32 = 5;
 const BLOCKS_BETWEEN: u32 = 3;
 
@@ -139,7 +139,7 @@ pub fn check(bench: &mut Bench) -> Result<()> {
         return Ok(());
     }
     let injected = with_fault_image(bench);
-    // The product's image comes back whatever happened.
+    // The product's image is restored whatever happened.
     let restored = exchange(bench, Image::Product);
     injected?;
     restored?;
@@ -154,7 +154,8 @@ fn exchange(bench: &mut Bench, image: Image) -> Result<Status> {
     bench.wait(100)
 }
 
-/// Judges whether the image on the board takes faults on request as it has to; returns whether it does.
+/// Checks whether the image on the board accepts faults on request exactly if it has to. Returns whether it accepts
+/// them.
 fn takes_faults(bench: &mut Bench, name: &str, has_to: bool) -> Result<bool> {
     let malformed = |status: &Status| status.usb.malformed + status.serial.malformed;
     let before = bench.status()?;
@@ -177,7 +178,7 @@ fn with_fault_image(bench: &mut Bench) -> Result<()> {
     ENDING.iter().try_for_each(|ending| ends(bench, ending))
 }
 
-/// Delays ticks beyond the first conversion of the converter, and not so far, which silicon alone can tell.
+/// Delays ticks once beyond the first conversion of the converter and once less far. Only silicon shows the difference.
 fn late_rows(bench: &mut Bench) -> Result<()> {
     let told = |late: u32, torn: u32| format!("{late} late conversions, {torn} torn samples");
     let (late, torn) = with_sections(bench, Injected::ShortSection)?;
@@ -193,7 +194,7 @@ fn late_rows(bench: &mut Bench) -> Result<()> {
     Ok(())
 }
 
-/// Records while `section` delays ticks. Returns the late conversions that were counted, and the torn samples.
+/// Records while `section` delays ticks. Returns the number of late conversions and of torn samples.
 fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, u32)> {
     let before = bench.status()?;
     let mut stream = Stream::start(&bench.device)?;
@@ -215,12 +216,13 @@ fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, u32)> {
 
 fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
     let Ending { name, fault, .. } = *wanted;
-    // A reset by its pin before each fault, so that a device that stays silent after several of them plays again.
+    // Each fault follows a reset by the pin, because after several faults in succession a device would stay silent.
     let status = bench.status()?;
     bench.board.reset()?;
     let started = bench.wait_for_restart(&status)?;
     if started.start.quick_faults > 0 {
-        // A reset by the core's request, as some probes do it, does not end the count; a healthy run does.
+        // A reset that the core requests, as some probes do, does not clear the count of quick faults; a healthy run
+        // does.
         let healthy_ms = u64::from(QUICK_FAULT_MS) + 500;
         bench.wait(healthy_ms.saturating_sub(started.uptime_ms))?;
     }

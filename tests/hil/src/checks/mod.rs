@@ -1,5 +1,5 @@
-//! The tests, a module per subject. Each takes the bench and adds its lines to the report; a failure of the link or of
-//! the device ends the subject, not the run.
+//! The tests, one module per subject. Each takes the bench and adds its lines to the report. A failure of the link or
+//! of the device ends the subject, not the run.
 
 pub mod cycles;
 pub mod endurance;

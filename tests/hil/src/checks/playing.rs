@@ -1,4 +1,4 @@
-//! Playing from both sources of motion, the stop, and the mutes.
+//! Playing by both sources of motion, the stop, and the mutes.
 
 use host_tools::link::LinkError;
 use host_tools::procedures::self_test::Line;
@@ -13,7 +13,7 @@ use crate::library;
 /// Longest time from the cause of a mute until the output is at mid-scale, ms.
 const SILENT_WITHIN_MS: u64 = 100;
 
-/// Checks what a person feels, and that it ends.
+/// Checks what a person would feel, and that it ends.
 ///
 /// # Errors
 /// The link fails, or the device refuses to play.
@@ -74,12 +74,12 @@ fn from_the_host(bench: &mut Bench, scene: &Selection) -> Result<()> {
     Ok(())
 }
 
-/// Returns true if `selection` is played, muted or not.
+/// Returns true if `selection` is playing, muted or not.
 fn plays(status: &Status, selection: &Selection) -> bool {
     matches!(&status.output.activity, Activity::Playing { selection: played, .. } if played == selection)
 }
 
-/// Adds the lines of the tick's counters from `before` to `after`.
+/// Adds a line for each of the tick's counters, with its increase from `before` to `after`.
 fn on_time(bench: &mut Bench, before: &Status, after: &Status) {
     let counts = |status: &Status| {
         let tick = status.tick;
@@ -119,7 +119,7 @@ fn from_the_sensors(bench: &mut Bench) -> Result<()> {
     let play = library::cheap();
     let length = bench.lengths.play_ms;
     let (status, _) = bench.while_playing(&play, MotionSource::Sensors, |bench| {
-        // Until the player has seen the sensors, and longer under an emulator whose host was late.
+        // Waits until the player has seen the sensors. An emulator on a late host needs longer.
         let status = bench.wait(length)?;
         match bench.wait_until_heard() {
             Ok(heard) => Ok(heard),
@@ -145,7 +145,7 @@ fn from_the_sensors(bench: &mut Bench) -> Result<()> {
     Ok(())
 }
 
-/// Keeps the link alive without a motion: the output must fade, because the motion is old.
+/// Keeps the link alive without sending motions. The output must fade, because the last motion becomes stale.
 fn stale(bench: &mut Bench) -> Result<()> {
     let play = library::cheap();
     bench.while_playing(&play, MotionSource::Host, Bench::wait_until_heard)?;
@@ -164,9 +164,9 @@ fn stale(bench: &mut Bench) -> Result<()> {
     Ok(())
 }
 
-/// Sends nothing that renews the lease, and reads on until the output is at mid-scale.
+/// Sends nothing that renews the lease, and reads the status until the output is at mid-scale.
 fn lost_link(bench: &mut Bench) -> Result<()> {
-    /// Attempts to read in time, because this computer's clock is not the device's.
+    /// Number of attempts to read in time, because this computer's clock is not the device's.
     const ATTEMPTS: u32 = 40;
     let play = library::cheap();
     let mut value = String::new();

@@ -1,4 +1,4 @@
-//! The product's own self test, and what takes an instrument.
+//! The product's own self test, and a list of the tests that need an instrument.
 
 use host_tools::procedures::self_test::{self, Line, Options, judge};
 use model_format::link::{SelfTestRequest, SelfTestValues};
@@ -6,8 +6,8 @@ use model_format::link::{SelfTestRequest, SelfTestValues};
 use crate::bench::Bench;
 use crate::error::Result;
 
-/// Runs what `stylus selftest --bare` runs, with the bench's length of traffic, and adds its lines. The output's are
-/// left out with an amplifier whose enable is not wired.
+/// Runs the tests of `stylus selftest --bare`, with traffic of the bench's length, and adds their lines. Those of the
+/// output are left out if an amplifier whose enable is not wired may be connected.
 ///
 /// # Errors
 /// The link fails, or the device refuses to measure.
@@ -29,7 +29,8 @@ pub fn check(bench: &mut Bench) -> Result<()> {
     Ok(())
 }
 
-/// Reads the pin back, which the converter and not the image's own state must show at rest, and adds lines of `name`.
+/// Reads the pin back and adds lines of `name`. The converter, and not the image's own state, must show that the pin is
+/// at rest.
 ///
 /// # Errors
 /// The link fails, or the device refuses to measure.

@@ -1,4 +1,4 @@
-//! An upload: listed, and activated.
+//! An upload: the library is listed afterwards and can be activated.
 
 use host_tools::link::upload::upload;
 use model_format::link::LIBRARY_CRC;
@@ -9,7 +9,7 @@ use crate::error::Result;
 /// Uploads `library` and activates it.
 ///
 /// # Errors
-/// The link fails, or the device refuses what it should take.
+/// The link fails, or the device refuses a request that it should accept.
 pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     let active = bench.status()?.library_crc32;
     let crc32 = LIBRARY_CRC.checksum(library);

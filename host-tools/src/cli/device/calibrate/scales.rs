@@ -1,4 +1,4 @@
-//! The scales of force and path: known weights on the tip, and a known distance.
+//! The scales of force and path, measured with known weights on the tip and over a known distance.
 
 use std::sync::mpsc;
 
@@ -33,7 +33,7 @@ impl Scales {
     }
 }
 
-/// Results of the weights and the distance.
+/// Results of the measurements with weights and distance.
 #[derive(Serialize)]
 pub struct ScalesReport {
     force: Option<ForceScale>,
@@ -53,7 +53,7 @@ fn nothing_stored(fault: impl std::fmt::Display) -> Error {
 }
 
 impl Bench<'_> {
-    /// Measures the scales that are wanted.
+    /// Measures the scales that were requested.
     pub fn scales(&self) -> Result<ScalesReport> {
         let Scales { weights, distance } = &self.arguments.scales;
         if weights.len() > 2 {
@@ -108,12 +108,12 @@ impl Bench<'_> {
         Ok(scale)
     }
 
-    /// Records the way of the tip, until the operator says that it has ended.
+    /// Records the path of the tip until the operator reports that it has ended.
     fn travel(&self, from: &str, to: &str) -> Result<Travel> {
         answer(&format!("put the tip on {from}, then press Enter"))?;
         let (sender, answers) = mpsc::channel();
         let question = format!("move {to} in a straight line, then press Enter");
-        // A thread of its own waits for the keyboard, because the recording goes on meanwhile.
+        // A separate thread waits for the keyboard, because the recording continues meanwhile.
         let ask = move || drop(std::thread::spawn(move || sender.send(answer(&question))));
         let mut answered = None;
         let travel = Travel::record(self.device, ask, || {
@@ -127,7 +127,7 @@ impl Bench<'_> {
         Ok(travel)
     }
 
-    /// Measures the largest weight and the distance again, by the `stored` settings.
+    /// Measures the largest weight and the distance again, with the `stored` settings.
     pub fn verify_scales(&self, scales: &ScalesReport, stored: &Settings) -> Result<()> {
         let refuse = |fault: &dyn std::fmt::Display| Error::Request(fault.to_string());
         let grams = scales.weighed.iter().map(|weighed| weighed.grams);

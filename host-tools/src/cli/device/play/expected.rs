@@ -1,4 +1,4 @@
-//! The level that a play is expected to have, by the file of the active library.
+//! The expected level of a playback, computed from the file of the active library.
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use host_tools::texture::library::{decode_library, read_library};
 use model_format::link::{LIBRARY_CRC, PlayRequest, Selection, Status};
 use serde::Serialize;
 
-/// Shortest and longest stretch that is rendered, s.
+/// Shortest and longest duration that is rendered, s.
 const RENDERED_S: [f64; 2] = [0.1, 60.0];
 
-/// Level of what a device plays.
+/// Level of the signal that a device plays.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Level {
     /// RMS, m/s².
@@ -30,10 +30,10 @@ pub struct LibraryFile {
 }
 
 impl LibraryFile {
-    /// Reads the library at `path`, which must be the active one of `status`.
+    /// Reads the library at `path`, which must be the device's active one according to `status`.
     ///
     /// # Errors
-    /// A file that cannot be read, or another library.
+    /// The file cannot be read, or contains another library.
     pub fn read(path: &Path, status: &Status) -> Result<Self> {
         let bytes = read_library(path)?;
         decode_library(path, &bytes)?;
@@ -48,10 +48,10 @@ impl LibraryFile {
         })
     }
 
-    /// The level of `request` along `motion` for `seconds`, or for the first minute of them; none for a scene.
+    /// Computes the level of `request` along `motion` for `seconds`, but for one minute at most; `None` for a scene.
     ///
     /// # Errors
-    /// A texture that is not in the file.
+    /// The file does not contain the texture.
     pub fn level(
         &self,
         request: &PlayRequest,

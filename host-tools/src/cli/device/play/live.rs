@@ -1,4 +1,4 @@
-//! The state of a play while it lasts: one line that changes on a terminal, and lines at intervals elsewhere.
+//! The state of a playback while it lasts: one line that is updated on a terminal, and lines at intervals elsewhere.
 
 use std::time::{Duration, Instant};
 
@@ -15,13 +15,13 @@ use model_format::link::{Activity, MuteReason, RecordSample, Status};
 use crate::cli::device::record::LIVE_SAMPLES;
 use crate::cli::output::note;
 
-/// Interval between lines where standard error is no terminal.
+/// Interval between lines if standard error is not a terminal.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(2);
 
-/// Blocks that are taken at a time, so that motions are not kept waiting.
+/// Number of blocks that are read at once, limited so that motions are not delayed.
 const BLOCKS_AT_A_TIME: usize = 16;
 
-/// Display of a play while it lasts.
+/// Display of a playback while it lasts.
 pub struct Live<'a> {
     line: ProgressBar,
     shown: Instant,
@@ -29,18 +29,18 @@ pub struct Live<'a> {
     sensors: Option<Sensors<'a>>,
 }
 
-/// The sensors' motion, which the status does not have.
+/// The motion by the sensors, which the status does not contain.
 struct Sensors<'a> {
     stream: Stream<'a>,
     calibration: Calibration,
     recent: Vec<RecordSample>,
-    /// Largest speed so far, mm/s; none before the first samples.
+    /// Largest speed so far, mm/s; `None` before the first samples.
     fastest_mm_s: Option<f64>,
 }
 
 impl<'a> Live<'a> {
-    /// Begins to show a play along `motion`, or along the sensors of `device` if there is none. Where those cannot be
-    /// listened to, because something is recorded over another link, their speed is not shown.
+    /// Begins to show a playback along `motion`, or without one along the motion of the sensors of `device`. The
+    /// sensors' speed is not shown if they cannot be read because another link is recording.
     pub fn begin(device: &'a Device, motion: Option<&'a MotionPath>) -> Self {
         let sensors = || {
             let settings = device.settings().ok()?;
@@ -73,7 +73,7 @@ impl<'a> Live<'a> {
                     sensors.recent.extend(arrival.samples);
                 }
                 Ok(None) => break,
-                // The next request tells why.
+                // The next request will report the error.
                 Err(_) => return,
             }
         }
@@ -81,7 +81,7 @@ impl<'a> Live<'a> {
         sensors.recent.drain(..old);
     }
 
-    /// Shows the state of the play.
+    /// Shows the state of the playback.
     pub fn show(&mut self, driven: &Driven, status: &Status, heard: &Heard) {
         let text = format!(
             "{:.1} s: {}{}; {}; {}, {}",
@@ -100,7 +100,7 @@ impl<'a> Live<'a> {
         }
     }
 
-    /// Speed and force at `seconds`.
+    /// Returns speed and force at `seconds`, in words.
     fn motion_at(&self, seconds: f64, status: &Status) -> String {
         if let Some(motion) = self.motion {
             let (speed, force) = motion.values_at(seconds);
@@ -115,7 +115,7 @@ impl<'a> Live<'a> {
         }
     }
 
-    /// Ends the line, and the listening. Returns the largest speed that the sensors told, mm/s.
+    /// Ends the line, and stops reading the sensors. Returns the largest speed that the sensors measured, mm/s.
     pub fn end(self) -> Option<f64> {
         self.line.finish_and_clear();
         self.sensors?.fastest_mm_s
@@ -128,7 +128,7 @@ impl Sensors<'_> {
     }
 }
 
-/// Level of the accelerometer.
+/// Returns the level at the accelerometer, in words.
 fn level(status: &Status) -> String {
     let rms = vibration_m_s2(status);
     if rms == 0.0 {

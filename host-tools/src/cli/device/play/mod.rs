@@ -28,7 +28,7 @@ use crate::cli::output::{print, print_json, warn};
 use expected::{Level, LibraryFile};
 use live::Live;
 
-/// Parses a factor on the amplitude.
+/// Parses a gain, the factor on the amplitude.
 fn gain(text: &str) -> std::result::Result<f32, String> {
     match text.parse() {
         Ok(gain) if (0.0..=MAX_PLAY_GAIN).contains(&gain) => Ok(gain),
@@ -96,24 +96,24 @@ struct PlayReport<'a> {
     scene: Option<&'a str>,
     #[serde(flatten)]
     driven: Driven,
-    /// Largest speed that the sensors told, mm/s; none with another motion, or where they could not be listened to.
+    /// Largest speed that the sensors measured, mm/s; `None` with another motion, or if the sensors could not be read.
     fastest_mm_s: Option<f64>,
     saturations: u32,
     hard_limited: u32,
     slew_limited: u32,
     thermally_limited: u32,
-    /// Mutes but for those that belong to the begin and the end.
+    /// Number of mutes, without those of the begin and the end.
     mutes: u32,
-    /// Share of the time in which the output was muted, as far as the status showed it.
+    /// Fraction of the time in which the output was muted, according to the readings of the status.
     muted_share: Option<f64>,
     missed_ticks: u32,
-    /// Level at the accelerometer before and in the play; none if the device does not tell it.
+    /// Level at the accelerometer before and during the playback; `None` if the device does not report it.
     #[serde(skip_serializing_if = "Option::is_none")]
     accelerometer: Option<Vibration>,
-    /// Level that is expected, if `--library` is given.
+    /// Expected level, if `--library` is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     expected: Option<Level>,
-    /// The reason for which the play counts as failed.
+    /// The reason why the playback counts as failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     failure: Option<String>,
 }
@@ -170,10 +170,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Ends a play with the outcome `played`, and returns the status after it. The output is switched off after a failure,
-/// too; the first failure is the one that is reported.
+/// Stops the output after a playback with the outcome `played`, and returns the status. The output is stopped after a
+/// failure too, and the first failure is reported.
 fn stop(device: &Device, played: Result<Driven>) -> Result<(Driven, OutputStatus)> {
-    // A stop would end what yet another program may play by now.
+    // Another program has stopped this playback. A stop now could end what that program plays.
     if let Some(by) = device.stopped_by() {
         let problem = format!("stopped by {by}");
         return Err(Error::Request(format!("{}: {problem}", device.address())));
@@ -199,7 +199,7 @@ fn warn_of_skipped(driven: &Driven, rate_hz: u32) {
     }
 }
 
-/// Warns if limits of the output acted between two of its states.
+/// Warns if limits of the output acted between the states `before` and `after`.
 fn warn_of_limits(before: &OutputStatus, after: &OutputStatus) {
     let limited = |output: &OutputStatus| {
         let limits = [
@@ -251,7 +251,7 @@ fn summary(
     )
 }
 
-/// The signs of the output's level that there are.
+/// Returns the levels that are known, expected and measured, in words.
 fn levels(vibration: Option<Vibration>, expected: Option<Level>) -> String {
     let mut text = String::new();
     if let Some(level) = expected {
@@ -269,7 +269,7 @@ fn levels(vibration: Option<Vibration>, expected: Option<Level>) -> String {
     text
 }
 
-/// The number of mutes, with their reasons as far as they were seen.
+/// Returns the number of mutes, with their reasons as far as they were observed.
 fn mutes(heard: &Heard) -> String {
     let count = counted(heard.mutes, "mute");
     match heard.reasons() {
@@ -292,7 +292,7 @@ fn plan(arguments: &Arguments) -> Result<Drive> {
     Ok(Drive {
         motion,
         rate_hz: arguments.rate,
-        // More than a day is as good as until Ctrl-C.
+        // A day or more counts as unlimited.
         duration: seconds
             .filter(|&seconds| seconds < 86_400.0)
             .map(Duration::from_secs_f64),
@@ -311,7 +311,7 @@ fn request(arguments: &Arguments, plan: &Drive) -> Result<PlayRequest> {
     })
 }
 
-/// The texture or scene to play; the command line has exactly one of them.
+/// Returns the texture or scene to play. The command line names exactly one.
 fn selection(arguments: &Arguments) -> Result<Selection> {
     let too_long = |what: &str, name: &str| {
         Error::Request(format!(
@@ -327,7 +327,7 @@ fn selection(arguments: &Arguments) -> Result<Selection> {
     Ok(Selection::Texture(texture))
 }
 
-/// Plays until the end. Returns what was sent, and the largest speed that the sensors told, mm/s.
+/// Plays until the end. Returns what was sent, and the largest speed that the sensors measured, mm/s.
 fn keep_playing(
     device: &Device,
     plan: &Drive,
@@ -346,7 +346,7 @@ fn keep_playing(
         |driven, status| {
             heard.hear(status);
             live.borrow_mut().show(driven, status, heard);
-            // Only idle means stopped, because the output may still fade out of the previous play.
+            // Only an idle output has stopped, because otherwise it may still be fading out from the previous playback.
             ended.set(status.output.activity == Activity::Idle);
         },
     );

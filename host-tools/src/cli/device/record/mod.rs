@@ -75,7 +75,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// Reads the trials that are asked for, checked.
+    /// Reads and checks the trials that were requested.
     fn points(&self) -> Result<Vec<PlannedTrial>> {
         let texture = self.texture.as_deref();
         let points = match (&self.trials, texture) {
@@ -128,10 +128,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&report.text())
 }
 
-/// Samples that a live level is the mean of: 0.1 s.
+/// Number of samples over which a live level is averaged: 0.1 s.
 pub const LIVE_SAMPLES: usize = 500;
 
-/// A level in a few words.
+/// Formats a level in a few words.
 pub fn live(level: &Level) -> String {
     format!("{:7.3} m/s² {:5.1} mm/s", level.rms_m_s2, level.speed_mm_s)
 }
@@ -153,10 +153,10 @@ pub struct Sensing {
 }
 
 impl Sensing {
-    /// The calibration by the device's settings, with the given scales in place of theirs.
+    /// Returns the calibration by the device's settings, except for scales that were given.
     ///
     /// # Errors
-    /// A link that broke, a number of scales other than one or three, or scales that are all zero.
+    /// The link failed, the number of scales is neither one nor three, or all scales are zero.
     pub fn calibration(&self, device: &Device) -> Result<Calibration> {
         let calibration = Calibration::new(&device.settings()?, self.scale()?);
         let mut scales = calibration.m_s2_per_code.iter();
@@ -169,7 +169,7 @@ impl Sensing {
         Ok(calibration)
     }
 
-    /// Provenance of a recording by `device`.
+    /// Returns the provenance of a recording by `device`.
     pub fn provenance(&self, device: &Device) -> Provenance {
         if self.simulated || device.address().is_of_an_emulator() {
             Provenance::Simulated

@@ -1,4 +1,4 @@
-//! Report of `stylus record`: one row per trial.
+//! The report of `stylus record`, with one row per trial.
 
 use host_tools::support::number::counted;
 use std::path::Path;
@@ -10,10 +10,10 @@ use serde::Serialize;
 
 use crate::cli::table::{headed, table};
 
-/// Share by which the measured speed or force may differ from the wanted one.
+/// Relative amount by which the measured speed or force may differ from the wanted one.
 const TOLERANCE: f64 = 0.1;
 
-/// Share of a wanted speed below which nothing moved.
+/// Fraction of the wanted speed below which a trial counts as without motion.
 const STILL: f64 = 0.02;
 
 /// A recorded trial.
@@ -22,21 +22,21 @@ pub struct Row {
     texture: String,
     speed_mm_s: f64,
     force_n: f64,
-    /// Mean over the whole trial.
+    /// Mean level over the whole trial.
     level: Level,
-    /// True if nothing moved where it should have.
+    /// True if there was no motion although there should have been.
     #[serde(skip)]
     is_still: bool,
     pub verdicts: Vec<String>,
     loss: Loss,
-    /// Number of holes, each of which restarted the capture.
+    /// Number of gaps. Each of them restarted the capture.
     holes: u32,
-    /// Number of torn samples of this trial, whose codes are interpolated.
+    /// Number of torn samples in this trial. Their codes are interpolated.
     interpolated: u32,
 }
 
 impl Row {
-    /// The row of the trial `point`, which was recorded as `capture`.
+    /// Creates the row of the trial `point`, which was recorded as `capture`.
     pub fn new(
         point: &PlannedTrial,
         capture: &Capture,
@@ -57,7 +57,7 @@ impl Row {
         }
     }
 
-    /// The row as one line of text.
+    /// Returns the row as one line of text.
     pub fn line(&self) -> String {
         let holes = if self.holes == 0 {
             String::new()
@@ -95,7 +95,7 @@ impl Row {
     }
 }
 
-/// A whole session.
+/// The report on a whole session.
 #[derive(Serialize)]
 pub struct RecordReport {
     folder: String,
@@ -106,7 +106,7 @@ pub struct RecordReport {
 }
 
 impl RecordReport {
-    /// The session that recorded `rows` into `folder`.
+    /// Creates the report on a session that recorded `rows` into `folder`.
     pub fn new(folder: &Path, rows: Vec<Row>, already_there: usize, left_out: usize) -> Self {
         Self {
             folder: folder.display().to_string(),
@@ -117,7 +117,7 @@ impl RecordReport {
         }
     }
 
-    /// The report as a table with a summary.
+    /// Returns the report as a table with a summary.
     pub fn text(&self) -> String {
         let (header, rows) = headed(self.recorded.iter().map(|row| {
             [
@@ -149,13 +149,13 @@ impl RecordReport {
     }
 }
 
-/// Returns whether nothing moved where it should have.
+/// Returns true if there was no motion although there should have been.
 fn is_still(point: &PlannedTrial, level: &Level) -> bool {
     point.speed_mm_s > 0.0 && level.speed_mm_s < STILL * point.speed_mm_s
 }
 
-/// Verdicts of triage on the samples, and of the operator's speed and force against the wanted ones. Of a trial without
-/// motion there is one: whatever its samples are, they are not of the surface.
+/// Returns triage's verdicts on the samples, and verdicts on the operator's speed and force compared with the wanted
+/// ones. A trial without motion has a single verdict, because its samples are not of the surface.
 fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<String> {
     if is_still(point, level) {
         let Level {

@@ -1,4 +1,4 @@
-//! One session of `stylus record`: trial by trial, until the operator is content.
+//! One session of `stylus record`: each trial is recorded until the operator is satisfied.
 
 use std::io::BufRead;
 use std::sync::mpsc;
@@ -22,7 +22,7 @@ use crate::cli::device::record::{LIVE_SAMPLES, live};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::tell;
 
-/// The end of one trial.
+/// How a trial ended.
 pub enum Outcome {
     /// Recorded and kept.
     Recorded(Row),
@@ -34,7 +34,7 @@ pub enum Outcome {
     End,
 }
 
-/// A connected device, with the operator who moves it.
+/// A connected device, and the operator who moves it.
 pub struct Session<'a> {
     arguments: &'a Arguments,
     device: Device,
@@ -86,7 +86,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Captures one trial with a live level; none if the operator interrupted it.
+    /// Captures one trial while the level is shown; `None` if the operator interrupted it.
     fn capture(&self) -> Result<Option<Capture>> {
         let seconds = self.arguments.seconds.unwrap_or(TRIAL_DURATION_S);
         let settle = self.arguments.settle;
@@ -103,7 +103,7 @@ impl<'a> Session<'a> {
         Ok(captured)
     }
 
-    /// Adds a capture to the folder, and judges it as `fit` would.
+    /// Adds a capture to the folder, and judges it like `fit` would.
     fn keep(&self, folder: &mut Folder, point: &PlannedTrial, capture: &Capture) -> Result<Row> {
         let provenance = self.arguments.sensing.provenance(&self.device);
         let trial = folder.add(point, capture, &self.calibration, provenance)?;
@@ -112,12 +112,12 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Interval at which a wait for an answer looks for Ctrl-C.
+/// Interval at which Ctrl-C is checked while waiting for an answer.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// An answer of the operator.
 pub enum Answer {
-    /// Go on.
+    /// Continue.
     Go,
     /// Skip this trial.
     Skip,
@@ -130,7 +130,7 @@ pub enum Answer {
 /// The operator at the keyboard.
 pub struct Operator {
     interrupt: Interrupt,
-    /// Lines of standard input; none if no questions are asked.
+    /// Lines of standard input; `None` if no questions are asked.
     lines: Option<Receiver<String>>,
 }
 
@@ -151,7 +151,7 @@ impl Operator {
         self.interrupt.is_raised()
     }
 
-    /// Asks `question` and waits for the answer. Without questions the answer is to go on, until Ctrl-C.
+    /// Asks `question` and waits for the answer. Without questions the answer is to continue, until Ctrl-C.
     pub fn ask(&self, question: &str) -> Answer {
         let Some(lines) = &self.lines else {
             return if self.has_interrupted() {
@@ -180,12 +180,12 @@ impl Operator {
     }
 }
 
-/// Prints to standard error, so that standard output holds the report alone.
+/// Prints to standard error, so that standard output contains only the report.
 pub fn say(text: &str) {
     tell(text);
 }
 
-/// Reads the lines of standard input in a thread; the channel ends with the input.
+/// Reads the lines of standard input in a thread. The channel closes when the input ends.
 fn read_lines() -> Receiver<String> {
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {

@@ -1,4 +1,4 @@
-//! `stylus record --strokes`: a free hand, for segment.
+//! `stylus record --strokes`: strokes of a free hand, which `segment` reads.
 
 use host_tools::link::capture::{Level, Loss};
 use host_tools::procedures::strokes;
@@ -21,11 +21,11 @@ struct StrokesReport {
     seconds: f64,
     level: Level,
     loss: Loss,
-    /// Number of lost samples, which are holes in the file.
+    /// Number of lost samples, which are gaps in the file.
     lost_samples: usize,
 }
 
-/// Records until Ctrl-C or the end, and keeps what was recorded.
+/// Records until Ctrl-C or until the duration has elapsed, and keeps the recording.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let file = &arguments.out;
     arguments.overwrite.file(file)?;

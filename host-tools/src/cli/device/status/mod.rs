@@ -43,9 +43,9 @@ struct StatusReport<'a> {
     /// Reasons for muting, in words.
     muted: Vec<String>,
     status: &'a Status,
-    /// The response that is stored, if any.
+    /// The stored response, if any.
     response: Option<Summary>,
-    /// Images and update; none without a bootloader.
+    /// Images and state of the update; `None` without a bootloader.
     update: Option<UpdateReport>,
 }
 
@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&text)
 }
 
-/// The status with one line per subject.
+/// Returns the status with one line per subject.
 fn text(info: &DeviceInfo, status: &Status, update: Option<UpdateReport>) -> String {
     let mut lines = vec![
         format!(
@@ -100,7 +100,7 @@ fn text(info: &DeviceInfo, status: &Status, update: Option<UpdateReport>) -> Str
     lines.join("\n")
 }
 
-/// Library, output, limits and lease.
+/// Returns the lines on library, output, limits and lease.
 fn output_lines(status: &Status) -> Vec<String> {
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
@@ -136,7 +136,7 @@ fn output_lines(status: &Status) -> Vec<String> {
     lines
 }
 
-/// Counts, worst cases and levels.
+/// Returns the lines on counts, worst cases and levels.
 fn counter_lines(status: &Status) -> [String; 7] {
     let times = &status.tick_histogram;
     let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(times.core_hz.max(1));
@@ -174,7 +174,7 @@ fn counter_lines(status: &Status) -> [String; 7] {
     ]
 }
 
-/// The start: clock, silicon and supply, and a line for each thing to see to.
+/// Returns the lines on the start: clock, silicon and supply, and one for each item that needs attention.
 fn start(start: StartReport) -> Vec<String> {
     let mut lines = vec![format!(
         "start    {} clock, silicon revision {}, brown-out level {}, {} quick faults",
@@ -229,7 +229,7 @@ fn fault(fault: &Fault) -> String {
     )
 }
 
-/// Worst cases since the start, for a processor with a clock of `core_hz`.
+/// Returns the worst cases since the start, for a processor with a clock of `core_hz`.
 fn marks(marks: &Marks, core_hz: u32) -> String {
     let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(core_hz.max(1));
     format!(
@@ -243,7 +243,7 @@ fn marks(marks: &Marks, core_hz: u32) -> String {
     )
 }
 
-/// The limits of the output.
+/// Returns the limits of the output, in words.
 fn limits(limits: &OutputLimits) -> String {
     format!(
         "{:.3} V peak and {:.3} V RMS at the pin, {:.3} W held in the coil: {}",
@@ -258,7 +258,7 @@ fn limits(limits: &OutputLimits) -> String {
     )
 }
 
-/// The lease of whoever plays.
+/// Returns, in words, which link has the lease.
 fn lease(lease: LeaseStatus) -> String {
     let holder = match lease.holder {
         None => "nobody plays".to_owned(),
@@ -268,7 +268,7 @@ fn lease(lease: LeaseStatus) -> String {
     format!("{holder}; {} refused", lease.refused)
 }
 
-/// A change of settings in one line.
+/// Returns a change of settings in one line.
 fn change(change: &SettingsChange) -> String {
     match change {
         SettingsChange::Reset => "reset".to_owned(),
@@ -284,7 +284,7 @@ fn levels(levels: &Levels) -> String {
     if levels.samples == 0 {
         return "no levels yet".to_owned();
     }
-    // Levels are in decibel re a millionth of the unit.
+    // Levels are in dB re one millionth of the unit.
     let unit = |decibel: f32| 10f64.powf(f64::from(decibel) / 20.0 - 6.0);
     format!(
         "vibration {:.1} dB re 1 µm/s² ({:.3} m/s² RMS); force {:.3} N, noise {:.1} dB re 1 µN \
@@ -297,7 +297,7 @@ fn levels(levels: &Levels) -> String {
     )
 }
 
-/// Everything about the settings that someone should know, one line each.
+/// Returns everything about the settings that a user should know, one line each.
 pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
     let refusal = state.check_playable().err();
     let differing = (!state.differing.is_empty()).then(|| {
@@ -318,7 +318,7 @@ pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
         .flatten()
 }
 
-/// Both versions, and the state of the update.
+/// Returns both images' versions and the state of the update, in words.
 fn update(report: UpdateReport) -> String {
     let phase = match report.phase {
         UpdatePhase::Confirmed => "confirmed".to_owned(),
@@ -370,7 +370,7 @@ fn upload(state: &UploadState) -> String {
     }
 }
 
-/// State of the player in a few words.
+/// Returns the state of the player in a few words.
 pub fn output(output: &OutputStatus) -> String {
     let what = match &output.activity {
         Activity::Idle => "idle".to_owned(),

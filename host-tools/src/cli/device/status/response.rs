@@ -6,18 +6,18 @@ use host_tools::support::date::utc;
 use model_format::link::{ResponseState, StoredResponse};
 use serde::Serialize;
 
-/// The response that is stored, in short.
+/// A summary of the stored response.
 #[derive(Serialize)]
 pub struct Summary {
     /// Hash of the whole response.
     id: String,
     /// Day of the measurement, UTC.
     measured_on: String,
-    /// Largest deviation from flat of the proof, dB.
+    /// Largest deviation from a flat response in the verification, dB.
     worst_db: f32,
-    /// RMS of the deviation, dB.
+    /// RMS of that deviation, dB.
     rms_db: f32,
-    /// Settings that have changed since, in words; empty if none has.
+    /// Settings that have changed since the measurement, in words; empty if none has.
     changed_since: String,
 }
 

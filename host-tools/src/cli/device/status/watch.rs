@@ -15,10 +15,10 @@ use super::{Arguments, output};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, warn};
 
-/// Interval at which Ctrl-C is looked for.
+/// Interval at which Ctrl-C is checked.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// The state in one interval.
+/// The state at the end of one interval.
 #[derive(Serialize)]
 struct Reading {
     seconds: f64,
@@ -26,11 +26,11 @@ struct Reading {
     ticks: u64,
     missed: u32,
     late_frames: u32,
-    /// Level of the sensors; none while another program records.
+    /// Level of the sensors; `None` while another program records.
     level: Option<Level>,
 }
 
-/// Shows the state until the end that the arguments give.
+/// Shows the state until the duration in the arguments has elapsed, or until Ctrl-C.
 pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     let interrupt = Interrupt::listen()?;
     let calibration = Calibration::new(&device.settings()?, None);
@@ -68,7 +68,7 @@ pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Receives samples until `until`, s since `begin`, and returns their level.
+/// Receives samples until `until`, s after `begin`, and returns their level.
 fn listen(
     stream: &mut Stream<'_>,
     calibration: &Calibration,
@@ -130,7 +130,7 @@ impl Reading {
     }
 }
 
-/// Shows a reading: on a terminal in one line that changes, otherwise in a line of its own.
+/// Shows a reading: on a terminal in one line that is updated, otherwise in a new line.
 fn show(reading: &Reading, json: bool, line: &indicatif::ProgressBar) -> Result<()> {
     if json {
         let text = serde_json::to_string(reading)
