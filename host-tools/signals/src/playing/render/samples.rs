@@ -10,8 +10,8 @@ use crate::support::error::{Error, Result};
 
 /// Iterator over the samples of a texture or scene along a motion. It stores the samples of one update interval.
 ///
-/// The same library, motion and seed give the same samples on every computer. Like a stylus, the rendering begins at
-/// the level of the motion's first moment, and with contact if there is contact then.
+/// The same library, motion and seed give the same samples on every computer. As on a stylus, a texture starts at its
+/// full level, without fading in, as soon as there is contact.
 #[derive(Clone, Debug)]
 pub struct Rendering<'a> {
     player: ScenePlayer<'a, Wavefront>,
