@@ -178,7 +178,7 @@ mod tests {
     use proptest::prelude::*;
     use test_helpers::{near, noise};
 
-    /// Noise of an axis below half of its Nyquist frequency, quantised in steps of `step` times its standard deviation.
+    /// Low-pass filtered noise as the samples of an axis, rounded to multiples of `step`.
     fn axis(seed: u64, samples: usize, step: f64) -> Vec<f64> {
         let noise = noise(seed, samples + 2);
         let smooth = noise.windows(3).map(|w| w[0] + 1.4 * w[1] + 0.6 * w[2]);

@@ -538,7 +538,6 @@ fn near_whole(rate_hz: f64) -> f64 {
 ///
 /// # Errors
 /// There are fewer than two times; or a step differs from the others, with its line.
-/// Fewer than two times; a step that is not as the others, with its line.
 pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result<f64> {
     let path = table.path();
     if times.len() < 2 {
