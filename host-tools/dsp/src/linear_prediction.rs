@@ -50,7 +50,8 @@ impl Prediction {
             if error <= 0.0 {
                 break;
             }
-            // The sum of a(1) .. a(m) times r(m) .. r(1) equals that of the reversed a times r(1) .. r(m).
+            // The sum of the products of a(1) .. a(m) with r(m) .. r(1) equals that of the reversed a with r(1) ..
+            // r(m).
             let k = -(lags[m + 1] + dot_inlined(predictor.reversed(), &lags[1..=m])) / error;
             if !k.is_finite() || k.abs() >= 1.0 {
                 break;

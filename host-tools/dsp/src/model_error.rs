@@ -173,7 +173,7 @@ mod tests {
     const RATE_HZ: f64 = 5000.0;
 
     proptest! {
-        /// By its definition: sums over single frequencies, each evaluated on its own.
+        /// Reference: the definition, with sums over single frequencies, each evaluated separately.
         #[test]
         fn errors_are_those_of_the_densities(
             k in prop::collection::vec(-0.7f64..0.7, 1..12), by in -0.01f64..0.01,

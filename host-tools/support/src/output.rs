@@ -123,7 +123,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
         Err(failure) => return Err(failure),
     };
     let listed: BTreeSet<&Path> = list.lines().map(Path::new).collect();
-    // An empty folder belongs to the earlier run if the list has files in it.
+    // An empty folder belongs to the earlier run if the list names it, or files in it.
     let is_own = |inner: &&PathBuf| {
         let next = listed.range(inner.as_path()..).next();
         next.is_some_and(|listed| listed.starts_with(inner))

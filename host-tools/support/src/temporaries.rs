@@ -22,7 +22,7 @@ pub struct Removed {
     _list: MutexGuard<'static, Vec<PathBuf>>,
 }
 
-/// Removes all temporaries of this process. The process should end before the returned value is dropped.
+/// Removes all temporaries of this process. The process must end before the returned value is dropped.
 pub fn remove_all() -> Removed {
     let mut list = lock();
     for path in list.drain(..) {

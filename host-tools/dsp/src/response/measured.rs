@@ -50,7 +50,7 @@ impl Spectra {
         }
     }
 
-    /// Returns the amplitude of a bin along `axis`, and the variance of this amplitude as a mean over the periods.
+    /// Returns the mean amplitude of a bin along `axis` over the periods, and the variance of this mean.
     fn along(&self, axis: [f64; 3], bin: usize, bandwidths: &Bandwidths) -> (Complex<f64>, f64) {
         let (mut mean, mut variance) = (Complex::default(), 0.0);
         for (n, direction) in axis.into_iter().enumerate() {

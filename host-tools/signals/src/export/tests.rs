@@ -195,7 +195,7 @@ fn a_decoder_of_mpeg_haptics_has_the_third_octaves_and_the_samples_that_the_styl
         for band in 2..BAND_LABELS_HZ.len() {
             near(decibels(found[band], expected[band]), 0.0, 0.05);
         }
-        // Both have a sample every millisecond. What is near half the lower rate, or above it, is lost.
+        // Both have a sample every millisecond. Components near or above half the lower rate are lost.
         let played = played.iter().step_by(rate_hz as usize / 1000);
         let pairs = played.zip(decoded.iter().step_by(8));
         let (error, power) = pairs.fold((0.0, 0.0), |(error, power), (played, decoded)| {

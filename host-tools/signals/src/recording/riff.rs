@@ -46,7 +46,7 @@ const EXTENDED_FORMAT: usize = 24;
 
 /// The format and the samples of a WAV file.
 pub(super) struct Wave {
-    /// Format and samples, as a WAV file of their own.
+    /// Format and samples, as a separate WAV file.
     pub samples: Chain<Cursor<Vec<u8>>, BufReader<File>>,
     /// True for integer samples, whose acceleration at full scale the file does not state.
     pub are_integers: bool,

@@ -53,9 +53,9 @@
 //!
 //! The model leaves out loss of contact and the Hertz spring's curvature (it is linear in h); stick-slip, and any
 //! friction beyond a mode's participation on x; wear; a profile that varies across the track, and a strip shorter than
-//! the drum; run-out of the drum; changes of the tool's speed other than the drum's wander; drift of the force; start
-//! and stop; quantisation; the sensor's own resonance. Real recordings have all of these, so a figure obtained on
-//! simulated trials says nothing about real ones.
+//! the drum; run-out of the drum; the tool's response at any speed but the nominal one; drift of the force; start and
+//! stop; quantisation; the sensor's own resonance. Real recordings have all of these, so a figure obtained on simulated
+//! trials says nothing about real ones.
 //!
 //! # Repeatability
 //!

@@ -45,7 +45,7 @@ pub(super) fn unlike_neighbours(
 
 /// Range of bands in which a trial deviates from both neighbours.
 struct Departure {
-    /// Centres of its lowest and highest band, Hz.
+    /// Centres of the lowest and the highest band of the range, Hz.
     hz: (f64, f64),
     /// Least and largest difference from the level of the nearer neighbour, dB.
     off_db: (f64, f64),

@@ -57,7 +57,7 @@ kinds! {
     Coarse: "coarse", "record again with more gain, or export with more digits";
     /// A file that ends before the length that its header states.
     Truncated: "truncated", "copy or record it again";
-    /// A part without a signal in a trial with one.
+    /// A part without a signal, in a trial that has a signal elsewhere.
     PartlySilent: "partly-silent", STEADY;
     /// One to three events with a large share of the energy.
     Tap: "tap", STEADY;
