@@ -200,7 +200,7 @@ mod tests {
         }
     }
 
-    /// A line of 0.03 Hz between two of the frequencies that are compared, moved by a tenth of its width.
+    /// A line of 0.03 Hz width, between two of the frequencies that are compared, is moved by a tenth of its width.
     #[test]
     fn a_line_is_found_between_the_steps_and_compared_in_its_place() {
         for line_hz in [60.0, 200.2, 517.77, 999.0] {

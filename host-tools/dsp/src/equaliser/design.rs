@@ -194,8 +194,8 @@ impl Fit<'_> {
         sections
     }
 
-    /// Returns one candidate of each kind: a peak at the largest residual, and shelves that begin a third of the band
-    /// (on a logarithmic scale) from its ends.
+    /// Returns one candidate of each kind: a peak at the largest residual, and shelves at a third of the band (on a
+    /// logarithmic scale) from its ends.
     fn candidates(&self, sections: &[Section]) -> [Section; 3] {
         let residual = self.residual(sections);
         let worst = (0..residual.len())

@@ -15,11 +15,11 @@ use crate::support::number::counted;
 use crate::support::output::OutputFolder;
 use crate::support::{atomic_file, progress};
 
-/// The note that the set is simulated; written before any recording.
+/// Name of the file that states that the set is simulated. It is written before any recording.
 const MARKER: &str = "SIMULATED.txt";
 /// The marker's first words.
 const MARKER_START: &str = "SIMULATED. Nothing in this folder was measured.";
-/// The table of trials; written after everything else.
+/// Name of the table of trials. It is written after everything else.
 const TRIALS: &str = "trials.csv";
 /// Prefix of the name of every recording.
 const RECORDING_PREFIX: &str = "simulated_";
