@@ -132,8 +132,9 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
     Ok(head.wave(header, &[], file, false))
 }
 
-/// Returns the length of samples that extend to the end of `file`, which is `left` bytes away. This is so if the header
-/// states no length, or if the data after the stated length is not a chunk. The position in the file stays the same.
+/// Returns the length of the samples, `left` bytes, if they extend to the end of `file`; otherwise `None`. They do if
+/// the header states no length, or if the data after the stated length is not a chunk. The position in the file stays
+/// the same.
 fn held(file: &mut BufReader<File>, declared: u64, left: u64) -> std::io::Result<Option<u64>> {
     if declared > left {
         return Ok((declared >= LEAST_UNKNOWN).then_some(left));

@@ -14,7 +14,8 @@ pub const LARGE_RMS_M_S2: f64 = 50.0;
 /// Mean that no sensor at rest on Earth shows, m/s²: gravity, and the same again for the sensor's offset.
 const LARGE_MEAN_M_S2: f64 = 2.0 * GRAVITY_M_S2;
 
-/// Largest RMS at which a mean of about 1 on three axes is gravity in g. Tools on rough surfaces do not exceed it, in
+/// Largest RMS at which a mean of about 1 on three axes is gravity in g. Tools on rough surfaces have an RMS of this
+/// order, in g.
 /// g.
 const GRAVITY_RMS: f64 = 1.0;
 
