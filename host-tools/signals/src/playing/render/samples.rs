@@ -265,7 +265,7 @@ mod tests {
         }
     }
 
-    /// A hand held still in the air above a surface. Its force is noise below the threshold.
+    /// A hand that moves in the air above a surface, with a force of noise below the threshold, and a hand at rest.
     #[test]
     fn a_hand_without_contact_or_at_rest_feels_nothing() {
         let library = library(5000);

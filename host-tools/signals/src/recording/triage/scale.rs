@@ -16,7 +16,6 @@ const LARGE_MEAN_M_S2: f64 = 2.0 * GRAVITY_M_S2;
 
 /// Largest RMS at which a mean of about 1 on three axes is gravity in g. Tools on rough surfaces have an RMS of this
 /// order, in g.
-/// g.
 const GRAVITY_RMS: f64 = 1.0;
 
 /// Largest RMS at which a mean of about 1 on fewer axes is gravity in g. Tilted axes can have any mean below gravity.
