@@ -7,41 +7,42 @@ use std::rc::Rc;
 use crate::fourier::{self, Complex};
 use crate::sums::{energy, sum};
 
-/// Longest taper of an end, samples: 0.1 s at the models' rate. Longer ones leak no less in the bands of a texture and
-/// lose more of a short recording.
+/// Longest taper of an end, samples: 0.1 s at the models' sample rate. Longer tapers do not leak less in the bands of a
+/// texture, and lose more of a short recording.
 const TAPER_SAMPLES: usize = 500;
 
 /// Ratio of the edges of a third octave: base ten of IEC 61260-1.
 const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_3;
 
-/// Least and largest power of the frequency by which a spectrum falls beyond what was recorded: those of one pole pair
-/// and of four.
+/// Least and largest exponent of frequency in the decay of the power spectrum above the recorded band: the decay beyond
+/// one pair of poles and beyond four pairs.
 const LEAST_FALL: f64 = 4.0;
 const MOST_FALL: f64 = 16.0;
 
-/// Share of a recording's power by which the fill beyond it may raise the power: 0.25 dB.
+/// Largest fraction of a recording's power that filling the spectrum above the recorded band may add: 0.25 dB.
 const MOST_ADDED: f64 = 0.06;
 
-/// Fewest bins that a line is put through.
+/// Least number of bins through which a line is fitted.
 const LEAST_BINS: usize = 4;
 
-/// A taper is at most one in so many of the signal's samples.
+/// A taper is at most the signal's length divided by this number.
 const TAPER_SHARE: usize = 20;
 
 /// Second-order statistics of a signal.
 ///
-/// The rectangular window leaks: a line of power P appears at a distance Δf as a density of P·fs/(2π² N Δf²). For 2 s
-/// at 5 kHz, that is 71 dB below P in 1 Hz at a distance of 500 Hz. Components below this density cannot be modelled
-/// from such a recording, unless its ends are tapered: the leakage of ends that rise and fall as a cosine over T falls
-/// with the sixth power of the distance beyond 1/T.
+/// The rectangular window leaks: at a distance Δf from a line of power P, the leakage has the density P·fs/(2π² N Δf²).
+/// For 2 s at 5 kHz, that is 71 dB below P in 1 Hz at a distance of 500 Hz. Components below this density cannot be
+/// modelled from such a recording unless its ends are tapered. If the ends rise and fall as a cosine over the time T,
+/// the leakage decreases with the sixth power of the distance beyond 1/T.
 #[derive(Clone, Debug)]
 pub struct Autocorrelation {
-    /// r(m) = (1/N) Σ a(n) a(n+m) for m from 0: biased. The unbiased estimate is not positive definite and is never
-    /// used.
+    /// r(m) = (1/N) Σ a(n) a(n+m) for m from 0: the biased estimate. The unbiased estimate is not positive definite and
+    /// is never used.
     pub lags: Vec<f64>,
     /// Power spectrum |A|² of the zero-padded signal, from 0 Hz to half the sample rate.
     pub power: Vec<f64>,
-    /// Length of the transform behind `power`: the distance of its bins is the sample rate divided by this length.
+    /// Length of the transform from which `power` comes. The spacing of the bins is the sample rate divided by this
+    /// length.
     pub transform_length: usize,
 }
 
@@ -51,12 +52,14 @@ impl Autocorrelation {
         PaddedSpectrum::of(signal, max_lag).into_autocorrelation()
     }
 
-    /// The autocorrelation of a signal at `rate_hz` that tells nothing below and above these frequencies, with its
-    /// spectrum filled there. A model of high order would follow the edges of what was filtered or never recorded.
+    /// Fills the spectrum of a signal at `rate_hz` outside the range of frequencies in which the signal is valid, and
+    /// computes the autocorrelation again. Otherwise a model of high order would follow the edges of a filter or of the
+    /// recorded band.
     ///
-    /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls on as in the last third
-    /// octave, by 12 to 48 dB per octave, as that of a few resonances does, because a filter of few poles has such a
-    /// spectrum. It has the power that was there, and at most 6 % of the signal's besides.
+    /// Below `below_hz`, the spectrum becomes flat, at its mean from `below_hz` to twice this frequency. Above
+    /// `above_hz`, it continues to fall as in the third octave below, by 12 to 48 dB per octave, like the spectrum of a
+    /// few resonances. The filled part has at least the power that was there before, and at most 6 % of the signal's
+    /// power more.
     #[must_use]
     pub fn filled(mut self, below_hz: Option<f64>, above_hz: Option<f64>, rate_hz: f64) -> Self {
         let length = self.transform_length;
@@ -91,7 +94,7 @@ impl Autocorrelation {
                 }
             }
         }
-        // From the sum that the transform gives to the mean square of the samples.
+        // Factor from the sum that the transform returns to the mean square of the samples.
         let scale = self.lags[0] / before;
         self.lags = transform(&self.power);
         self.lags.iter_mut().for_each(|lag| *lag *= scale);
@@ -99,9 +102,10 @@ impl Autocorrelation {
     }
 }
 
-/// Level of the noise at the upper edge of bins of a periodogram, of which the lowest is the bin `first`, and the power
-/// of the frequency by which it falls: a line through their logarithms, to which a tone adds little. The logarithm of
-/// an exponential variable lies by Euler's constant below that of its mean.
+/// Returns the level of the noise at the upper edge of the bins of a periodogram, whose lowest bin is `first`, and the
+/// exponent of frequency by which the power falls there. They come from a straight line through the logarithms, to
+/// which a tone adds little. The mean logarithm of an exponential variable is below the logarithm of its mean by
+/// Euler's constant.
 fn edge_of_noise(power: &[f64], first: usize) -> (f64, f64) {
     let edge = (first + power.len()) as f64;
     let points = power.iter().zip(first..).map(|(power, bin)| {
@@ -126,7 +130,7 @@ fn edge_of_noise(power: &[f64], first: usize) -> (f64, f64) {
 
 /// Power spectrum of a signal that is padded with zeros to the length of a transform.
 pub struct PaddedSpectrum {
-    /// See [`Autocorrelation::power`]; of a tapered signal before it is scaled.
+    /// Like [`Autocorrelation::power`]; for a tapered signal, before scaling.
     pub power: Vec<f64>,
     /// See [`Autocorrelation::transform_length`].
     pub transform_length: usize,
@@ -137,15 +141,15 @@ pub struct PaddedSpectrum {
 }
 
 impl PaddedSpectrum {
-    /// The spectrum of `signal`, for lags up to `max_lag`, or up to its length less one.
+    /// Computes the spectrum of `signal`, for lags up to `max_lag`, or up to the signal's length less one.
     pub fn of(signal: &[f64], max_lag: usize) -> Self {
         let mean_square = energy(signal) / signal.len().max(1) as f64;
         Self::scaled(signal.to_vec(), max_lag, mean_square, 1.0)
     }
 
-    /// The spectrum of `signal` with tapered ends: a cosine over 500 samples at each, or over a 20th of a short signal
-    /// (the split cosine bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio Electroacoustics 15, 1967, 56). All is
-    /// scaled so that its power is that of the signal without taper.
+    /// Computes the spectrum of `signal` with tapered ends: a cosine over 500 samples at each end, or over a 20th of a
+    /// short signal (the split cosine bell; Bingham, Godfrey and Tukey, IEEE Trans. Audio Electroacoustics 15, 1967,
+    /// 56). The results are scaled so that the power is the power of the signal without taper.
     pub fn tapered(signal: &[f64], max_lag: usize) -> Self {
         let samples = signal.len();
         let mut tapered = signal.to_vec();
@@ -194,14 +198,14 @@ impl PaddedSpectrum {
         let mut lags = fourier::of_power(&self.power, self.transform_length);
         let to_lag = 1.0 / (self.transform_length as f64 * self.samples.max(1) as f64);
         lags.truncate(self.max_lag + 1);
-        // They are kept of every trial, and the transform is some times as long.
+        // The lags of every trial are kept in memory, and the transform is much longer than they are.
         lags.shrink_to_fit();
         lags.iter_mut().for_each(|r| *r = *r * to_lag * self.scale);
         lags[0] = self.mean_square();
         lags
     }
 
-    /// The autocorrelation, with the power spectrum to scale.
+    /// Returns the autocorrelation, with the scaled power spectrum.
     pub fn into_autocorrelation(self) -> Autocorrelation {
         Autocorrelation {
             lags: self.lags(),
@@ -212,11 +216,11 @@ impl PaddedSpectrum {
 }
 
 thread_local! {
-    /// The last taper, because the recordings of a set are mostly of one length.
+    /// The last taper, kept because the recordings of a set mostly have the same length.
     static TAPER: RefCell<Rc<[f64]>> = RefCell::new(Rc::new([]));
 }
 
-/// Returns the weights of the first `length` samples.
+/// Returns the weights of the first `length` samples; the last `length` samples have them in reverse order.
 fn taper(length: usize) -> Rc<[f64]> {
     let weight = |n: usize| (FRAC_PI_2 * (n as f64 + 0.5) / length as f64).sin().powi(2);
     TAPER.with_borrow_mut(|last| {
@@ -227,8 +231,8 @@ fn taper(length: usize) -> Rc<[f64]> {
     })
 }
 
-/// Returns the smallest even length of at least `least` with no prime factors but 2, 3 and 5, because transforms of
-/// such lengths are fast.
+/// Returns the smallest even length of at least `least` with no prime factors other than 2, 3 and 5, because transforms
+/// of such lengths are fast.
 fn quick_length(least: usize) -> usize {
     let quick = |length: &usize| {
         let mut rest = *length;
@@ -237,7 +241,7 @@ fn quick_length(least: usize) -> usize {
                 rest /= factor;
             }
         }
-        // A real transform of an even length is a complex one of half the length.
+        // A real transform of even length is computed as a complex transform of half the length.
         rest == 1 && length.is_multiple_of(2)
     };
     let least = least.max(2);

@@ -1,27 +1,29 @@
 //! Exact interval of a proportion.
 //!
-//! Clopper and Pearson, Biometrika 26 (1934) 404: the interval holds the true proportion at least as often as it says,
-//! for any number of trials. Its ends are the proportions at which a count as high, or as low, has half of the
-//! remaining probability.
+//! Clopper and Pearson, Biometrika 26 (1934) 404. For any number of trials, the interval contains the true proportion
+//! with at least the stated probability. At the lower end, a count at least as high as the observed one has half of the
+//! remaining probability; at the upper end, a count at most as high has it.
 
 use statrs::distribution::{Beta, ContinuousCDF};
 
-/// Returns the Clopper-Pearson interval of a proportion, of which `successes` of `trials` were counted, at
-/// `confidence`, such as 0.95. Without trials it is 0 to 1.
-/// Panics with more successes than trials.
+/// Returns the Clopper-Pearson interval, at `confidence` (such as 0.95), of the proportion of which `successes` were
+/// counted in `trials`. Without trials, the interval is 0 to 1.
+/// Panics if there are more successes than trials.
 pub fn clopper_pearson(successes: u32, trials: u32, confidence: f64) -> (f64, f64) {
     assert!(
         successes <= trials,
         "{successes} successes of {trials} trials"
     );
     let tail = (1.0 - confidence) / 2.0;
-    // The chance of at least k of n at a proportion p is the beta distribution's, of k and n - k + 1, up to p.
+    // The probability of at least k successes in n trials at the proportion p is the cumulative distribution at p of
+    // the beta distribution with parameters k and n - k + 1.
     let quantile = |k: u32, chance: f64| {
         let beta = Beta::new(f64::from(k), f64::from(trials - k + 1));
         beta.expect("both counts are above zero")
             .inverse_cdf(chance)
     };
-    // No count is below none or above all, which no beta distribution tells.
+    // If no trial is a success, or every trial, the end of the interval is 0 or 1: its beta distribution is not
+    // defined.
     let low = if successes == 0 {
         0.0
     } else {

@@ -6,8 +6,8 @@ use realfft::RealFftPlanner;
 pub use realfft::num_complex::Complex;
 use rustfft::FftPlanner;
 
-/// What the transforms of a thread share. Plans are made once, because a grid has hundreds of recordings of equal
-/// length.
+/// Plans and scratch memory that the transforms of a thread share. Plans are made once, because a grid has hundreds of
+/// recordings of equal length.
 struct Plans {
     of_reals: RealFftPlanner<f64>,
     of_complex: FftPlanner<f64>,
@@ -22,7 +22,7 @@ thread_local! {
     });
 }
 
-/// The first `length` values of `scratch`, which is made longer if need be.
+/// Returns the first `length` values of `scratch`, which is enlarged if necessary.
 fn first(scratch: &mut Vec<Complex<f64>>, length: usize) -> &mut [Complex<f64>] {
     if scratch.len() < length {
         scratch.resize(length, Complex::default());
@@ -30,8 +30,8 @@ fn first(scratch: &mut Vec<Complex<f64>>, length: usize) -> &mut [Complex<f64>] 
     &mut scratch[..length]
 }
 
-/// Returns the bins of a signal of at least one sample, from 0 Hz to half the sample rate, without scaling. The signal
-/// is left in disorder.
+/// Returns the bins of a signal of at least one sample, from 0 Hz to half the sample rate, without scaling. The
+/// contents of `signal` are destroyed.
 pub fn forward(signal: &mut [f64]) -> Vec<Complex<f64>> {
     PLANS.with_borrow_mut(|plans| {
         let plan = plans.of_reals.plan_fft_forward(signal.len());
@@ -43,10 +43,11 @@ pub fn forward(signal: &mut [f64]) -> Vec<Complex<f64>> {
     })
 }
 
-/// Returns the signal of `length` samples that has these bins, times `length`. The bins are left in disorder.
+/// Returns the signal of `length` samples that has these bins, multiplied by `length`. The contents of `spectrum` are
+/// destroyed.
 ///
-/// The bin of 0 Hz, and that of half the rate of an even length, count as real, as those of real signals are: what
-/// they have beside that is round-off.
+/// The imaginary part of the bin at 0 Hz is ignored, and for an even length that of the bin at half the sample rate. In
+/// the spectrum of a real signal, these parts are only round-off.
 pub fn inverse(spectrum: &mut [Complex<f64>], length: usize) -> Vec<f64> {
     spectrum[0].im = 0.0;
     if length.is_multiple_of(2) {
@@ -62,7 +63,8 @@ pub fn inverse(spectrum: &mut [Complex<f64>], length: usize) -> Vec<f64> {
     })
 }
 
-/// Replaces the bins of a complex signal, those of negative frequencies last, by the signal times their number.
+/// Replaces the bins of a complex signal, with those of negative frequencies last, by the signal multiplied by the
+/// number of bins.
 pub fn inverse_complex(bins: &mut [Complex<f64>]) {
     PLANS.with_borrow_mut(|plans| {
         let plan = plans.of_complex.plan_fft_inverse(bins.len());
@@ -71,7 +73,7 @@ pub fn inverse_complex(bins: &mut [Complex<f64>]) {
     });
 }
 
-/// Returns `length` lags whose power spectrum this is, times `length`.
+/// Returns the `length` lags of the autocorrelation whose power spectrum is `power`, multiplied by `length`.
 pub fn of_power(power: &[f64], length: usize) -> Vec<f64> {
     let mut spectrum: Vec<_> = power.iter().map(|&p| Complex::new(p, 0.0)).collect();
     inverse(&mut spectrum, length)

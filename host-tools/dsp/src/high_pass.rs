@@ -1,7 +1,7 @@
-//! A high-pass filter for the motion of a hand or rig.
+//! A high-pass filter that removes the motion of a hand or rig.
 //!
-//! A hand that holds the tool drifts below some 10 Hz, often more strongly than the texture vibrates, and in another
-//! direction. Left in, its motion decides the principal axis, the level and the model's lowest bands.
+//! A hand that holds the tool drifts below about 10 Hz, often more strongly than the texture vibrates, and in another
+//! direction. Unless this motion is removed, it determines the principal axis, the level and the model's lowest bands.
 
 use std::f64::consts::TAU;
 
@@ -11,17 +11,17 @@ use crate::sums::mean;
 /// Frequency below which power counts as the motion of a hand or rig, Hz.
 pub const SLOW_HZ: f64 = 10.0;
 
-/// The lowest frequency that a filtered recording tells of, as a multiple of the cut-off frequency.
+/// The lowest frequency at which a filtered recording is valid, as a multiple of the cut-off frequency.
 const LOWEST_OVER_CUT: f64 = 1.25;
 
 /// Quality factors of the two sections of a Butterworth filter of order 4.
 const QUALITY: [f64; 2] = [0.541_196_100_146_197, 1.306_562_964_876_377];
 
-/// Length of a signal's continuation beyond its ends, periods of the cut-off frequency.
+/// Length of the extrapolation of a signal beyond its ends, in periods of the cut-off frequency.
 const CONTINUATION_PERIODS: f64 = 3.0;
 
-/// Share of the power of `axes` below [`SLOW_HZ`], about their means; 0 without power. Segments of 1 s, or shorter ones
-/// for a shorter recording.
+/// Returns the fraction of the power of `axes`, about their means, that is below [`SLOW_HZ`]; 0 without power. The
+/// spectra use segments of 1 s, or shorter ones for a shorter recording.
 pub fn slow_share(axes: &[Vec<f64>], rate_hz: f64) -> f64 {
     let (mut slow, mut all) = (0.0, 0.0);
     for axis in axes {
@@ -40,8 +40,9 @@ pub fn lowest_hz(cut_hz: f64) -> f64 {
 }
 
 /// Filters `signal` at `rate_hz` in place by a Butterworth high-pass of order 4 at `cut_hz`, forwards and backwards, so
-/// that no phase changes: 6 dB at `cut_hz`, 1.3 dB at [`lowest_hz`]. Beyond its ends the signal goes on as its own
-/// point reflection, so that a drift that ends in mid-air has no step there.
+/// that the phase does not change. The attenuation is 6 dB at `cut_hz` and 1.3 dB at [`lowest_hz`]. Beyond each end,
+/// the signal is extrapolated by its point reflection about that end, so that a drift still under way there makes no
+/// step.
 pub fn high_pass(signal: &mut [f64], rate_hz: f64, cut_hz: f64) {
     let [first, .., last] = *signal else {
         signal.fill(0.0);
@@ -54,7 +55,7 @@ pub fn high_pass(signal: &mut [f64], rate_hz: f64, cut_hz: f64) {
     let after = after.map(|x| 2.0 * last - x);
     let mut long: Vec<f64> = before.chain(signal.iter().copied()).chain(after).collect();
     for _ in 0..2 {
-        // A constant is filtered to zero, so that taking one away begins at rest.
+        // A constant is filtered to zero. So the first value can be subtracted, and the filter starts at rest.
         let begin = long[0];
         long.iter_mut().for_each(|x| *x -= begin);
         for quality in QUALITY {
@@ -65,8 +66,8 @@ pub fn high_pass(signal: &mut [f64], rate_hz: f64, cut_hz: f64) {
     signal.copy_from_slice(&long[count..count + signal.len()]);
 }
 
-/// Filters `signal` in place by a high-pass section of order 2, from rest (bilinear transform with the frequency
-/// `cut_hz` kept).
+/// Filters `signal` in place by a high-pass section of order 2, from rest. The bilinear transform is prewarped so that
+/// `cut_hz` stays the same.
 fn section(signal: &mut [f64], rate_hz: f64, cut_hz: f64, quality: f64) {
     let (sin, cos) = (TAU * cut_hz / rate_hz).sin_cos();
     let alpha = sin / (2.0 * quality);
@@ -93,7 +94,8 @@ mod tests {
         (0..count).map(|n| (angle * n as f64 + 0.3).sin()).collect()
     }
 
-    /// By the formula of the analogue filter with its frequencies warped: |H|² = 1/(1 + (tan c / tan w)⁸), twice.
+    /// Reference: the formula of the analogue filter with warped frequencies, |H|² = 1/(1 + (tan c / tan w)⁸), applied
+    /// twice.
     #[test]
     fn gain_is_that_of_a_butterworth_filter_of_order_4_applied_twice_without_a_shift_of_phase() {
         let warped = |hz: f64| (std::f64::consts::PI * hz / RATE_HZ).tan();

@@ -19,10 +19,11 @@ pub mod response;
 pub mod spectrum;
 pub mod sums;
 
-/// Runs `work` with AVX2 where this processor has it. Only what is inlined into `work` is compiled for it.
+/// Runs `work` with AVX2 instructions if this processor has them. Only code that is inlined into `work` is compiled for
+/// AVX2.
 ///
-/// The order of the sums is that of the code either way, and no product is fused with a sum, so that the bits are the
-/// same.
+/// The order of the sums is the same with and without AVX2, and no multiplication is fused with an addition. So the
+/// results are the same to the bit.
 #[inline(always)]
 pub fn wide<T>(work: impl FnOnce() -> T) -> T {
     #[cfg(target_arch = "x86_64")]

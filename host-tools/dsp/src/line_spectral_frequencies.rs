@@ -12,13 +12,13 @@ use crate::log_spectrum::LogSpectrum;
 /// Number of steps of the coarse search.
 const COARSE: usize = 1024;
 
-/// Largest number of refinements of a frequency. On average each at least halves the interval.
+/// Largest number of refinements of a frequency. On average, each refinement at least halves the interval.
 const REFINEMENTS: usize = 60;
 
 /// Tolerance of φ, rad.
 const TOLERANCE_RAD: f64 = 1e-9;
 
-/// Angles at which φ is computed at once, because each of its steps waits for the step before.
+/// Number of angles at which φ is computed together, because each step of the recursion waits for the one before.
 const LANES: usize = 4;
 
 /// Returns φ at the angles `omegas`; all in rad.
@@ -104,7 +104,7 @@ struct Search {
     wanted: f64,
     /// An angle below the one sought, rad, with the excess of φ over `wanted`.
     low: (f64, f64),
-    /// An angle above the one sought, likewise.
+    /// An angle above the one sought, rad, with the excess of φ over `wanted`.
     high: (f64, f64),
     /// The end that moved last: -1 for the lower one, 1 for the upper one, 0 at the beginning.
     last_side: i32,
@@ -124,7 +124,7 @@ impl Search {
         }
     }
 
-    /// Narrows the bracket by `phase`, the value of φ at the angle `middle`. Returns the angle once it is found.
+    /// Narrows the bracket by `phase`, the value of φ at the angle `middle`. Returns the angle when it is found.
     fn refine(&mut self, middle: f64, phase: f64) -> Option<f64> {
         let over = phase - self.wanted;
         if over.abs() < TOLERANCE_RAD || self.high.0 - self.low.0 < 1e-14 {
@@ -181,7 +181,7 @@ pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
 /// Returns ln Π 4(x - c)² over all `cosines` c, for each x.
 fn log_products(x: [f64; LANES], cosines: &[f64]) -> [f64; LANES] {
     let (mut products, mut logs) = ([1.0f64; LANES], [0.0; LANES]);
-    // A logarithm is needed only when the product approaches underflow or overflow.
+    // A logarithm is taken only when the product approaches underflow or overflow.
     let is_sound = |product: f64| (product.abs() >= 1e-100) & (product.abs() < 1e100);
     for cosine in cosines {
         for (product, x) in products.iter_mut().zip(x) {
@@ -210,7 +210,7 @@ mod tests {
     use crate::linear_prediction::step_down;
     use proptest::prelude::*;
 
-    /// The spectrum package's `poly2lsf`.
+    /// Reference: `poly2lsf` of the spectrum package.
     #[test]
     fn a_published_case_comes_out_to_its_digits() {
         let reflection = step_down(&[0.6149, 0.9899, 0.0, 0.0031, -0.0082]).unwrap();

@@ -6,19 +6,19 @@
 use crate::sums::dot_inlined;
 use crate::wide;
 
-/// White-noise correction: the share by which r(0) is raised before the recursion, equal to noise 90 dB below the
-/// signal.
+/// White-noise correction: the fraction by which r(0) is raised before the recursion. It corresponds to noise 90 dB
+/// below the signal.
 ///
 /// The correction bounds the condition number of the normal equations, so that signals of a few lines or of no
 /// bandwidth also have models with |k| < 1. For other signals its effect is below 1e-9 of the power.
 pub const WHITE_NOISE_CORRECTION: f64 = 1e-9;
 
-/// Linear predictors of every order up to the highest, by the Levinson-Durbin recursion.
+/// Linear predictors of every order up to the highest, computed by the Levinson-Durbin recursion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// Reflection coefficients k(1), k(2) ...; the predictor of order m has the first m of them.
+    /// Reflection coefficients k(1), k(2) ...; the predictor of order m consists of the first m.
     pub reflection: Vec<f64>,
-    /// Power of the prediction error at order 0, 1 ...: one value more than reflection coefficients.
+    /// Power of the prediction error at order 0, 1 ...: one value more than there are reflection coefficients.
     pub error_power: Vec<f64>,
 }
 
@@ -26,8 +26,8 @@ impl Prediction {
     /// Solves the normal equations of the autocorrelation `lags`, r(0) first, for all orders up to `max_order` or up to
     /// the last lag.
     ///
-    /// Stops at the last sound order: where round-off exceeds the power of the error, |k| would be one or more, and no
-    /// such coefficient is ever returned. Silence has order 0 and no power.
+    /// Stops at the last order that is numerically reliable. Where round-off exceeds the power of the error, |k| would
+    /// be one or more, and such a coefficient is never returned. Silence has order 0 and no power.
     pub fn levinson_durbin(lags: &[f64], max_order: usize) -> Self {
         wide(
             #[inline(always)]
@@ -50,13 +50,14 @@ impl Prediction {
             if error <= 0.0 {
                 break;
             }
-            // The sum of a(1) .. a(m) times r(m) .. r(1) equals that of the reversed a times r(1) .. r(m).
+            // The sum of the products of a(1) .. a(m) with r(m) .. r(1) equals that of the reversed a with r(1) ..
+            // r(m).
             let k = -(lags[m + 1] + dot_inlined(predictor.reversed(), &lags[1..=m])) / error;
             if !k.is_finite() || k.abs() >= 1.0 {
                 break;
             }
             predictor.step_up(k);
-            // In place of 1 - k², which loses its digits where |k| is near one, as that of a narrow line is.
+            // This form keeps the digits that 1 - k² loses where |k| is near one, as for a narrow line.
             error *= (1.0 - k) * (1.0 + k);
             result.reflection.push(k);
             result.error_power.push(error);
@@ -77,7 +78,7 @@ impl Prediction {
     }
 
     /// Returns the order m of Akaike's criterion for a signal of N = `samples` samples: the minimum of N ln E(m) + 2 m,
-    /// at which the expected prediction error of another signal of the same kind is least (Akaike 1974).
+    /// at which the expected prediction error for another signal of the same kind is least (Akaike 1974).
     pub fn akaike_order(&self, samples: usize) -> usize {
         self.order_by(samples, 2.0)
     }
@@ -114,18 +115,18 @@ pub fn step_up(reflection: &[f64]) -> Vec<f64> {
     )
 }
 
-/// A predictor that grows by one order at a time. It is there in both directions, so that no step reverses it.
+/// A predictor that grows by one order at a time. It is stored in both directions, so that no step needs to reverse it.
 struct Growing {
-    /// a(1) .. a(m), and zeros.
+    /// a(1) to a(m), followed by zeros.
     forward: Vec<f64>,
-    /// Zeros, and a(m) .. a(1).
+    /// Zeros, followed by a(m) to a(1).
     backward: Vec<f64>,
     /// The order m.
     order: usize,
 }
 
 impl Growing {
-    /// The predictor of order 0, which grows to `max_order` at most.
+    /// Creates the predictor of order 0, which can grow up to `max_order`.
     #[inline(always)]
     fn up_to(max_order: usize) -> Self {
         Self {
@@ -135,7 +136,7 @@ impl Growing {
         }
     }
 
-    /// a(m) .. a(1).
+    /// Returns a(m) to a(1).
     #[inline(always)]
     fn reversed(&self) -> &[f64] {
         &self.backward[self.backward.len() - self.order..]
@@ -158,9 +159,9 @@ impl Growing {
     }
 }
 
-/// Step-down recursion: reflection coefficients from a(1) .. a(M). Returns `None` if one of them comes out with a
-/// magnitude of one or more, that is, if 1/A(z) is not stable, or so near to it that a double cannot tell: round-off
-/// grows as the product of (1 + |k|) / (1 - |k|).
+/// Step-down recursion: reflection coefficients from a(1) .. a(M). Returns `None` if the magnitude of a coefficient is
+/// one or more. Then 1/A(z) is unstable, or so near to instability that double precision cannot decide, because
+/// round-off grows as the product of (1 + |k|) / (1 - |k|).
 pub fn step_down(predictor: &[f64]) -> Option<Vec<f64>> {
     let mut rest = predictor.to_vec();
     let mut reflection = Vec::with_capacity(rest.len());
@@ -180,7 +181,7 @@ pub fn step_down(predictor: &[f64]) -> Option<Vec<f64>> {
     Some(reflection)
 }
 
-/// Power of the prediction error as a share of the signal's power: Π (1 - k²).
+/// Power of the prediction error as a fraction of the signal's power: Π (1 - k²).
 pub fn error_share(reflection: &[f64]) -> f64 {
     reflection.iter().map(|k| (1.0 - k) * (1.0 + k)).product()
 }
@@ -190,7 +191,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// statsmodels' `levinson_durbin` and the spectrum package's `LEVINSON` agree on these.
+    /// `levinson_durbin` of statsmodels and `LEVINSON` of the spectrum package agree on these values.
     #[test]
     fn a_small_published_case_comes_out_to_all_its_digits() {
         let x = [1.0, 2.0, -1.0, 3.0, 0.5, -2.0, 1.5, 0.25];
@@ -213,7 +214,7 @@ mod tests {
     }
 
     proptest! {
-        /// The oracle is the recursion's formula: a(i) + k a(m - i).
+        /// Reference: the recursion's formula, a(i) + k a(m - i).
         #[test]
         fn a_step_up_is_that_of_its_formula_to_the_bit(reflection in prop::collection::vec(-0.95f64..0.95, 0..60)) {
             let mut expected: Vec<f64> = Vec::new();
@@ -227,8 +228,9 @@ mod tests {
 
         #[test]
         fn step_down_undoes_step_up(drawn in prop::collection::vec(-0.95f64..0.95, 0..40)) {
-            // Round-off grows as the coefficients do going up, and again going down: by (1 + |k|) / (1 - |k|) a stage.
-            // Where the product comes near the inverse of a double's precision, a stable filter may step down to none.
+            // Round-off grows like the coefficients in the step-up recursion, and again in the step-down recursion: by
+            // (1 + |k|) / (1 - |k|) per stage. Where the product approaches the inverse of a double's precision, a step
+            // down may return `None` for a stable filter.
             let mut growth = 1.0;
             let mut reflection = Vec::new();
             for k in drawn {
@@ -268,7 +270,7 @@ mod tests {
     }
 
     proptest! {
-        /// Both criteria are of nested models, so that the larger penalty never has the higher order.
+        /// Both criteria compare nested models, so a larger penalty never gives a higher order.
         #[test]
         fn akaikes_order_is_never_below_the_bayesian_one(
             signal in prop::collection::vec(-1e3f64..1e3, 8..400),

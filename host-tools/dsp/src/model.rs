@@ -2,7 +2,7 @@
 
 use model_format::{LevelLaw, NodeFlags};
 
-/// An all-pole model of a node, by its reflection coefficients and its power.
+/// An all-pole model of a node: its reflection coefficients and the power of its output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// Reflection coefficients k(1) to k(order).
@@ -14,7 +14,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// A model of sound without further properties.
+    /// Returns a model that is not silent, without further properties.
     pub fn new(reflection: Vec<f64>, output_power: f64) -> Self {
         Self {
             reflection,
@@ -23,7 +23,7 @@ impl Model {
         }
     }
 
-    /// The model of silence.
+    /// Returns the model of silence.
     pub fn silent() -> Self {
         Self {
             reflection: Vec::new(),
@@ -39,8 +39,8 @@ impl Model {
 
     /// Returns the weighted mean of models; the weights add up to one.
     ///
-    /// The mean is of θ = arcsin k, so that every mixture is stable, and of the level by `law`. If one of the models is
-    /// silent, the mean power stands for the mean logarithm.
+    /// The reflection coefficients are averaged as θ = arcsin k, so that every mixture is stable, and the level is
+    /// averaged by `law`. If one of the models is silent, the mean of the power replaces the mean of the logarithm.
     pub fn mean(models: &[(f64, &Self)], law: LevelLaw) -> Self {
         let order = models.iter().map(|(_, model)| model.reflection.len()).max();
         let mut thetas = vec![0.0; order.unwrap_or(0)];

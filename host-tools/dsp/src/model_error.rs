@@ -1,4 +1,4 @@
-//! Difference between a model and what is left of it after rounding: in the spectrum, where skin feels.
+//! Difference between the spectra of a model before and after rounding, in the range of frequencies that skin feels.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,13 +6,14 @@ use super::fourier::{self, Complex};
 use super::linear_prediction::{error_share, step_up};
 use super::spectrum::{BAND_COUNT, band_edges_hz};
 
-/// Range of frequencies that are compared, Hz.
+/// Range of frequencies in which the spectra are compared, Hz.
 const RANGE_HZ: (f64, f64) = (20.0, 1000.0);
 
-/// Widest step of the frequencies that are compared, Hz.
+/// Largest step between the frequencies that are compared, Hz.
 const WIDEST_STEP_HZ: f64 = 0.31;
 
-/// Steps from a peak within which a line falls by half; wider peaks are seen by the steps themselves.
+/// Number of steps from a peak within which the density must fall by half for the peak to be a line. Wider peaks are
+/// resolved by the steps.
 const LINE_STEPS: usize = 4;
 
 /// Largest differences between the spectra of two models of equal power, 20 to 1000 Hz.
@@ -20,15 +21,15 @@ const LINE_STEPS: usize = 4;
 pub struct ModelError {
     /// RMS difference over linear frequency, dB.
     pub rms_db: f64,
-    /// Difference of the power in the third octave where it is largest, dB.
+    /// Difference of the power in the third octave in which it is largest, dB.
     pub third_octave_db: f64,
-    /// Difference of the density at the peak of the line where it is largest, dB. A line's density falls by half within
-    /// 1.2 Hz of its peak. 0 without lines.
+    /// Largest difference of the density at the peak of a line, dB; 0 without lines. A peak is a line if the density
+    /// falls by half within 1.2 Hz.
     pub line_db: f64,
 }
 
 impl ModelError {
-    /// Compares the model whose reflection coefficients are `rounded` with that of `exact`, at a sample rate of
+    /// Compares the model with the reflection coefficients `rounded` with the model `exact`, at a sample rate of
     /// `rate_hz`.
     pub fn between(exact: &[f64], rounded: &[f64], rate_hz: f64) -> Self {
         let length = ((rate_hz / WIDEST_STEP_HZ).ceil() as usize).next_power_of_two();
@@ -39,7 +40,8 @@ impl ModelError {
         let [exact_density, ratio] = densities(&models, length, bins);
         let bin = |hz: f64| ((hz / step_hz).ceil() as usize).min(ratio.len());
         let range = bin(RANGE_HZ.0)..bin(RANGE_HZ.1);
-        // The bins of a band with their shares: those at both ends count as far as they lie within it.
+        // Returns the bins of a band with their weights. The bins at both ends count by the part that lies within the
+        // band.
         let shares = |(low, high): (f64, f64)| {
             let (low, high) = (low / step_hz, high / step_hz);
             let bins = low.round() as usize..=(high.round() as usize).min(ratio.len() - 1);
@@ -76,7 +78,7 @@ impl ModelError {
         }
     }
 
-    /// Returns the largest of the three as a share of its own in `bounds`: at most 1 within them.
+    /// Returns the largest ratio of an error to its bound in `bounds`; at most 1 if all errors are within their bounds.
     pub fn share_of(self, bounds: Self) -> f64 {
         let shares = [
             self.rms_db / bounds.rms_db,
@@ -91,7 +93,7 @@ fn decibels(ratio: f64) -> f64 {
     10.0 * ratio.log10()
 }
 
-/// Returns whether the densities have a peak at `bin` that falls by half within [`LINE_STEPS`].
+/// Returns true if the densities have a peak at `bin` that falls by half within [`LINE_STEPS`].
 fn is_line(densities: &[f64], bin: usize) -> bool {
     let Some(around) = densities.get(bin - LINE_STEPS..=bin + LINE_STEPS) else {
         return false;
@@ -101,7 +103,7 @@ fn is_line(densities: &[f64], bin: usize) -> bool {
     around.iter().all(|&density| density <= here) && half(around[0]) && half(around[2 * LINE_STEPS])
 }
 
-/// A model of power 1: A(z), and the power of its prediction error.
+/// A model of output power 1: A(z), and the power of its prediction error.
 struct Polynomial {
     a: Vec<f64>,
     error_power: f64,
@@ -115,7 +117,7 @@ impl Polynomial {
         }
     }
 
-    /// Power density at a frequency, in turns per sample.
+    /// Returns the power density at a frequency, in cycles per sample.
     fn density(&self, turns: f64) -> f64 {
         let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
         let delay = Complex::new(cos, -sin);
@@ -127,9 +129,9 @@ impl Polynomial {
         self.error_power / (tail + 1.0).norm_sqr()
     }
 
-    /// Frequency of the highest density between two, where it has one peak, by golden section.
+    /// Enough for 10⁻⁷ of the interval, far less than the width of any line.
     fn peak(&self, mut low: f64, mut high: f64) -> f64 {
-        /// To 10⁻⁷ of the distance, far within the width of any line.
+        /// Enough for 10⁻⁷ of the interval, far less than the width of any line.
         const STEPS: usize = 34;
         const SHARE: f64 = 0.618_033_988_749_894_9;
         for _ in 0..STEPS {
@@ -145,7 +147,8 @@ impl Polynomial {
     }
 }
 
-/// The first model's density at the lowest `bins` frequencies, and the second's as a share of it.
+/// Returns the density of the first model at the lowest `bins` frequencies, and the ratio of the second model's density
+/// to it.
 fn densities(models: &[Polynomial; 2], length: usize, bins: usize) -> [Vec<f64>; 2] {
     let [exact, rounded] = models.each_ref().map(|model| {
         let mut response = vec![0.0; length];
@@ -170,7 +173,7 @@ mod tests {
     const RATE_HZ: f64 = 5000.0;
 
     proptest! {
-        /// By its definition: sums over single frequencies, each evaluated on its own.
+        /// Reference: the definition, with sums over single frequencies, each evaluated separately.
         #[test]
         fn errors_are_those_of_the_densities(
             k in prop::collection::vec(-0.7f64..0.7, 1..12), by in -0.01f64..0.01,
@@ -197,7 +200,7 @@ mod tests {
         }
     }
 
-    /// A line of 0.03 Hz between two of the frequencies that are compared, moved by a tenth of its width.
+    /// A line of 0.03 Hz width, between two of the frequencies that are compared, is moved by a tenth of its width.
     #[test]
     fn a_line_is_found_between_the_steps_and_compared_in_its_place() {
         for line_hz in [60.0, 200.2, 517.77, 999.0] {

@@ -1,4 +1,4 @@
-//! The law of a level over speed and force: a straight line over their logarithms.
+//! The dependence of a level on speed and force: a straight line over their logarithms.
 
 /// A level at a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,26 +13,28 @@ pub struct LevelAt {
     pub weight: f64,
 }
 
-/// A level as a straight line over the logarithms of speed and force: amplitude as a product of their powers.
+/// A level as a linear function of the logarithms of speed and force. The amplitude is then a product of powers of
+/// both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLaw {
-    /// Mean logarithms of speed, mm/s, and force, N.
+    /// Means of the natural logarithms of speed, mm/s, and force, N.
     centre: [f64; 2],
     /// Level at the centre, dB.
     level_db: f64,
-    /// Slopes over the natural logarithms of speed and force, dB.
+    /// Slopes, dB per unit of the natural logarithms of speed and force.
     slopes_db: [f64; 2],
 }
 
-/// Share of the variances by which slopes are held back, so that a quantity that never changed has no slope.
+/// Ridge regularisation, as a fraction of the sum of both variances. It keeps the slopes finite if speed and force vary
+/// together.
 const RIDGE: f64 = 1e-6;
 
 /// Variance of a logarithm below which a quantity counts as unchanged.
 const UNCHANGED: f64 = 1e-4;
 
 impl MotionLaw {
-    /// The law with the least weighted squared error; `None` without levels. A speed or force that never changed has no
-    /// slope.
+    /// Returns the law with the least weighted squared error; `None` without levels. A speed or force that never
+    /// changed has a slope of zero.
     pub fn of(levels: &[LevelAt]) -> Option<Self> {
         let weight: f64 = levels.iter().map(|at| at.weight).sum();
         if weight <= 0.0 {
@@ -68,14 +70,14 @@ impl MotionLaw {
         })
     }
 
-    /// The level at a speed, mm/s, and a force, N, both above zero, in dB.
+    /// Returns the level, dB, at a speed, mm/s, and a force, N, both above zero.
     pub fn level_db(&self, speed_mm_s: f64, force_n: f64) -> f64 {
         let off = logarithms(speed_mm_s, force_n, self.centre);
         self.level_db + self.slopes_db[0] * off[0] + self.slopes_db[1] * off[1]
     }
 }
 
-/// Natural logarithms of a speed and a force, about a centre.
+/// Returns the natural logarithms of a speed and a force, less those of the centre.
 fn logarithms(speed_mm_s: f64, force_n: f64, centre: [f64; 2]) -> [f64; 2] {
     [speed_mm_s.ln() - centre[0], force_n.ln() - centre[1]]
 }
@@ -84,7 +86,7 @@ fn logarithms(speed_mm_s: f64, force_n: f64, centre: [f64; 2]) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// Levels of the law 3 + 4 ln v + 2 ln F, with weights that must not matter.
+    /// Levels of the law 3 + 4 ln v + 2 ln F, with different weights, which must not change the result.
     fn levels(motions: &[(f64, f64)]) -> Vec<LevelAt> {
         let at = |(index, &(speed_mm_s, force_n)): (usize, &(f64, f64))| LevelAt {
             speed_mm_s,

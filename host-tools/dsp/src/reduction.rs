@@ -25,12 +25,12 @@ pub enum Reduction {
     Z,
 }
 
-/// A signal of one axis, with its share of the energy.
+/// A signal of one axis, with the fraction of the energy that it kept.
 #[derive(Clone, Debug)]
 pub struct Reduced {
     /// Signal with a mean of zero, m/s².
     pub signal: Vec<f64>,
-    /// Energy as a share of the energy of all axes about their means; 1 if they have none.
+    /// Energy as a fraction of the energy of all axes about their means; 1 if the axes have no energy.
     pub energy_share: f64,
 }
 
@@ -46,10 +46,10 @@ pub struct NoSuchAxis {
     pub channels: usize,
 }
 
-/// Reduces `axes`, one to three of equal length in m/s², to one. Removes the mean of each of them in place.
+/// Reduces `axes`, one to three signals of equal length in m/s², to one signal. Removes the mean of each axis in place.
 ///
 /// # Errors
-/// An axis that does not exist.
+/// The requested axis does not exist.
 pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxis> {
     for axis in axes.iter_mut() {
         remove_mean(axis);
@@ -74,18 +74,18 @@ pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxi
     })
 }
 
-/// The way in which a recording was reduced, for others of the same sensor.
+/// The way in which a recording was reduced, so that other recordings of the same sensor can be reduced alike.
 #[derive(Clone, Debug)]
 pub struct View {
     by: Reduction,
-    /// Number of its axes.
+    /// Number of axes of the recording.
     channels: usize,
-    /// The recording's principal direction; only for projections on it.
+    /// Principal direction of the recording; empty for other reductions than the projection on this direction.
     direction: Vec<f64>,
 }
 
 impl View {
-    /// The view of `axes` about their means, which are reduced `by` a method.
+    /// Creates the view of a recording whose `axes`, about their means, are reduced by the method `by`.
     pub fn of(axes: &[Vec<f64>], by: Reduction) -> Self {
         let direction = match by {
             Reduction::Pca => weights(axes),
@@ -103,10 +103,10 @@ impl View {
         self.channels
     }
 
-    /// Reduces `axes` about their means, as many as the recording has, in the same way.
+    /// Reduces `axes`, as many as the recording has and about their means, in the same way.
     ///
     /// # Errors
-    /// An axis that does not exist.
+    /// The requested axis does not exist.
     pub fn reduce(&self, axes: &[Vec<f64>]) -> Result<Vec<f64>, NoSuchAxis> {
         match self.by {
             Reduction::Pca => Ok(projected(axes, &self.direction)),
@@ -123,7 +123,7 @@ fn single(axes: &[Vec<f64>], index: usize) -> Result<Vec<f64>, NoSuchAxis> {
     axes.get(index).cloned().ok_or(missing)
 }
 
-/// Subtracts the mean; a constant becomes exactly zero.
+/// Subtracts the mean. A constant becomes exactly zero.
 pub fn remove_mean(signal: &mut [f64]) {
     let mean = mean(signal);
     for sample in signal {
@@ -154,7 +154,8 @@ fn projected(axes: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
     signal
 }
 
-/// Angle between the principal axes of two recordings of the same axes about their means, degrees: 0 to 90.
+/// Returns the angle between the principal axes of two recordings, degrees, from 0 to 90. Both have the same axes,
+/// about their means.
 pub fn angle_deg(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
     let cos = principal_direction(one).dot(&principal_direction(other));
     cos.abs().min(1.0).acos().to_degrees()
@@ -192,7 +193,7 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
         }
     }
     for (bin, power) in sum.iter_mut().zip(power) {
-        // A sum of zero has no phase; the energy is kept nevertheless.
+        // A sum of zero has no phase; a phase of 0 then keeps the energy.
         let magnitude = bin.norm();
         *bin = if magnitude > 0.0 {
             *bin * (power.sqrt() / magnitude)
@@ -252,7 +253,8 @@ mod tests {
         assert!((energy(&reduced.signal) / expected - 1.0).abs() < 1e-9);
     }
 
-    /// A magnitude without its phase would fold the signal to one side; opposite axes have no sum to take a phase from.
+    /// A magnitude without its phase would make the signal one-sided. The sum of opposite axes is zero, so it has no
+    /// phase.
     #[test]
     fn dft321_of_opposite_axes_is_neither_rectified_nor_lost() {
         let x = noise(5, 1000);

@@ -1,7 +1,7 @@
 //! Sums over samples in eight partial sums, which the compiler keeps in vector registers.
 //!
-//! A sum in the order of the samples waits for each addition before the next one. Eight partial sums do not, and their
-//! round-off is the smaller one. Their order is fixed, so that every run of one build has the same digits.
+//! If samples are summed in order, each addition waits for the one before it. Eight partial sums do not wait for each
+//! other, and their round-off is smaller. Their order is fixed, so that every run of one build gives the same digits.
 
 use super::wide;
 
@@ -16,7 +16,7 @@ pub fn sum(values: &[f64]) -> f64 {
     )
 }
 
-/// Returns the mean of the squares of `values`, summed in their order; 0 of none.
+/// Returns the mean of the squares of `values`, summed in order; 0 if there are no values.
 pub fn mean_square(values: &[f64]) -> f64 {
     values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64
 }
@@ -26,10 +26,11 @@ pub fn rms(values: &[f64]) -> f64 {
     mean_square(values).sqrt()
 }
 
-/// Returns the value in the middle of `values`, the upper one of an even number; `None` of none.
+/// Returns the middle value of `values`, which is the upper middle value if their number is even; `None` if there are
+/// none.
 ///
-/// Thresholds take it: in place of the mean of both middle values, which is
-/// [`liveliness::median`](crate::liveliness::median)'s, it is one of the values, and found without a sort.
+/// Thresholds use this median. Unlike [`liveliness::median`](crate::liveliness::median), which is the mean of the two
+/// middle values if the number is even, it is always one of the values, and it is found without sorting.
 pub fn upper_median(values: &[f64]) -> Option<f64> {
     let mut values = values.to_vec();
     let middle = values.len() / 2;
@@ -58,13 +59,13 @@ pub fn energy(values: &[f64]) -> f64 {
     )
 }
 
-/// As [`energy`], inlined.
+/// Like [`energy`], inlined.
 #[inline(always)]
 pub(crate) fn energy_inlined(values: &[f64]) -> f64 {
     sum_of(values, |x| x * x)
 }
 
-/// Returns the sum of the products of `a` and `b`, as far as both go.
+/// Returns the sum of the products of `a` and `b`, up to the end of the shorter slice.
 pub fn dot<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     wide(
         #[inline(always)]
@@ -72,7 +73,7 @@ pub fn dot<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     )
 }
 
-/// As [`dot`], inlined.
+/// Like [`dot`], inlined.
 #[inline(always)]
 pub(crate) fn dot_inlined<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     let common = a.len().min(b.len());
@@ -89,11 +90,13 @@ pub(crate) fn dot_inlined<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// Returns the sum of the products of `weights` with as many `values`, at each place where they all are.
+/// Returns, for each position at which all `weights` lie within `values`, the sum of the products of `weights` and the
+/// values from there on.
 ///
-/// Each sum is in the order of the weights. Many places have theirs made at once, so that none waits for another.
+/// Each sum is in the order of the weights. The sums of many positions are computed together, so that no addition waits
+/// for another.
 pub fn sliding(values: &[f64], weights: &[f64]) -> Vec<f64> {
-    // As many as vector registers hold.
+    // As many sums as fit into the vector registers.
     const AT_ONCE: usize = 32;
     let mut sums = vec![0.0; (values.len() + 1).saturating_sub(weights.len())];
     wide(
@@ -111,7 +114,7 @@ pub fn sliding(values: &[f64], weights: &[f64]) -> Vec<f64> {
                 *sums = own;
             }
             for (place, weight) in (rest_at..).zip(weights) {
-                // Fewer values than weights have no sums, and so none to start from.
+                // If there are fewer values than weights, there are no sums, and `place` may lie beyond the values.
                 let values = values.get(place..).unwrap_or_default();
                 for (sum, value) in rest.iter_mut().zip(values) {
                     *sum += value * weight;
@@ -122,7 +125,8 @@ pub fn sliding(values: &[f64], weights: &[f64]) -> Vec<f64> {
     sums
 }
 
-/// Returns the mean of `values`, computed about the first one, so that a large offset costs no digits; 0 of none.
+/// Returns the mean of `values`; 0 if there are none. The first value is subtracted before summing, so that a large
+/// offset costs no digits.
 pub fn mean(values: &[f64]) -> f64 {
     wide(
         #[inline(always)]
@@ -138,7 +142,7 @@ fn mean_inlined(values: &[f64]) -> f64 {
     first + sum_of(values, |x| x - first) / values.len() as f64
 }
 
-/// Returns the mean of the squares about the mean, computed about the first value; 0 of none.
+/// Returns the mean square deviation from the mean; 0 if there are no values. The mean is computed like [`mean`].
 pub fn variance(values: &[f64]) -> f64 {
     moments(values).variance
 }
@@ -152,7 +156,7 @@ pub struct Moments {
     pub variance: f64,
 }
 
-/// Returns both [`mean`] and [`variance`].
+/// Returns [`mean`] and [`variance`] together.
 pub fn moments(values: &[f64]) -> Moments {
     wide(
         #[inline(always)]
@@ -160,7 +164,7 @@ pub fn moments(values: &[f64]) -> Moments {
     )
 }
 
-/// As [`moments`], inlined.
+/// Like [`moments`], inlined.
 #[inline(always)]
 pub fn moments_inlined(values: &[f64]) -> Moments {
     let mean = mean_inlined(values);
@@ -171,7 +175,8 @@ pub fn moments_inlined(values: &[f64]) -> Moments {
     }
 }
 
-/// Returns the lowest and the highest of `values`, none of which is NaN; the largest and the smallest number of none.
+/// Returns the lowest and the highest of `values`, none of which may be NaN. If there are no values, it returns
+/// `f64::MAX` and `f64::MIN`.
 pub fn extremes(values: &[f64]) -> (f64, f64) {
     wide(
         #[inline(always)]
@@ -179,7 +184,7 @@ pub fn extremes(values: &[f64]) -> (f64, f64) {
     )
 }
 
-/// As [`extremes`], inlined.
+/// Like [`extremes`], inlined.
 #[inline(always)]
 pub(crate) fn extremes_inlined(values: &[f64]) -> (f64, f64) {
     let (mut low, mut high) = ([f64::MAX; LANES], [f64::MIN; LANES]);
@@ -195,7 +200,8 @@ pub(crate) fn extremes_inlined(values: &[f64]) -> (f64, f64) {
     (least, most)
 }
 
-/// Returns the least step between neighbours that is not zero, and the largest; infinity and 0 of no step.
+/// Returns the smallest step between neighbours that is not zero, and the largest step. If there are no such steps, it
+/// returns infinity and 0.
 pub fn steps(values: &[f64]) -> (f64, f64) {
     wide(
         #[inline(always)]
@@ -239,7 +245,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The oracle is the sum in the order of the values; round-off is at most that of as many additions.
+        /// The reference is the sum in the order of the values. The round-off is at most that of as many additions.
         #[test]
         fn partial_results_are_those_in_order_to_round_off(values in prop::collection::vec(-1e3f64..1e3, 0..100)) {
             let bound = 1e-13 * values.iter().map(|x| x * x).sum::<f64>().max(1e3);

@@ -1,6 +1,6 @@
 //! Files that are written whole or not at all.
 //!
-//! The order of steps makes it so also where the power fails in between: the content is on the disk before the file
+//! The order of the steps ensures this even if the power fails in between: the content is on the disk before the file
 //! gets its name.
 
 use std::fs::{self, File};
@@ -12,12 +12,12 @@ use crate::temporaries::Temporary;
 
 /// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
 ///
-/// An earlier file stays until then, and stays after any failure; a replaced file's permissions pass to the new one. A
-/// link is followed: the file at its end is replaced, and the link stays. Returns the value of `write`.
+/// An earlier file stays until then, and stays after any failure. The permissions of a replaced file pass to the new
+/// file. A link is followed: the file to which it leads is replaced, and the link stays. Returns the value of `write`.
 ///
 /// # Errors
-/// The error of `write`, something at `path` that is no regular file, or a file that cannot be created, flushed to the
-/// disk, or replaced.
+/// The error of `write`; something at `path` that is not a regular file; or a file that cannot be created, flushed to
+/// the disk, or replaced.
 pub fn write_with<T>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
@@ -35,10 +35,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_together(&[(path, bytes)])
 }
 
-/// Writes several files: none has its name before all are on the disk.
+/// Writes several files. No file gets its name before all are on the disk.
 ///
 /// # Errors
-/// As [`write()`]. Files that have their names already stay where a later one cannot get its own.
+/// See [`write()`]. If a file cannot get its name, the files that already have theirs stay.
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     let written = files.iter().map(|(path, bytes)| {
         let written = Unnamed::write(path, |file| {
@@ -50,14 +50,15 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     written.into_iter().try_for_each(Unnamed::name)
 }
 
-/// Returns the path of the file that is written under the name `path`: that at the end of a link, or `path` itself.
+/// Returns the path of the file that is written under the name `path`: the file to which a link leads, or `path`
+/// itself.
 ///
 /// # Errors
-/// A folder, device, pipe or socket, which a file must not replace; a link to nothing, because it may be meant for
-/// another place than the one where a file would appear.
+/// A folder, device, pipe or socket, which a file must not replace; or a link that leads nowhere, because it may be
+/// meant for another place than the one where a file would appear.
 pub fn target(path: &Path) -> Result<PathBuf> {
     if !path.is_symlink() && !path.exists() {
-        // A folder that is missing is an error of its own, when the file is created.
+        // A missing folder is reported separately, when the file is created.
         return Ok(path.to_owned());
     }
     let found = match fs::metadata(path) {
@@ -76,7 +77,7 @@ pub fn target(path: &Path) -> Result<PathBuf> {
     fs::canonicalize(path).map_err(Error::io("follow the link", path))
 }
 
-/// Names, with its article, what is at a path if it is no regular file.
+/// Returns what is at a path, as a noun with its article, if it is not a regular file.
 pub fn other_than_a_file(found: &fs::Metadata) -> Option<&'static str> {
     let kind = found.file_type();
     if kind.is_file() {
@@ -125,8 +126,8 @@ impl<'a> Unnamed<'a> {
         let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
         let (temporary, mut file) = Temporary::file_in(folder_of(&target), permissions.clone())
             .map_err(Error::io("create", path))?;
-        // Before the content, which must never be open to more than the earlier file was. The umask may have taken
-        // some.
+        // Permissions are set before the content is written, which must never be readable by more users than the
+        // earlier file was. The umask may have removed some permissions.
         if let Some(permissions) = permissions.filter(|_| cfg!(unix)) {
             file.set_permissions(permissions)
                 .map_err(Error::io("write", path))?;

@@ -1,5 +1,5 @@
-//! Files that are read whole, up to a declared size. No length that a file states is believed: the bytes are counted as
-//! they come, so that the memory is that of what is there, also where a file has no end.
+//! Files that are read whole, up to a size limit. No length that a file states is trusted: the bytes are counted while
+//! they are read, so that only existing data takes memory, even if a file has no end.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -13,20 +13,20 @@ use super::nearest::nearly;
 /// One mebibyte, bytes.
 pub const MIB: u64 = 1 << 20;
 
-/// Most names of a folder that are compared with one that is not there.
+/// Largest number of names in a folder that are compared with the name of a missing file.
 const MOST_NAMES: usize = 10_000;
 
-/// A kind of file, with the most bytes that one may have.
+/// A kind of file, with its size limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Limit {
     /// Name of the kind, with its article.
     pub of: &'static str,
-    /// Most bytes.
+    /// Largest size, bytes.
     pub bytes: u64,
 }
 
-/// The failure of `action` on the file at `path`. Where it is not there, a file beside it is named whose name is nearly
-/// that.
+/// Returns the error that `action` failed on the file at `path`. If the file is missing, the error suggests a file in
+/// the same folder with a similar name.
 pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
@@ -47,11 +47,11 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
 }
 
 impl Limit {
-    /// Opens the file at `path`, which must be a regular one of at most so many bytes, because it is read more than
-    /// once or in leaps. Devices and pipes are refused before they are opened.
+    /// Opens the file at `path`. It must be a regular file within the size limit, because it is read more than once or
+    /// not in sequence. Devices and pipes are refused before they are opened.
     ///
     /// # Errors
-    /// A file that cannot be opened, is no regular file, or is larger than the limit.
+    /// The file cannot be opened, is not a regular file, or is larger than the limit.
     pub fn open(&self, path: &Path) -> Result<File> {
         let found = std::fs::metadata(path).map_err(|source| absent("open", path, source))?;
         if let Some(other) = other_than_a_file(&found) {
@@ -78,7 +78,7 @@ impl Limit {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, or is larger than the limit.
+    /// The file cannot be read, or is larger than the limit.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
         let file = File::open(path).map_err(|source| absent("read", path, source))?;
         if file.metadata().is_ok_and(|found| found.is_dir()) {
@@ -99,7 +99,7 @@ impl Limit {
     /// Reads the text file at `path`.
     ///
     /// # Errors
-    /// As [`Limit::read`], or text that is not UTF-8, with the line.
+    /// See [`Limit::read`]; or the text is not UTF-8, with the line.
     pub fn read_text(&self, path: &Path) -> Result<String> {
         String::from_utf8(self.read(path)?).map_err(|failure| {
             let before = &failure.as_bytes()[..failure.utf8_error().valid_up_to()];

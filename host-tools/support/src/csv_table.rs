@@ -1,12 +1,13 @@
 //! Tables as CSV: one dialect for every table that a command reads.
 //!
-//! A table comes from a program that its user did not write. Its separator is a semicolon, a tab, a comma or a space;
-//! its decimal sign a point, or a comma where that does not separate; it may begin with a byte order mark, and each
-//! line may end with a separator, as spreadsheets write it. Lines from `#` or `%` on are comments, but for names right
-//! above the first row of numbers, as NumPy's `savetxt` writes them, and so is a logger's preamble. Empty lines do not
-//! count, and spaces around a field do not either. What cannot be read is named with line, column and separator.
+//! A table comes from a program that its user did not write. Its separator is a semicolon, a tab, a comma or a space.
+//! Its decimal sign is a point, or a comma if the comma is not the separator. The table may begin with a byte order
+//! mark, and each line may end with a separator, as spreadsheets write it. Lines that begin with `#` or `%` are
+//! comments, and so is a logger's preamble. An exception is a comment with names directly above the first row of
+//! numbers, as NumPy's `savetxt` writes it: it is the header. Empty lines are ignored, and so are spaces around a
+//! field. An error states the line, the column and the separator.
 //!
-//! A file is read row by row, so that its size takes no memory.
+//! A file is read row by row, so that memory does not grow with its size.
 
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -22,19 +23,19 @@ mod first_lines;
 
 use first_lines::{FirstLines, MOST_LINES, split};
 
-/// A table of samples, of trials or of a motion.
+/// Size limit of a table of samples, of trials or of a motion.
 pub const TABLE: Limit = Limit {
     of: "a table",
     bytes: 512 * MIB,
 };
 
-/// Signs of units, ², µ, ° and ·, in the code page of Western Europe.
+/// Characters of units, ², µ, ° and ·, in the Western European code page.
 const SIGNS: [u8; 4] = [0xb2, 0xb5, 0xb0, 0xb7];
 
-/// Most bytes of a row.
+/// Largest size of a row, bytes.
 const MOST_ROW_BYTES: usize = 1 << 20;
 
-/// Most characters of a field that an error repeats.
+/// Largest number of characters of a field that an error repeats.
 const SHOWN_CHARACTERS: usize = 40;
 
 /// A table, with its separator and its decimal sign.
@@ -43,7 +44,7 @@ pub struct CsvTable {
     path: PathBuf,
     text: Text,
     first_lines: FirstLines,
-    /// Decimal sign of the numbers read so far; none before the first that has one.
+    /// Decimal sign of the numbers read so far; `None` until a number has one.
     decimal_sign: Cell<Option<char>>,
 }
 
@@ -55,10 +56,11 @@ enum Text {
 }
 
 impl CsvTable {
-    /// Opens the file at `path`, which may be as large as `limit`. A pipe can be read once, so it is held in memory.
+    /// Opens the file at `path`, whose size must not exceed `limit`. A pipe is held in memory, because it can be read
+    /// only once.
     ///
     /// # Errors
-    /// A file that cannot be read, or is larger than the limit; first lines that are not UTF-8.
+    /// The file cannot be read or is larger than the limit, or its first lines are not UTF-8.
     pub fn read(path: &Path, limit: Limit) -> Result<Self> {
         let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
         let text = if !is_file {
@@ -71,15 +73,15 @@ impl CsvTable {
         Self::with(path, text)
     }
 
-    /// The table in `text`; `path` is only named in errors.
+    /// Creates the table in `text`; `path` is used only in errors.
     ///
     /// # Errors
-    /// A line that is longer than a row may be.
+    /// A line is longer than a row may be.
     pub fn of(path: &Path, text: String) -> Result<Self> {
         Self::with(path, Text::Memory(text))
     }
 
-    /// Judges the first lines of `text`.
+    /// Evaluates the first lines of `text`.
     fn with(path: &Path, text: Text) -> Result<Self> {
         let mut table = Self {
             path: path.to_owned(),
@@ -113,15 +115,16 @@ impl CsvTable {
         })
     }
 
-    /// The file, as errors name it.
+    /// Returns the file, as errors name it.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The first line that is no comment, as names of columns. A table without one has no names.
+    /// Returns the first line that is not a comment, as the names of the columns. A table without such a line has no
+    /// names.
     ///
     /// # Errors
-    /// A line that cannot be read.
+    /// A line cannot be read.
     pub fn header(&self) -> Result<Header<'_>> {
         let mut rows = self.rows()?;
         let (names, line) = match rows.next_row()? {
@@ -135,10 +138,10 @@ impl CsvTable {
         })
     }
 
-    /// The comments above the first line that is no comment.
+    /// Returns the comments above the first line that is not a comment.
     ///
     /// # Errors
-    /// A line that cannot be read.
+    /// A line cannot be read.
     pub fn comments(&self) -> Result<String> {
         let (mut lines, mut comments) = (self.lines()?, String::new());
         while lines.advance()? && !lines.is_content() {
@@ -147,10 +150,10 @@ impl CsvTable {
         Ok(comments)
     }
 
-    /// All lines with fields, the header among them.
+    /// Returns all lines with fields, including the header.
     ///
     /// # Errors
-    /// A file that cannot be opened.
+    /// The file cannot be opened.
     pub fn rows(&self) -> Result<Rows<'_>> {
         let mut parser = csv_core::ReaderBuilder::new();
         parser.delimiter(self.first_lines.separator as u8);
@@ -166,18 +169,18 @@ impl CsvTable {
         })
     }
 
-    /// The lines below the header.
+    /// Returns the lines below the header.
     ///
     /// # Errors
-    /// A header that cannot be read.
+    /// The header cannot be read.
     pub fn rows_below_header(&self) -> Result<Rows<'_>> {
         let mut rows = self.rows()?;
         rows.next_row()?;
         Ok(rows)
     }
 
-    /// Line, from 1, of the row with this index, from 0 at the first row that is no comment. 0 if there is none. Below
-    /// that, rows without a number, such as units, do not count.
+    /// Returns the line, from 1, of the row with this index; 0 if there is no such row. Row 0 is the first line that is
+    /// not a comment. After it, rows without a number, such as units, do not count.
     pub fn line_of_row(&self, index: usize) -> u64 {
         let line = |mut rows: Rows<'_>| {
             let mut before = 0;
@@ -193,7 +196,7 @@ impl CsvTable {
         self.rows().ok().and_then(line).unwrap_or(0)
     }
 
-    /// The way to a number in place of `field`: the table's conventions, or seconds for a date.
+    /// Returns how to write a number in place of `field`: the table's conventions, or seconds if the field is a date.
     fn remedy(&self, field: &str) -> String {
         if is_date(field) {
             return "a date; write seconds, in pandas by t = pandas.to_datetime(t); t = (t - t[0]).dt.total_seconds()"
@@ -202,7 +205,7 @@ impl CsvTable {
         self.conventions()
     }
 
-    /// Separator and decimal sign, in words.
+    /// Returns the separator and the decimal sign, in words.
     pub fn conventions(&self) -> String {
         let separator = match self.first_lines.separator {
             ';' => "semicolon",
@@ -217,7 +220,7 @@ impl CsvTable {
         format!("fields are separated by a {separator}, decimals by a {decimal}")
     }
 
-    /// Parses a number by the table's decimal sign, which is that of the first number with one.
+    /// Parses a number with the decimal sign of the table, which is the sign of the first number that has one.
     pub fn number(&self, field: &str) -> Option<f64> {
         let has_comma = self.first_lines.separator != ',' && field.contains(',');
         let sign = match (has_comma, field.contains('.')) {
@@ -241,10 +244,10 @@ impl CsvTable {
     }
 }
 
-/// Signs with which a comment begins: of Python and the shell, and of MATLAB.
+/// Characters with which a comment begins: `#` in Python and shells, `%` in MATLAB.
 const COMMENT_SIGNS: [char; 2] = ['#', '%'];
 
-/// The text of a comment, which begins with one sign or several; `None` if `line` is no comment.
+/// Returns the text of a comment, which begins with one or more such characters; `None` if `line` is not a comment.
 pub fn comment(line: &str) -> Option<&str> {
     let is_comment = line.starts_with(COMMENT_SIGNS);
     is_comment.then(|| line.trim_start_matches(COMMENT_SIGNS))
@@ -255,7 +258,7 @@ pub fn is_content(line: &str) -> bool {
     comment(line).is_none() && !line.trim().is_empty()
 }
 
-/// Returns the text of the file at `path` if its byte order mark says UTF-16, as Windows' shell writes it.
+/// Returns the text of the file at `path` if its byte order mark indicates UTF-16, which the Windows shell writes.
 fn utf_16(path: &Path, limit: Limit) -> Result<Option<String>> {
     let mut mark = [0; 2];
     let read = limit.open(path)?.read(&mut mark);
@@ -271,20 +274,20 @@ fn utf_16(path: &Path, limit: Limit) -> Result<Option<String>> {
     Ok(Some(characters.collect()))
 }
 
-/// The lines of a text, one after the other.
+/// The lines of a text, read one after the other.
 struct Lines<'a> {
     path: &'a Path,
     reader: Box<dyn BufRead + 'a>,
     first: &'a FirstLines,
     bytes: Vec<u8>,
-    /// The line, ended by a line feed. If spaces separate, one is between two words.
+    /// The line, ended by a line feed. If the separator is a space, there is exactly one between two words.
     line: String,
     /// Number of the line, from 1.
     number: u64,
 }
 
 impl Lines<'_> {
-    /// Goes to the next line; false at the end.
+    /// Reads the next line; returns false at the end.
     fn advance(&mut self) -> Result<bool> {
         self.bytes.clear();
         let most = MOST_ROW_BYTES as u64 + 1;
@@ -324,7 +327,7 @@ impl Lines<'_> {
         if self.first.labels.is_some() {
             for (index, field) in split(text, separator).enumerate() {
                 self.line.extend((index > 0).then_some(separator));
-                // A field without its name is refused as it is.
+                // A field without its name stays as it is, and is refused later.
                 self.line
                     .push_str(field.split_once(':').map_or(field, |(_, number)| number));
             }
@@ -340,7 +343,7 @@ impl Lines<'_> {
         Ok(true)
     }
 
-    /// Goes to the next line that is neither empty nor a comment; false at the end.
+    /// Reads up to the next line that is neither empty nor a comment; returns false at the end.
     fn skip_to_content(&mut self) -> Result<bool> {
         while self.advance()? {
             if self.is_content() {
@@ -350,7 +353,7 @@ impl Lines<'_> {
         Ok(false)
     }
 
-    /// Returns whether the line is neither empty nor a comment, nor one of the preamble.
+    /// Returns whether the line is neither empty, nor a comment, nor a line of the preamble.
     fn is_content(&self) -> bool {
         self.number >= self.first.begin && is_content(&self.line)
     }
@@ -403,7 +406,7 @@ fn is_date(field: &str) -> bool {
         && rest_chars.next().is_some_and(|next| next.is_ascii_digit())
 }
 
-/// A field as an error shows it.
+/// Returns a field as an error shows it.
 fn shown(field: &str) -> Cow<'_, str> {
     match field.char_indices().nth(SHOWN_CHARACTERS) {
         Some((end, _)) => Cow::Owned(format!("{}…", &field[..end])),
@@ -443,10 +446,10 @@ impl Header<'_> {
         }
     }
 
-    /// Returns the index of the column `name`; `expected` tells in words which columns such a table has.
+    /// Returns the index of the column `name`; `expected` states in words which columns such a table has.
     ///
     /// # Errors
-    /// No column of this name, or two; a first line of numbers, which is no header.
+    /// There is no column of this name, or there are two; or the first line is numbers and not a header.
     pub fn needed(&self, name: &str, expected: &str) -> Result<usize> {
         if let Some(index) = self.column(name)? {
             return Ok(index);
@@ -472,21 +475,21 @@ impl Header<'_> {
         Err(self.error(problem))
     }
 
-    /// An error at the header's line.
+    /// Returns an error at the header's line.
     pub fn error(&self, problem: impl Into<String>) -> Error {
         Error::line(&self.table.path, self.line, problem)
     }
 }
 
-/// Rows of a table, one after the other.
+/// Rows of a table, read one after the other.
 pub struct Rows<'a> {
     table: &'a CsvTable,
     lines: Lines<'a>,
-    /// Names of the columns, if they come before the first line.
+    /// Names of the columns, until they are returned as the header, if the fields themselves contain them.
     labels: Option<&'a [String]>,
     parser: csv_core::Reader,
     fields: Fields,
-    /// Fields of the first row, which every row has.
+    /// Number of fields of the first row, which every row must have.
     width: Option<usize>,
     may_be_cut_off: bool,
     is_cut_off: bool,
@@ -496,7 +499,7 @@ impl<'a> Rows<'a> {
     /// Returns the next row; `None` at the end.
     ///
     /// # Errors
-    /// A row with another number of fields than the first, or that cannot be read.
+    /// The number of fields differs from that of the first row, or the row cannot be read.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
         let line = loop {
             if let Some(labels) = self.labels.take() {
@@ -507,7 +510,7 @@ impl<'a> Rows<'a> {
             }
             let line = self.lines.number;
             self.parse()?;
-            // Spreadsheets write rows of separators alone below a table.
+            // Spreadsheets write rows that consist only of separators below a table.
             if (0..self.fields.len()).any(|index| !self.fields.is_empty_at(index)) {
                 break line;
             }
@@ -520,7 +523,7 @@ impl<'a> Rows<'a> {
             Some(width) => width,
         };
         self.width = Some(width);
-        // A separator at the end of the line, as spreadsheets write it.
+        // The line ends with a separator, as spreadsheets write it.
         if count == width + 1 && ends_empty {
             self.fields.ends.truncate(width);
         } else if count != width {
@@ -538,7 +541,7 @@ impl<'a> Rows<'a> {
         }))
     }
 
-    /// Lets the rows end before a last line that is cut off, as where a logger loses its power.
+    /// Lets the rows end before a last line that is cut off, for example because a logger lost its power.
     pub fn end_before_cut_off(&mut self) {
         self.may_be_cut_off = true;
     }
@@ -548,7 +551,8 @@ impl<'a> Rows<'a> {
         self.is_cut_off
     }
 
-    /// Parses the row that begins in the line, with the lines after it if a quoted field holds them.
+    /// Parses the row that begins in the current line. If a quoted field extends over the following lines, they are
+    /// included.
     fn parse(&mut self) -> Result<()> {
         let mut text = std::mem::take(&mut self.fields.text).into_bytes();
         let ends = &mut self.fields.ends;
@@ -585,7 +589,7 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// The error of a row with another number of fields than the first.
+    /// Returns the error that the number of fields differs from that of the first row.
     fn unequal(&self, line: u64, width: usize) -> Error {
         let (table, count) = (self.table, self.fields.len());
         let remedy = match self.fields.get(width) {
@@ -631,15 +635,15 @@ impl<'r> Row<'r, '_> {
         self.fields.iter()
     }
 
-    /// The text of a field; empty where there is none.
+    /// Returns the text of a field; empty if there is no such field.
     pub fn text(&self, index: usize) -> &'r str {
         self.fields.get(index).unwrap_or_default()
     }
 
-    /// Parses a field as a number, which may be infinite or not a number where it says so.
+    /// Parses a field as a number. It may be infinite or NaN if the text says so.
     ///
     /// # Errors
-    /// A field that is no number, with its line and column.
+    /// The field is not a number; the error states the line and column.
     pub fn number(&self, index: usize) -> Result<f64> {
         let field = self.text(index);
         self.table.number(field).ok_or_else(|| {
@@ -655,7 +659,7 @@ impl<'r> Row<'r, '_> {
     /// Parses a field of the column `name` as a finite number.
     ///
     /// # Errors
-    /// A field that is no finite number, with its line and column.
+    /// The field is not a finite number; the error states the line and column.
     pub fn finite(&self, index: usize, name: &str) -> Result<f64> {
         let field = self.text(index);
         let value = self.table.number(field).filter(|value| value.is_finite());
@@ -669,7 +673,7 @@ impl<'r> Row<'r, '_> {
         })
     }
 
-    /// An error at the row's line.
+    /// Returns an error at the row's line.
     pub fn error(&self, problem: impl Into<String>) -> Error {
         Error::line(&self.table.path, self.line, problem)
     }
@@ -685,7 +689,7 @@ mod tests {
         CsvTable::of(Path::new("a.csv"), text.to_owned()).unwrap()
     }
 
-    /// All rows as numbers.
+    /// Returns all rows as numbers.
     fn numbers(table: &CsvTable) -> Result<Vec<Vec<f64>>> {
         let (mut rows, mut all) = (table.rows_below_header()?, Vec::new());
         while let Some(row) = rows.next_row()? {
@@ -833,7 +837,7 @@ mod tests {
         [(";", ","), (";", "."), ("\t", ","), (",", "."), (" ", ".")];
 
     proptest! {
-        /// Lines are those of the text, whatever comments, empty lines and line ends are above.
+        /// Line numbers are those of the text, whatever comments, empty lines and line endings precede the row.
         #[test]
         fn a_row_knows_its_line(above in prop::collection::vec("(# ?[a-z;,]{0,5}|)", 0..6), crlf: bool) {
             let end = if crlf { "\r\n" } else { "\n" };
@@ -849,7 +853,7 @@ mod tests {
             prop_assert_eq!(with_units.line_of_row(1), line + 1);
         }
 
-        /// Numbers come back from a table that was written with any separator and decimal sign.
+        /// Numbers are read back correctly from a table written with any separator and decimal sign.
         #[test]
         fn numbers_survive_every_dialect(
             rows in prop::collection::vec((-1e9..1e9f64, -1e9..1e9f64), 1..10),

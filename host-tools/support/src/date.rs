@@ -2,7 +2,8 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Date and time, UTC, in the proleptic Gregorian calendar, as in 2026-11-22T08:15:00Z; 1970 for a time before.
+/// Returns the date and time, UTC, in the proleptic Gregorian calendar, such as 2026-11-22T08:15:00Z. A time before
+/// 1970 is returned as the beginning of 1970.
 pub fn utc(time: SystemTime) -> String {
     let seconds = time
         .duration_since(UNIX_EPOCH)

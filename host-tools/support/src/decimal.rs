@@ -1,6 +1,6 @@
-//! Numbers as text with a fixed number of decimals, in which nothing is below zero by less than is written.
+//! Numbers rounded to a number of decimals or digits, without negative zeros.
 
-/// `value` with so many decimals. What rounds to zero has no sign: "0.0", never "-0.0".
+/// Returns `value` with `decimals` decimals. A value that rounds to zero has no sign: "0.0", never "-0.0".
 pub fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
@@ -9,7 +9,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// The value with four digits, which is more than anybody reads; 0 for what is not finite.
+/// Returns the value rounded to four significant digits, which is more than anybody reads; 0 if it is not finite.
 pub fn significant(value: f64) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return 0.0;

@@ -1,4 +1,4 @@
-//! Failures in words for the person at the keyboard: the problem, its place, and the remedy.
+//! Failures in words for the user: the problem, its place, and the remedy.
 
 use std::path::{Path, PathBuf};
 
@@ -64,7 +64,7 @@ impl Error {
         }
     }
 
-    /// An error about the content of a file.
+    /// Returns an error about the content of a file.
     pub fn file(path: &Path, problem: impl Into<String>) -> Self {
         Self::File {
             path: path.to_owned(),
@@ -72,7 +72,7 @@ impl Error {
         }
     }
 
-    /// An error about a line, from 1, of a file.
+    /// Returns an error about a line, from 1, of a file.
     pub fn line(path: &Path, line: u64, problem: impl Into<String>) -> Self {
         Self::Line {
             path: path.to_owned(),
@@ -80,7 +80,7 @@ impl Error {
             problem: problem.into(),
         }
     }
-    /// The error with its path, if it has one, changed by `of`.
+    /// Returns the error with its path, if it has one, replaced by the result of `of`.
     #[must_use]
     pub fn with_path(mut self, of: impl FnOnce(&Path) -> PathBuf) -> Self {
         if let Self::Io { path, .. }

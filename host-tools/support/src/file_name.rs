@@ -1,35 +1,36 @@
-//! Names of things as names of files, on every system.
+//! Safe names of files, on every system, from any names.
 //!
-//! Systems differ: some take upper and lower case for the same, some take a letter with an accent and the two
-//! characters that make it for the same, some give words such as NUL to devices, and some end a name before its last
-//! dot.
+//! Systems differ. Some treat upper and lower case as the same. Some treat a letter with an accent as the same as the
+//! two characters that compose it. Some reserve words such as NUL for devices, and some drop a dot at the end of a
+//! name.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{MAIN_SEPARATOR, Path};
 
-/// Most characters of a stem that [`Stems`] gives, without a number at its end.
+/// Largest number of characters of a stem that [`Stems`] returns, without a number at its end.
 const MOST_CHARACTERS: usize = 64;
 
-/// Names of devices on Windows, with any ending and in any case; COM and LPT also stand before a digit.
+/// Names of devices on Windows, with any extension and in any case. COM and LPT followed by a digit are devices too.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// `path` with `/` between folders on every system, so that what keeps it is the same everywhere.
+/// Returns `path` with `/` between folders on every system, so that files that contain the path are the same
+/// everywhere.
 pub fn portable(path: &Path) -> String {
     path.display().to_string().replace(MAIN_SEPARATOR, "/")
 }
 
-/// Stems of files for things with any names: safe on every system, and different for different things.
+/// File name stems for things with any names. They are safe on every system, and different for different things.
 #[derive(Debug, Default)]
 pub struct Stems {
     given: HashMap<String, String>,
-    /// The stems in lower case.
+    /// The returned stems in lower case.
     taken: HashSet<String>,
 }
 
 impl Stems {
-    /// Returns the stem for `name`; the same each time. A name of at most 64 ASCII letters, digits, `-` and `_` is its
-    /// own stem. Exceptions are names that begin with `-`, as options of programs do; names of Windows' devices; and
-    /// names that equal an earlier stem but for the case of their letters.
+    /// Returns the stem for `name`, which is the same in every call. A name of at most 64 ASCII letters, digits, `-`
+    /// and `_` is its own stem. Exceptions are names that begin with `-`, like options of programs; names of Windows'
+    /// devices; and names that differ from an earlier stem only in case, or not at all.
     pub fn of(&mut self, name: &str) -> String {
         if let Some(stem) = self.given.get(name) {
             return stem.clone();
@@ -60,7 +61,7 @@ fn safe(name: &str) -> String {
     }
 }
 
-/// Returns what keeps `name` from naming a file or folder on every system, if anything does.
+/// Returns the reason why `name` cannot be the name of a file or folder on every system, if there is one.
 pub fn fault(name: &str) -> Option<&'static str> {
     if name.is_empty() {
         return Some("must not be empty");
@@ -82,7 +83,7 @@ pub fn fault(name: &str) -> Option<&'static str> {
     None
 }
 
-/// Returns the form of `name` that is equal for names that some system takes for the same.
+/// Returns a form of `name` that is the same for names that some system treats as equal.
 pub fn folded(name: &str) -> String {
     name.to_lowercase()
 }

@@ -1,13 +1,13 @@
-//! WAV files of 32-bit floats, as recordings are written.
+//! WAV files of 32-bit floats, the format in which recordings are written.
 
 use std::io::Cursor;
 
 use hound::{SampleFormat, WavSpec, WavWriter};
 
-/// The bytes of a file with so many channels, of samples that go from channel to channel.
+/// Returns the bytes of a file with `channels` channels, whose `samples` are interleaved.
 ///
 /// # Errors
-/// More samples than a WAV file holds, or not as many of each channel.
+/// There are more samples than a WAV file can hold, or their number is not a multiple of the number of channels.
 pub fn float_wav(
     channels: usize,
     sample_rate: u32,

@@ -1,10 +1,10 @@
-//! The 64-bit FNV-1a hash (Fowler, Noll and Vo; IETF draft-eastlake-fnv): the same on every computer and in every
-//! version, which the standard library's hashes are not. It tells accidents, not attacks.
+//! The 64-bit FNV-1a hash (Fowler, Noll and Vo; IETF draft-eastlake-fnv). It is the same on every computer and in every
+//! version, unlike the standard library's hashes. It detects accidental changes, but not attacks.
 
-/// Multiplier of each byte.
+/// Factor by which the hash is multiplied for each byte.
 const PRIME: u64 = 0x0100_0000_01b3;
 
-/// A hash of the bytes so far.
+/// The hash of the bytes so far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fnv(u64);
 
@@ -39,7 +39,7 @@ impl Fnv {
 mod tests {
     use super::*;
 
-    /// The vectors of the draft's appendix.
+    /// The test vectors of the draft's appendix.
     #[test]
     fn the_hash_is_that_of_its_authors() {
         assert_eq!(Fnv::of(b""), 0xcbf2_9ce4_8422_2325);

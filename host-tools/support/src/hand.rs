@@ -1,7 +1,7 @@
-//! Bounds of the motion of a hand or a drum rig, against values in other units.
+//! Bounds of the motion of a hand or a drum rig, which detect values in wrong units.
 //!
-//! A hand presses with tens of newtons and moves at some metres per second; drum rigs turn slower. Ten times that is a
-//! number in another unit: mm/s for m/s, grams for newtons.
+//! A hand presses with tens of newtons and moves at a few metres per second; drum rigs turn slower. A value ten times
+//! as large must be in another unit, such as grams instead of newtons.
 
 /// Highest speed, mm/s.
 pub const MAX_SPEED_MM_S: f64 = 10_000.0;
@@ -9,9 +9,9 @@ pub const MAX_SPEED_MM_S: f64 = 10_000.0;
 /// Highest force, N.
 pub const MAX_FORCE_N: f64 = 100.0;
 
-/// Returns the problem of a speed, in mm/s, that no hand and no drum has, in words. The sign is the direction.
+/// Returns, in words, what is wrong with a speed, in mm/s, that no hand and no drum reaches. The sign is the direction.
 pub fn speed_fault(speed_mm_s: f64) -> Option<String> {
-    // Not a number is in no range.
+    // NaN is in no range.
     if speed_mm_s.abs() <= MAX_SPEED_MM_S {
         return None;
     }
@@ -20,7 +20,8 @@ pub fn speed_fault(speed_mm_s: f64) -> Option<String> {
     ))
 }
 
-/// Returns the problem of a normal force, in N, that no hand and no drum has, in words. A negative one is no contact.
+/// Returns, in words, what is wrong with a normal force, in N, that no hand and no drum reaches. A negative force means
+/// no contact.
 pub fn force_fault(force_n: f64) -> Option<String> {
     if force_n.abs() <= MAX_FORCE_N {
         return None;
@@ -30,7 +31,7 @@ pub fn force_fault(force_n: f64) -> Option<String> {
     ))
 }
 
-/// Returns the problem of a position, in mm, beyond single precision, in words.
+/// Returns, in words, what is wrong with a position, in mm, that exceeds the range of single precision.
 pub fn position_fault(position_mm: f64) -> Option<String> {
     let is_finite = (position_mm as f32).is_finite();
     (!is_finite).then(|| "no path is as long: give it in mm".to_owned())

@@ -4,11 +4,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-/// The results of `work` on each of `items`, in their order.
+/// Returns the results of `work` on each of `items`, in the same order.
 ///
 /// # Errors
-/// The error of the first failing item in the order of `items`, whichever failed first in time. Items behind it may be
-/// left out.
+/// The error of the first item, in the order of `items`, that fails, even if another item failed earlier in time. Items
+/// after it may be skipped.
 pub fn in_order<I: Sync, T: Send, E: Send>(
     items: &[I],
     work: impl Fn(&I) -> Result<T, E> + Sync,
@@ -25,7 +25,7 @@ pub fn in_order<I: Sync, T: Send, E: Send>(
         Some(result)
     });
     let results: Vec<_> = results.collect();
-    // What was left out is behind an error.
+    // Skipped items come after an error.
     results.into_iter().flatten().collect()
 }
 

@@ -1,13 +1,13 @@
-//! Names in the order of their likeness to one that was given, for messages about a name that is not there.
+//! Names ordered by similarity to a given name, for messages about a name that does not exist.
 
-/// Most names that a message lists.
+/// Largest number of names that a message lists.
 const MOST_LISTED: usize = 12;
 
-/// Letters of a name for each edit that may lie between it and a name that is nearly it.
+/// Number of letters of a name per edit that is allowed between similar names.
 const ALIKE_LETTERS: usize = 3;
 
-/// The names of `there` in words, those first that are most like `wanted`, with a question if one is nearly it; names
-/// equally like it keep their order.
+/// Returns the names in `there` as text, ordered by similarity to `wanted`. If one is similar enough, a question
+/// suggests it. Equally similar names keep their order.
 ///
 /// ```
 /// use stylus_support::nearest::listed;
@@ -34,7 +34,7 @@ pub fn listed<T: AsRef<str>>(wanted: &str, there: &[T]) -> String {
     }
 }
 
-/// The name of `there` that `wanted` nearly is, or is but for capitals.
+/// Returns the name in `there` that is most similar to `wanted`, if it is similar enough. Case is ignored.
 pub fn nearly<'a, T: AsRef<str>>(wanted: &str, there: &'a [T]) -> Option<&'a str> {
     let names = there.iter().map(AsRef::as_ref);
     let nearest = names.min_by_key(|name| distance(wanted, name))?;
@@ -42,7 +42,7 @@ pub fn nearly<'a, T: AsRef<str>>(wanted: &str, there: &'a [T]) -> Option<&'a str
     (distance(wanted, nearest) <= letters / ALIKE_LETTERS).then_some(nearest)
 }
 
-/// Edits that make one name of the other, whatever their case.
+/// Returns the number of edits between two names. Case is ignored.
 fn distance(one: &str, other: &str) -> usize {
     strsim::levenshtein(&one.to_lowercase(), &other.to_lowercase())
 }

@@ -1,10 +1,10 @@
-//! Numbers with a range, from the text of an option.
+//! Parsers of numbers with a range, for the text of an option.
 
 use std::fmt::Display;
 
 use super::hand::{force_fault, speed_fault};
 
-/// Returns a count with its noun, in the plural where it is not one.
+/// Returns a count with its noun, in the plural unless the count is one.
 ///
 /// ```
 /// use stylus_support::number::counted;
@@ -36,7 +36,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
 /// Parses a finite number that is not negative.
 ///
 /// # Errors
-/// As [`positive`].
+/// See [`positive`].
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
@@ -47,7 +47,7 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 /// Parses the speed of a motion, in mm/s; its sign is the direction.
 ///
 /// # Errors
-/// As [`positive`].
+/// See [`positive`].
 pub fn speed(text: &str) -> Result<f64, String> {
     within(text, speed_fault)
 }
@@ -55,7 +55,7 @@ pub fn speed(text: &str) -> Result<f64, String> {
 /// Parses the force of a motion, in N; at or below zero there is no contact.
 ///
 /// # Errors
-/// As [`positive`].
+/// See [`positive`].
 pub fn force(text: &str) -> Result<f64, String> {
     within(text, force_fault)
 }
@@ -63,7 +63,7 @@ pub fn force(text: &str) -> Result<f64, String> {
 /// Parses the speed of a recording, in mm/s, above zero.
 ///
 /// # Errors
-/// As [`positive`].
+/// See [`positive`].
 pub fn recorded_speed(text: &str) -> Result<f64, String> {
     positive(text).and_then(|_| speed(text))
 }
@@ -71,7 +71,7 @@ pub fn recorded_speed(text: &str) -> Result<f64, String> {
 /// Parses the force of a recording, in N, above zero.
 ///
 /// # Errors
-/// As [`positive`].
+/// See [`positive`].
 pub fn recorded_force(text: &str) -> Result<f64, String> {
     positive(text).and_then(|_| force(text))
 }
@@ -81,12 +81,12 @@ fn within(text: &str, fault: fn(f64) -> Option<String>) -> Result<f64, String> {
     fault(value).map_or(Ok(value), Err)
 }
 
-/// Parses a tolerance, as a share.
+/// Parses a relative tolerance.
 ///
 /// # Errors
-/// As [`positive`].
+/// See [`positive`].
 pub fn tolerance(text: &str) -> Result<f64, String> {
-    /// Tolerances above would take neighbours of an ordinary grid for one.
+    /// With a larger tolerance, neighbouring nodes of an ordinary grid would count as the same node.
     const MOST: f64 = 0.25;
     match positive(text) {
         Ok(share) if share <= MOST => Ok(share),

@@ -1,8 +1,10 @@
-//! The rule for outputs, checked before the work for them begins, and folders that are written whole or not at all.
+//! The rule for outputs, which is checked before a command starts its work, and folders that are written whole or not
+//! at all.
 //!
-//! What is there is replaced where the user asks for that (`overwrite`), and an input, pipe, device or folder never is.
-//! A folder that a command wrote holds [`LIST`], the list of its files. A folder with anything else is refused, so that
-//! nothing is removed that no command wrote; what file managers leave there is kept.
+//! An existing output is replaced only if the user asks for it (`overwrite`). An input, pipe, device or folder is never
+//! replaced by a file. A folder that a command wrote contains [`LIST`], the list of its files. A folder with any other
+//! file is refused, so that nothing is removed that no command wrote. Files that file managers leave in a folder are
+//! kept.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -17,7 +19,7 @@ use super::temporaries::{self, Temporary};
 /// Name of the list of the files that a command wrote into its folder.
 pub const LIST: &str = ".made-by-stylus";
 
-/// A list of some 100 000 files.
+/// Size limit of a list, enough for about 100 000 files.
 const LIST_TEXT: Limit = Limit {
     of: "a list of a result's files",
     bytes: 16 * MIB,
@@ -26,11 +28,11 @@ const LIST_TEXT: Limit = Limit {
 /// Files that file managers leave in any folder.
 const LITTER: [&str; 3] = [".DS_Store", "Thumbs.db", "desktop.ini"];
 
-/// The way to replace what is there, for the command line and for Python.
+/// How to replace an existing output, for the command line and for Python.
 const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=True in Python)";
 
-/// Checks that a file can be written as `path`: nothing but an empty file is there, or with `overwrite` a regular file
-/// that is none of `inputs`, and its folder takes files.
+/// Checks that a file can be written as `path`. There must be no file or an empty one; with `overwrite`, there may be a
+/// regular file that is none of `inputs`. The folder must accept files.
 ///
 /// # Errors
 /// The first of these conditions that does not hold, with the remedy.
@@ -58,7 +60,7 @@ pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()
     Ok(())
 }
 
-/// Returns true if both paths are names of one file: spellings, links, hard links.
+/// Returns true if both paths lead to the same file, by another spelling, a link or a hard link.
 fn is_same(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     if let (Ok(one), Ok(other)) = (fs::metadata(one), fs::metadata(other)) {
@@ -68,7 +70,7 @@ fn is_same(one: &Path, other: &Path) -> bool {
     matches!((fs::canonicalize(one), fs::canonicalize(other)), (Ok(one), Ok(other)) if one == other)
 }
 
-/// Checks that `folder` is there and takes files, for the output that is named `path`.
+/// Checks that `folder` exists and accepts files, for the output that is named `path`.
 fn check_place(path: &Path, folder: &Path) -> Result<()> {
     let shown = folder.display();
     let problem = if !folder.exists() {
@@ -83,8 +85,8 @@ fn check_place(path: &Path, folder: &Path) -> Result<()> {
     Err(Error::file(path, problem))
 }
 
-/// Checks that a folder can be written as `path`: nothing or an empty folder is there, or with `overwrite` an earlier
-/// result and nothing else, with none of `inputs` in it.
+/// Checks that a folder can be written as `path`. There must be no folder or an empty one; with `overwrite`, there may
+/// be a folder with an earlier result and nothing else, which contains none of `inputs`.
 ///
 /// # Errors
 /// The first of these conditions that does not hold, with the remedy.
@@ -121,7 +123,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
         Err(failure) => return Err(failure),
     };
     let listed: BTreeSet<&Path> = list.lines().map(Path::new).collect();
-    // A folder whose files are gone is the earlier run's own.
+    // An empty folder belongs to the earlier run if the list names it, or files in it.
     let is_own = |inner: &&PathBuf| {
         let next = listed.range(inner.as_path()..).next();
         next.is_some_and(|listed| listed.starts_with(inner))
@@ -145,7 +147,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
     Ok(())
 }
 
-/// Content of a folder and of those below, relative to it. Links are not followed.
+/// Content of a folder and its subfolders, as paths relative to the folder. Links are not followed.
 #[derive(Default)]
 struct Content {
     /// Files and links, except the list and litter.
@@ -187,7 +189,7 @@ impl Content {
     }
 }
 
-/// A folder that is written beside its place, and renamed at the end.
+/// A folder that is written under a temporary name next to its final place, and renamed at the end.
 pub struct OutputFolder {
     named: PathBuf,
     overwrite: bool,
@@ -195,10 +197,10 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Begins the folder `path`, in place of an earlier result with `overwrite`.
+    /// Begins to write the folder `path`. With `overwrite`, it will replace an earlier result.
     ///
     /// # Errors
-    /// As [`check_folder`].
+    /// See [`check_folder`].
     pub fn begin(path: &Path, overwrite: bool) -> Result<Self> {
         check_folder(path, overwrite, &[])?;
         let place = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
@@ -210,12 +212,12 @@ impl OutputFolder {
         })
     }
 
-    /// The folder to write to, which gets its name at the end.
+    /// Returns the folder to write to. It is renamed at the end.
     pub fn path(&self) -> &Path {
         self.hidden.path()
     }
 
-    /// The path of `inner`, a path in [`OutputFolder::path`], after the end.
+    /// Returns the final path of `inner`, a path in [`OutputFolder::path`].
     pub fn named(&self, inner: &Path) -> PathBuf {
         match inner.strip_prefix(self.path()) {
             Ok(inner) => self.named.join(inner),
@@ -223,11 +225,11 @@ impl OutputFolder {
         }
     }
 
-    /// Writes the folder by `work`, and then gives it its name, in place of an earlier result.
+    /// Writes the folder by `work`, and then renames it to its final name, which replaces an earlier result.
     ///
     /// # Errors
-    /// The errors of `work`, with paths as they would be after the end. A place that has got other files
-    /// meanwhile, or a folder that cannot be renamed. Nothing is left then, and the earlier result stays.
+    /// The errors of `work`, with final paths; other files that were added at the place meanwhile; or a folder that
+    /// cannot be renamed. After an error, nothing of the new result is left, and the earlier result stays.
     pub fn fill<T>(self, work: impl FnOnce(&Self) -> Result<T>) -> Result<T> {
         let value = work(&self).map_err(|failure| failure.with_path(|path| self.named(path)))?;
         self.finish()?;

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// True if this process shows no progress.
 static IS_HIDDEN: AtomicBool = AtomicBool::new(false);
 
-/// Hides the progress of all that this process does from now on.
+/// Hides the progress of all work that this process does after this call.
 pub fn hide() {
     IS_HIDDEN.store(true, Ordering::Relaxed);
 }
@@ -17,7 +17,7 @@ pub fn is_hidden() -> bool {
     IS_HIDDEN.load(Ordering::Relaxed)
 }
 
-/// Creates a bar over `total` pieces of work, named by the `action`.
+/// Creates a bar over `total` steps of work, with the `action` as its name.
 ///
 /// indicatif hides the bar if standard error is not a terminal.
 pub fn bar(total: u64, action: &str) -> ProgressBar {
@@ -26,7 +26,7 @@ pub fn bar(total: u64, action: &str) -> ProgressBar {
     shown(ProgressBar::new(total), style, action)
 }
 
-/// Creates a line with the state of something without a known end, such as a play; hidden as [`bar`] is.
+/// Creates a line with the state of work without a known end, such as playing. It is hidden like [`bar`].
 pub fn line(what: &str) -> ProgressBar {
     let style = ProgressStyle::with_template("{spinner} {msg}").expect("the template is fixed");
     shown(ProgressBar::new_spinner(), style, what)

@@ -1,7 +1,7 @@
 //! Temporary files and folders of this process, in one list, so that an interrupt leaves none of them behind.
 //!
-//! A temporary is made, gets its final name and is removed under one lock. Whoever ends the process calls
-//! [`remove_all`], which takes the lock for good: no thread can make another one, or name a half of one, after that.
+//! A temporary is created, renamed and removed under one lock. Code that ends the process calls [`remove_all`], which
+//! takes the lock permanently: after that, no thread can create another temporary, or rename an incomplete one.
 
 use std::fs::{self, File};
 use std::io;
@@ -17,12 +17,12 @@ fn lock() -> MutexGuard<'static, Vec<PathBuf>> {
     LIST.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Proof that all temporaries are removed; while it lives, no thread makes or names another.
+/// Proof that all temporaries are removed. While this value exists, no thread creates or renames a temporary.
 pub struct Removed {
     _list: MutexGuard<'static, Vec<PathBuf>>,
 }
 
-/// Removes all temporaries of this process. The process is to end before the returned value is dropped.
+/// Removes all temporaries of this process. The process must end before the returned value is dropped.
 pub fn remove_all() -> Removed {
     let mut list = lock();
     for path in list.drain(..) {
@@ -31,13 +31,13 @@ pub fn remove_all() -> Removed {
     Removed { _list: list }
 }
 
-/// Waits while an interrupt ends the process, so that nothing is said of what the interrupt has broken off.
+/// Waits while an interrupt ends the process, so that failures caused by the interrupt are not reported.
 pub fn wait_for_an_interrupt() {
     drop(lock());
 }
 
-/// Removes a temporary. A folder goes under another name first, because other threads may still write to it: they do
-/// not find it then. What cannot be removed has no one to be told to.
+/// Removes a temporary. A folder is renamed first, so that other threads that may still write to it do not find it. A
+/// failure is ignored, because there is nobody to whom it could be reported.
 fn remove(path: &Path) {
     if path.is_dir() {
         let mut gone = path.as_os_str().to_owned();
@@ -49,7 +49,7 @@ fn remove(path: &Path) {
     }
 }
 
-/// The operating system's own reason of a failure, without the temporary's path, which a user has not named.
+/// Returns the operating system's reason for a failure, without the path of the temporary, which the user did not name.
 fn without_its_path(failure: io::Error) -> io::Error {
     let text = failure.to_string();
     match text.split_once(" at path ") {
@@ -58,7 +58,7 @@ fn without_its_path(failure: io::Error) -> io::Error {
     }
 }
 
-/// Checks that a file can be made in `folder`, by one without a name.
+/// Checks that a file can be created in `folder`, with a file that has no name.
 ///
 /// # Errors
 /// The operating system's reason.
@@ -67,14 +67,14 @@ pub fn try_in(folder: &Path) -> io::Result<()> {
     made.map(drop).map_err(without_its_path)
 }
 
-/// A temporary file or folder, which is removed with all that is in it when it is dropped.
+/// A temporary file or folder. It is removed with all its content when it is dropped.
 pub struct Temporary {
     path: PathBuf,
 }
 
 impl Temporary {
-    /// Makes a file in `folder` that nobody may open who may not open the file with these permissions, or an ordinary
-    /// one: the process's umask takes its share.
+    /// Creates a file in `folder` with these permissions, or with those of an ordinary file. The process's umask
+    /// restricts them further.
     ///
     /// # Errors
     /// The operating system's reason.
@@ -87,7 +87,7 @@ impl Temporary {
         permissions: Option<fs::Permissions>,
     ) -> io::Result<(Self, File)> {
         let builder = &mut tempfile::Builder::new();
-        // A temporary file would be its owner's alone.
+        // By default, only its owner could open a temporary file.
         #[cfg(unix)]
         builder.permissions(
             permissions.unwrap_or(std::os::unix::fs::PermissionsExt::from_mode(0o666)),
@@ -99,7 +99,7 @@ impl Temporary {
         Ok((Self { path }, file))
     }
 
-    /// Makes a folder in `folder` with the permissions of an ordinary one.
+    /// Creates a folder in `folder` with the permissions of an ordinary folder.
     ///
     /// # Errors
     /// The operating system's reason.
@@ -119,18 +119,18 @@ impl Temporary {
         &self.path
     }
 
-    /// Gives the temporary its final name, `path`. A file replaces another file. Anything else at `path` goes by
-    /// `make_way` first, without an interrupt in between.
+    /// Renames the temporary to its final name, `path`. A file replaces an existing file. Anything else at `path` must
+    /// first be moved by `make_way`; no interrupt can happen between the two steps.
     ///
     /// # Errors
-    /// The operating system's reason; the temporary is removed then.
+    /// The operating system's reason; the temporary is then removed.
     pub fn persist(self, path: &Path, make_way: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
         let mut list = lock();
         let named = make_way().and_then(|()| fs::rename(&self.path, path));
         if named.is_ok() {
             list.retain(|listed| *listed != self.path);
         }
-        // Dropping it takes the lock.
+        // Dropping `self` takes the lock.
         drop(list);
         named
     }

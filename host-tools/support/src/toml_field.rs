@@ -1,4 +1,4 @@
-//! TOML texts: parsing, the fields in them, and checks of values whose errors name the field.
+//! TOML texts: parsing, the fields of a text, and checks of values with errors that name the field.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::bounded_file::{Limit, MIB};
 use crate::error::{Error, Result};
 use crate::file_name;
 
-/// A text of settings: a scene, or the description of a rig.
+/// Size limit of a text of settings: a scene, or the description of a rig.
 pub const TEXT: Limit = Limit {
     of: "a TOML text",
     bytes: MIB,
@@ -19,12 +19,12 @@ pub const TEXT: Limit = Limit {
 /// Parses TOML `text`; errors name `path`.
 ///
 /// # Errors
-/// Text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
+/// The text is not TOML, or a field is unknown, missing or of the wrong type. The error states the line.
 pub fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|failure| parse_failure(path, text, &failure))
 }
 
-/// The failure to parse `text`, the content of `path`, with its line.
+/// Returns the error that `text`, the content of `path`, cannot be parsed, with its line.
 fn parse_failure(path: &Path, text: &str, failure: &toml::de::Error) -> Error {
     let start = failure.span().map_or(0, |span| span.start);
     let problem = failure.message().trim_end().replace('\n', "; ");
@@ -42,19 +42,19 @@ enum Step {
 }
 
 impl Field {
-    /// The field `key` of this table.
+    /// Returns the field `key` of this table.
     #[must_use]
     pub fn key(&self, key: &'static str) -> Self {
         self.with(Step::Key(key))
     }
 
-    /// The entry of this list at `index`, from 0.
+    /// Returns the entry of this list at `index`, from 0.
     #[must_use]
     pub fn item(&self, index: usize) -> Self {
         self.with(Step::Item(index))
     }
 
-    /// An error about this field of `text`, the content of `path`.
+    /// Returns an error about this field of `text`, the content of `path`.
     pub fn error(&self, path: &Path, text: &str, problem: impl std::fmt::Display) -> Error {
         Error::line(path, line_of(text, self), format!("{self}: {problem}"))
     }
@@ -67,7 +67,7 @@ impl Field {
 }
 
 impl std::fmt::Display for Field {
-    /// Writes a field such as `texture[2].roughness.rms_um`, with indices from 1 as a reader of the file counts.
+    /// Writes a field such as `texture[2].roughness.rms_um`, with indices from 1 for a reader of the file.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for (position, step) in self.0.iter().enumerate() {
             match step {
@@ -82,9 +82,9 @@ impl std::fmt::Display for Field {
 
 /// A value outside its range.
 pub struct Fault {
-    /// The field that has it.
+    /// The field with this value.
     pub field: Field,
-    /// The range and the value, as the words after the field.
+    /// The range and the value, in words that follow the field's name.
     pub problem: String,
 }
 
@@ -134,7 +134,7 @@ impl Field {
     /// Requires values from `low` to `high`; NaN is outside.
     ///
     /// # Errors
-    /// The first value that is outside, by its place in the list.
+    /// The first value that is outside, with its index in the list.
     pub fn each_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
         values
             .iter()
@@ -152,10 +152,10 @@ impl Field {
         })
     }
 
-    /// Requires values in ascending order, each once.
+    /// Requires values in ascending order without repeats.
     ///
     /// # Errors
-    /// The first value that is not above the one before.
+    /// The first value that is not above the previous one.
     pub fn ascending(&self, values: &[f64]) -> Checked {
         for (index, pair) in values.windows(2).enumerate() {
             self.item(index + 1).require(pair[0] < pair[1], || {
@@ -168,10 +168,10 @@ impl Field {
         Ok(())
     }
 
-    /// Requires a name that every system accepts as that of a folder, and that a table can hold as a field.
+    /// Requires a name that every system accepts as the name of a folder and that a table can hold as a field.
     ///
     /// # Errors
-    /// The name is empty, too long, or one that some system refuses.
+    /// The name is empty or too long, or some system refuses it.
     pub fn name(&self, name: &str) -> Checked {
         self.require(!name.is_empty(), || "must not be empty".into())?;
         self.require(name.len() <= MAX_NAME_BYTES, || {
@@ -189,13 +189,13 @@ impl Field {
     }
 }
 
-/// Returns the line, from 1, of a byte of `text`.
+/// Returns the line, from 1, of the byte at the index `byte` of `text`.
 fn line_at(text: &str, byte: usize) -> u64 {
     let before = text.get(..byte).unwrap_or(text);
     1 + before.matches('\n').count() as u64
 }
 
-/// Returns the line, from 1, of a field, or of the nearest enclosing one that the text holds.
+/// Returns the line, from 1, of a field, or of the nearest enclosing field that the text contains.
 pub fn line_of(text: &str, field: &Field) -> u64 {
     let Ok(document) = DeTable::parse(text) else {
         return 1;

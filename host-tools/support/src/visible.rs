@@ -1,32 +1,32 @@
-//! Text of others, made fit to be shown.
+//! Text from other sources, made safe to display.
 //!
-//! A name in a file, an answer of a device or an argument may hold characters that a terminal obeys: they move the
-//! cursor, hide a line, or show text backwards. Each of them is shown by its number instead.
+//! A name in a file, an answer of a device or an argument may contain characters that a terminal executes: they move
+//! the cursor, hide a line, or show text backwards. Each such character is replaced by its number.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use serde::Serialize;
 
-/// Returns `text` with its control characters made visible. Line feeds and tabs stay.
+/// Returns `text` with its control characters made visible, except line feeds and tabs.
 pub fn visible(text: &str) -> Cow<'_, str> {
     replaced(text, |c| is_obeyed(c) && c != '\n' && c != '\t', number)
 }
 
-/// Returns `text` in one line: as [`visible`], with line feeds and tabs made visible too.
+/// Returns `text` as one line: like [`visible`], with line feeds and tabs made visible too.
 pub fn visible_line(text: &str) -> Cow<'_, str> {
     replaced(text, is_obeyed, number)
 }
 
-/// Most characters of an error or a warning: enough for a file's path, its problem and the remedy.
+/// Largest number of characters of an error or a warning: enough for a file's path, its problem and the remedy.
 const LONGEST_MESSAGE: usize = 1000;
 
-/// Most digits in a row that a message shows of a number.
+/// Largest number of successive digits that a message shows.
 const MOST_DIGITS: usize = 40;
 
-/// Returns `text` as one line of a bounded length: as [`visible_line`], without what is in the middle of a long text,
-/// which a file or device made long, and without most digits of a long number. Its beginning has the place, its end
-/// the remedy.
+/// Returns `text` as one line of limited length: like [`visible_line`], but without the middle of a text that a file or
+/// device made too long, and without the later digits of a long number. The beginning of a message states the place,
+/// and its end the remedy.
 pub fn message(text: &str) -> String {
     let mut shown = String::new();
     let mut digits = 0;
@@ -49,22 +49,23 @@ pub fn message(text: &str) -> String {
     format!("{begin}… ({left_out} characters left out) …{end}")
 }
 
-/// Returns the JSON `text` with the control characters in its strings escaped, which leaves its meaning.
+/// Returns the JSON `text` with the control characters in its strings escaped, which does not change its meaning.
 ///
-/// A line feed stands between values only, because every writer of JSON escapes those in strings.
+/// Line feeds stay, because they occur only between values: every writer of JSON escapes line feeds in strings.
 pub fn visible_json(text: &str) -> Cow<'_, str> {
     replaced(
         text,
         |c| is_obeyed(c) && c != '\n',
         |c, out| {
-            // All of these characters are of the basic plane, which one escape holds.
+            // All of these characters are in the Basic Multilingual Plane, so one escape is enough.
             let _ = write!(out, "\\u{:04x}", u32::from(c));
         },
     )
 }
 
-/// Returns whether a terminal or a page obeys `c` instead of showing it: control characters of C0 and C1, DEL, marks
-/// that change the direction of text (Unicode Standard Annex #9, section 2), and separators of lines and paragraphs.
+/// Returns whether a terminal or a page executes `c` instead of showing it: control characters of C0 and C1, DEL,
+/// characters that change the direction of text (Unicode Standard Annex #9, section 2), and separators of lines and
+/// paragraphs.
 fn is_obeyed(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
@@ -97,16 +98,16 @@ fn replaced(
     Cow::Owned(shown)
 }
 
-/// Returns the JSON of `value` for a page, where nothing in it ends an element of script, turns text around or is a
-/// line's end to JavaScript. In an attribute it stands [`escaped`].
-/// Panics on a value with keys that are no text.
+/// Returns the JSON of `value` for a page. Nothing in it can end a script element, reverse the direction of text, or
+/// count as the end of a line in JavaScript. In an attribute it must also be [`escaped`].
+/// Panics if `value` has keys that are not text.
 pub fn page_json(value: &impl Serialize) -> String {
     let text = serde_json::to_string(value).expect("the data of pages have text keys only");
     visible_json(&text).replace('<', "\\u003c")
 }
 
-/// `text` as it stands in an element or in a quoted attribute of a page. Characters that turn the text around or that
-/// no page may hold are shown by their numbers.
+/// Returns `text` as it is written in an element or in a quoted attribute of a page. Characters that change the
+/// direction of text, or that a page must not contain, are replaced by their numbers.
 pub fn escaped(text: &str) -> String {
     let mut html = String::with_capacity(text.len());
     for character in visible(text).chars() {

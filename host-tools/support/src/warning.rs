@@ -1,25 +1,25 @@
-//! Warnings of recordings and textures, said once per kind.
+//! Warnings about recordings and textures, shown once per kind.
 
 use std::borrow::Cow;
 use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-/// Something doubtful about a recording, a texture or a whole set. It serialises as its words.
+/// A doubt about a recording, a texture or a whole set. It is serialised as its text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
-    /// Kind of the warning: warnings of one kind are shown as one.
+    /// Kind of the warning. Warnings of the same kind are shown as one.
     kind: Cow<'static, str>,
-    /// Noun and name of the warning's subject; none for a whole set.
+    /// Noun and name of the subject of the warning; `None` for a whole set.
     subject: Option<(&'static str, String)>,
-    /// Size of the problem; the largest of a kind is the worst.
+    /// Size of the problem. Among warnings of a kind, the largest is the worst.
     magnitude: f64,
     /// The finding and the remedy.
     text: String,
 }
 
 impl Warning {
-    /// A warning of a whole set.
+    /// Creates a warning about a whole set.
     pub fn of_set(kind: impl Into<Cow<'static, str>>, text: impl Into<String>) -> Self {
         Self {
             kind: kind.into(),
@@ -29,12 +29,12 @@ impl Warning {
         }
     }
 
-    /// A warning of a texture.
+    /// Creates a warning about a texture.
     pub fn of_texture(kind: &'static str, name: &str, magnitude: f64, text: String) -> Self {
         Self::of(kind, ("texture", &format!("'{name}'")), magnitude, text)
     }
 
-    /// A warning of what a noun and a name say, such as a recording.
+    /// Creates a warning about the subject with this noun and name, such as a recording.
     pub fn of(
         kind: &'static str,
         (noun, name): (&'static str, &str),
@@ -64,7 +64,8 @@ impl Serialize for Warning {
     }
 }
 
-/// A line per kind, in the order of their first: the count, the two worst by name, and the words of the worst.
+/// Returns one line per kind, in the order in which the kinds first occur: the count, the names of the two worst
+/// subjects, and the text of the worst warning.
 pub fn by_kind(warnings: &[Warning]) -> Vec<String> {
     let mut kinds: Vec<Vec<&Warning>> = Vec::new();
     for warning in warnings {

@@ -1,4 +1,4 @@
-//! Fit of sections to the inverse of a response.
+//! Fits sections to the inverse of a response.
 
 use model_format::scene::Biquad;
 use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_RESPONSE_SECTIONS};
@@ -8,28 +8,29 @@ use super::{
     MAX_SECTION_GAIN_DB, Response, ResponseFault, Section, SectionKind, cascade_db, stored_level_db,
 };
 
-/// Largest gain of a calibration's equaliser where nobody asks for another, dB.
+/// Largest gain of a calibration's equaliser unless the user asks for another, dB.
 pub const CALIBRATION_GAIN_DB: f64 = 20.0;
 
-/// Band that is corrected, Hz: a little more than that from 30 to 800 Hz which has to be flat.
+/// Band that is corrected, Hz. It is a little wider than the band that must be flat, 30 to 800 Hz.
 const BAND_HZ: [f64; 2] = [22.0, 950.0];
 
-/// Least ratio of the band's edges.
+/// Smallest accepted ratio of the band's upper edge to its lower edge.
 const LEAST_RATIO: f64 = 1.5;
 
 /// Number of frequencies at which the level is fitted.
 const POINTS: usize = 200;
 
-/// Least reduction of the RMS deviation by one more section, dB, because each section costs instructions in every tick.
+/// Smallest reduction of the RMS deviation for which one more section is added, dB, because each section costs
+/// instructions in every tick.
 const LEAST_REDUCTION_PER_SECTION_DB: f64 = 0.05;
 
 /// Iterations of Levenberg-Marquardt after each section.
 const ROUNDS: usize = 60;
 
-/// Quality factors of fitted peaks. Above, a peak is narrower than the resolution of a response.
+/// Range of quality factors of fitted peaks. Above 12, a peak is narrower than the resolution of a response.
 const PEAKING_QS: [f64; 2] = [0.3, 12.0];
 
-/// Quality factors of fitted shelves. Above 1, a shelf overshoots.
+/// Range of quality factors of fitted shelves. Above 1, a shelf overshoots.
 const SHELF_QS: [f64; 2] = [0.3, 1.0];
 
 /// A fitted equaliser.
@@ -43,11 +44,11 @@ pub struct Design {
     pub max_gain_db: f64,
 }
 
-/// Fits the equaliser that inverts `response` at the sample rate `rate_hz`, over the part of 22 to 950 Hz that the
-/// response has, with a gain of at most `max_gain_db` at any frequency.
+/// Fits the equaliser that inverts `response` at the sample rate `rate_hz`, with a gain of at most `max_gain_db` at any
+/// frequency. The band is the part of 22 to 950 Hz that the response covers.
 ///
 /// # Errors
-/// A limit on the gain that the format has not, or a response of too little of the band.
+/// The format does not allow `max_gain_db`, or the response covers too little of the band.
 pub fn design(
     response: &Response,
     rate_hz: f64,
@@ -97,9 +98,9 @@ pub fn design(
     })
 }
 
-/// The sections with all gains scaled down until the limits hold, and their stored forms.
+/// Scales the gains of all sections down until the limits hold, and returns the sections with their stored forms.
 ///
-/// A solution exists, because sections of zero gain are the identity, which is within the limits.
+/// A solution exists, because sections of zero gain change nothing, which is within the limits.
 fn within_limits(
     sections: &[Section],
     rate_hz: f64,
@@ -135,10 +136,10 @@ fn within_limits(
     best
 }
 
-/// Returns true if the poles are within the format's limit, the cascade within `max_gain_db`, and each section and each
-/// partial cascade within the format's largest gain.
+/// Returns true if all limits hold: the poles are within the format's limit, the gain of the cascade is at most
+/// `max_gain_db`, and the gain of each section and of each partial cascade is at most the format's largest gain.
 fn keeps_limits(biquads: &[Biquad], rate_hz: f64, max_gain_db: f64) -> bool {
-    /// Largest gain added by round-off to the stored form, dB.
+    /// Largest gain that rounding to the stored form may add, dB.
     const ROUNDING_DB: f64 = 1e-3;
     let format_db = 20.0 * MAX_EQUALISER_GAIN.log10() - 0.05;
     biquads.iter().all(Biquad::poles_are_within_limit)
@@ -154,7 +155,7 @@ fn keeps_limits(biquads: &[Biquad], rate_hz: f64, max_gain_db: f64) -> bool {
         })
 }
 
-/// Frequencies from 0 to half the sample rate, denser at low frequencies.
+/// Returns frequencies from 0 to half the sample rate, Hz, denser at low frequencies.
 fn everywhere(rate_hz: f64) -> impl Iterator<Item = f64> {
     const INTERVALS: u32 = 2000;
     (0..=INTERVALS).map(move |n| 0.5 * rate_hz * (f64::from(n) / f64::from(INTERVALS)).powi(3))
@@ -169,7 +170,7 @@ struct Fit<'a> {
 }
 
 impl Fit<'_> {
-    /// Fits up to `most` sections, one by one.
+    /// Fits up to `most` sections, added one at a time.
     fn sections(&self, most: usize) -> Vec<Section> {
         let mut sections: Vec<Section> = Vec::new();
         let mut error = self.error(&self.residual(&sections));
@@ -193,7 +194,8 @@ impl Fit<'_> {
         sections
     }
 
-    /// One section of each kind, at the frequency where it can lower the residual most.
+    /// Returns one candidate of each kind: a peak at the largest residual, and shelves at a third of the band (on a
+    /// logarithmic scale) from its ends.
     fn candidates(&self, sections: &[Section]) -> [Section; 3] {
         let residual = self.residual(sections);
         let worst = (0..residual.len())
@@ -256,8 +258,8 @@ impl Fit<'_> {
             let gradient = jacobian.tr_mul(&residual);
             let mut damped = square.clone();
             for place in 0..damped.nrows() {
-                // The frequency and the Q of a section without gain change nothing: their diagonal is zero, and needs a
-                // floor.
+                // The frequency and the Q of a section without gain change nothing. Their diagonal elements are zero
+                // and need a lower bound.
                 damped[(place, place)] += damping * square[(place, place)].max(1e-9);
             }
             let Some(step) = damped.cholesky().map(|matrix| matrix.solve(&gradient)) else {
@@ -323,7 +325,7 @@ impl Fit<'_> {
             SectionKind::Peaking => PEAKING_QS,
             SectionKind::LowShelf | SectionKind::HighShelf => SHELF_QS,
         };
-        // The pole radius of a peak is about 1 - sin(w) / (2 Q A), A the root of its gain.
+        // The pole radius of a peak is about 1 - sin(w) / (2 Q A), where A is the square root of its gain.
         let narrowest = (std::f64::consts::TAU * frequency_hz / self.rate_hz).sin()
             / (2.0 * 10f64.powf(gain_db / 40.0) * LEAST_DAMPING);
         Section {
@@ -335,7 +337,7 @@ impl Fit<'_> {
     }
 }
 
-/// The section with ln f, ln Q and gain (dB) changed by these amounts.
+/// Returns the section with ln f, ln Q and the gain in dB changed by the given amounts.
 fn moved(section: &Section, [ln_frequency, ln_q, gain_db]: [f64; 3]) -> Section {
     Section {
         kind: section.kind,

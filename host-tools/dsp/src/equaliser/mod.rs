@@ -1,13 +1,14 @@
 //! The equaliser: the inverse of a measured response of the actuator, as a cascade of peaking and shelving sections.
 //!
-//! Sections are those of Robert Bristow-Johnson's *Cookbook formulae for audio equalizer biquad filter coefficients*
-//! (W3C Group Note, 2021), computed by the `biquad` crate. Levenberg-Marquardt fits their frequencies, quality factors
-//! and gains to the level in dB at frequencies spread evenly over the logarithm. Sections are added one at a time, each
-//! of the kind that lowers the residual most, until one more lowers it too little.
+//! The sections are those of Robert Bristow-Johnson's *Cookbook formulae for audio equalizer biquad filter
+//! coefficients* (W3C Group Note, 2021), computed by the `biquad` crate. Levenberg-Marquardt fits their frequencies,
+//! quality factors and gains to the level in dB at frequencies spaced evenly on a logarithmic scale. Sections are added
+//! one at a time. Each is of the kind that lowers the residual most, and the fit ends when one more section would lower
+//! the residual too little.
 //!
-//! **Level.** The equaliser inverts the deviation from the response's mean level in dB over the band, so that the whole
-//! is neither louder nor softer than necessary. No frequency is boosted by more than the limit. If the response is
-//! further below its mean than the limit, some deviation remains.
+//! **Level.** The equaliser inverts the deviation of the response from its mean level in dB over the band, so that the
+//! corrected response is neither louder nor softer than necessary. No frequency is boosted by more than the limit. If
+//! the response is further below its mean than the limit, some deviation remains.
 
 mod design;
 mod response;
@@ -22,7 +23,7 @@ use model_format::scene::Biquad;
 pub use response::{Response, ResponseFault};
 use serde::Deserialize;
 
-/// A value out of its range, with its key in a scene's text.
+/// A value outside its range, with its key in the text of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// Key of the value.
@@ -40,32 +41,32 @@ impl Fault {
     }
 }
 
-/// Frequencies of a section, as shares of the sample rate. Below, a section rings for longer than a second at 5 kHz;
-/// above, its upper flank does not fit below half the sample rate.
+/// Range of the frequency of a section, as a fraction of the sample rate. Below it, a section rings for longer than a
+/// second at 5 kHz; above it, the upper flank does not fit below half the sample rate.
 const FREQUENCY_SHARES: [f64; 2] = [0.0002, 0.45];
 
-/// Range of quality factors in a scene.
+/// Range of the quality factors in a scene.
 const QS: [f64; 2] = [0.1, 50.0];
 
-/// Largest gain of a section in magnitude, dB; slightly less than the format's limit.
+/// Largest magnitude of a section's gain, dB; slightly less than the format's limit.
 const MAX_SECTION_GAIN_DB: f64 = 24.0;
 
 /// Effect of a section around its frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SectionKind {
-    /// Raises or lowers the level near it.
+    /// Raises or lowers the level near its frequency.
     Peaking,
-    /// Raises or lowers the level below it.
+    /// Raises or lowers the level below its frequency.
     LowShelf,
-    /// Raises or lowers the level above it.
+    /// Raises or lowers the level above its frequency.
     HighShelf,
 }
 
 /// A section of the equaliser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// Effect around its frequency.
+    /// Kind of the section.
     pub kind: SectionKind,
     /// Centre frequency, Hz.
     pub frequency_hz: f64,
@@ -76,10 +77,10 @@ pub struct Section {
 }
 
 impl Section {
-    /// The stored form of the section at the sample rate `rate_hz`.
+    /// Returns the stored form of the section at the sample rate `rate_hz`.
     ///
     /// # Errors
-    /// A frequency, quality factor or gain out of its range.
+    /// The frequency, the quality factor or the gain is outside its range.
     pub fn biquad(&self, rate_hz: f64) -> Result<Biquad, Fault> {
         let frequencies = FREQUENCY_SHARES.map(|share| share * rate_hz);
         within("frequency_hz", self.frequency_hz, frequencies, "Hz")?;
@@ -99,7 +100,7 @@ impl Section {
         })
     }
 
-    /// Unrounded coefficients; none if the crate refuses the parameters.
+    /// Returns the unrounded coefficients; `None` if the crate refuses the parameters.
     fn coefficients(&self, rate_hz: f64) -> Option<Coefficients<f64>> {
         let kind = match self.kind {
             SectionKind::Peaking => Type::PeakingEQ(self.gain_db),
@@ -112,7 +113,7 @@ impl Section {
     }
 }
 
-/// Level of stored sections in a row at `frequency_hz`, dB.
+/// Returns the level of a cascade of stored sections at `frequency_hz`, dB.
 pub fn cascade_db(sections: &[Biquad], rate_hz: f64, frequency_hz: f64) -> f64 {
     let share = frequency_hz / rate_hz;
     sections
@@ -121,7 +122,7 @@ pub fn cascade_db(sections: &[Biquad], rate_hz: f64, frequency_hz: f64) -> f64 {
         .sum()
 }
 
-/// `samples` through stored sections in a row, from rest.
+/// Filters `samples` by a cascade of stored sections, from rest.
 pub fn filtered(sections: &[Biquad], samples: &[f64]) -> Vec<f64> {
     let mut samples = samples.to_vec();
     for section in sections {
@@ -137,15 +138,15 @@ pub fn filtered(sections: &[Biquad], samples: &[f64]) -> Vec<f64> {
     samples
 }
 
-/// Level of a stored section at `share` of the sample rate, dB.
+/// Returns the level of a stored section at the fraction `share` of the sample rate, dB.
 fn stored_level_db(section: &Biquad, share: f64) -> f64 {
     level_db(section.numerator(), section.denominator(), share)
 }
 
 fn level_db(numerator: [f64; 3], [a1, a2]: [f64; 2], share: f64) -> f64 {
     let half = (0.5 * TAU * share).sin().powi(2);
-    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, in terms of the half angle's squared sine, because the direct form
-    // suffers cancellation at low frequencies.
+    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, written with the squared sine of half the angle, because the direct
+    // form suffers from cancellation at low frequencies.
     let square = |[c0, c1, c2]: [f64; 3]| {
         let sum = c0 + c1 + c2;
         sum * sum - 4.0 * (c0 * c1 + 4.0 * c0 * c2 + c1 * c2) * half + 16.0 * c0 * c2 * half * half

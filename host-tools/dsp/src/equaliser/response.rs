@@ -11,14 +11,15 @@ pub struct Response {
 }
 
 impl Response {
-    /// The response through these points: frequency, Hz, ascending, and level, dB.
+    /// Creates the response through these points: frequency, Hz, ascending, and level, dB.
     ///
     /// # Errors
-    /// Too few points, or the index of the first one whose frequency does not ascend or that is not finite.
+    /// There are too few points, or a value is not finite, or a frequency does not ascend. The error has the index of
+    /// the first such point.
     pub fn new(points: Vec<(f64, f64)>) -> Result<Self, ResponseFault> {
         let mut before_hz = 0.0;
         for (index, &(hz, level_db)) in points.iter().enumerate() {
-            // A NaN is not above.
+            // The comparison is false for a NaN.
             if !(hz > before_hz && hz.is_finite() && level_db.is_finite()) {
                 return Err(ResponseFault::Point {
                     index,
@@ -54,36 +55,36 @@ impl Response {
     }
 }
 
-/// Reason for which points are no response, or a response that no equaliser is designed for.
+/// Reason why points are not a response, or why no equaliser can be designed for a response.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ResponseFault {
-    /// A frequency that does not ascend, or a value that is not finite.
+    /// A frequency does not ascend, or a value is not finite.
     #[error("frequency_hz is {hz} after {before_hz}; frequencies must be above 0 and ascend")]
     Point {
         /// Index of the point.
         index: usize,
         /// Frequency of the point, Hz.
         hz: f64,
-        /// Frequency of the point before, Hz.
+        /// Frequency of the previous point, Hz.
         before_hz: f64,
     },
-    /// A limit on the gain that the format has not.
+    /// The format does not allow this limit on the gain.
     #[error("the limit on the gain is {max_gain_db} dB; it must be 0 to {most_db:.1}")]
     Gain {
-        /// The limit, dB.
+        /// The requested limit, dB.
         max_gain_db: f64,
-        /// Largest limit that the format has, dB.
+        /// Largest limit that the format allows, dB.
         most_db: f64,
     },
-    /// Too little of the band.
+    /// The response covers too little of the band.
     #[error("has {low_hz} to {high_hz} Hz of the band; at least a factor of 1.5 is needed")]
     Band {
-        /// Lower edge of the part of the band that the response has, Hz.
+        /// Lower edge of the part of the band that the response covers, Hz.
         low_hz: f64,
-        /// Upper edge of the part of the band that the response has, Hz.
+        /// Upper edge of the part of the band that the response covers, Hz.
         high_hz: f64,
     },
-    /// Too few points, with their number.
+    /// There are too few points; the field is their number.
     #[error("has the response at {0} frequencies; at least {FEWEST_POINTS} are needed")]
     TooFew(usize),
 }

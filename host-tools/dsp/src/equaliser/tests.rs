@@ -9,7 +9,7 @@ fn response(points: &[(f64, f64)]) -> Response {
     Response::new(points.to_vec()).unwrap()
 }
 
-/// A voice coil as a mass on a spring: a resonance, and the roll-off of mass and inductance above it.
+/// A voice coil as a mass on a spring: a resonance, and above it the roll-off caused by mass and inductance.
 fn coil() -> Response {
     let points: Vec<(f64, f64)> = (0..80)
         .map(|n| {
@@ -24,8 +24,8 @@ fn coil() -> Response {
     response(&points)
 }
 
-/// RMS deviation from flat, dB, of `response` through `sections` from 22 to 950 Hz, where nothing is asked to rise by
-/// more than `most_db` over the mean level.
+/// RMS deviation from a flat response, dB, of `response` through `sections` from 22 to 950 Hz. No frequency is expected
+/// to be raised by more than `most_db` above the mean level.
 fn deviation_db(response: &Response, sections: &[Biquad], most_db: f64) -> f64 {
     let hz = |n: u32| 22.0 * (950.0f64 / 22.0).powf(f64::from(n) / 299.0);
     let own: Vec<f64> = (0..300).map(|n| response.level_db(hz(n))).collect();
@@ -78,7 +78,8 @@ fn a_voice_coil_is_flattened_as_far_as_the_limit_lets() {
             found.max_gain_db
         );
         assert!(deviation_db(&coil(), &[], 60.0) > 8.0);
-        // Beyond what the limit leaves: with six sections, less than the decibel that a calibration may leave.
+        // This deviation does not count what the limit on the gain prevents. With six sections, it is less than the
+        // decibel that a calibration may leave.
         let left_db = deviation_db(&coil(), &found.biquads, max_gain_db);
         assert!(left_db < most_left_db, "{max_gain_db}: {left_db} dB");
     }

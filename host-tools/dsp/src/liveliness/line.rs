@@ -3,39 +3,40 @@
 use super::{centred, median};
 use crate::spectrum::PowerSpectrum;
 
-/// Lowest frequency of a line, Hz, and the highest, as a share of the sample rate.
+/// Lowest frequency of a line, Hz, and highest frequency as a fraction of the sample rate.
 const LOWEST_HZ: f64 = 10.0;
 const HIGHEST_SHARE: f64 = 0.44;
 
-/// Longest segment of the spectrum that finds lines, s.
+/// Longest segment of the spectrum in which lines are sought, s.
 const SEGMENT_S: f64 = 1.0;
 
-/// Shortest segment that tells a line from a resonance, s.
+/// Shortest segment that can distinguish a line from a resonance, s.
 const SHORTEST_SEGMENT_S: f64 = 0.4;
 
-/// Power of a line's bin over the median of the bins around it. The highest of 2000 bins of one periodogram of noise
-/// reaches it once in a million times.
+/// Least ratio of the power of a line's bin to the median of the bins around it. In one periodogram of noise, the
+/// highest of 2000 bins reaches this ratio once in a million times.
 const OVER_MEDIAN: f64 = 31.6;
 
-/// Power of a line's bin over the mean of its near neighbours, past the window's main lobe: a resonance that is wider
-/// than 3 bins does not reach it.
+/// Least ratio of the power of a line's bin to the mean of its near neighbours outside the window's main lobe. A
+/// resonance that is wider than 3 bins does not reach it.
 const OVER_NEIGHBOURS: f64 = 10.0;
 
 /// Duration of a window of the line's levels, s.
 const WINDOW_S: f64 = 0.5;
 
-/// Half of the band that holds a line in such a window, Hz: the main lobe of a Hann window, and a bin.
+/// Half the width of the band that contains a line in such a window, Hz: the main lobe of a Hann window plus one bin.
 const HALF_BAND_HZ: f64 = 6.0;
 
-/// Distance at which another signal's line is still the same, as a share of its frequency, and at least in Hz.
+/// Largest distance at which a line of another signal counts as the same line, as a fraction of its frequency, and a
+/// lower bound of this distance in Hz.
 const SAME_SHARE: f64 = 0.03;
 const SAME_HZ: f64 = 4.0;
 
-/// Least level, as a share of the highest: a line that ends falls by 60 dB and no further.
+/// Least level, as a fraction of the highest level: a line that ends falls by 60 dB and no further.
 const FLOOR: f64 = 1e-6;
 
-/// Returns the frequency of the strongest narrow line of a signal in blocks, Hz; `None` if it has none, or blocks are
-/// shorter than 0.4 s.
+/// Returns the frequency of the strongest narrow line of a signal in blocks, Hz; `None` if there is no line, or a block
+/// is shorter than 0.4 s.
 pub fn strongest_line_hz(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let centred = centred(blocks)?;
     let blocks: Vec<&[f64]> = centred.iter().map(Vec::as_slice).collect();
@@ -61,8 +62,8 @@ pub fn strongest_line_hz(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     Some(bins.centre_hz(strongest)).filter(|_| bins.power(strongest) > 0.0)
 }
 
-/// Range of the levels of the line near `near_hz` over windows of 0.5 s that overlap by half, dB; `None` of fewer than
-/// two windows. Without a line there, it is the range of what is at its place.
+/// Returns the range of the levels, dB, of the line near `near_hz` over windows of 0.5 s that overlap by half; `None`
+/// if there are fewer than two windows. If there is no line, it is the range of the signal's level in the band there.
 pub(super) fn range_db(blocks: &[&[f64]], rate_hz: f64, near_hz: f64) -> Option<f64> {
     let line_hz = Bins::of(blocks, rate_hz)?.strongest_near(near_hz);
     let window = (WINDOW_S * rate_hz).round() as usize;
@@ -84,14 +85,15 @@ pub(super) fn range_db(blocks: &[&[f64]], rate_hz: f64, near_hz: f64) -> Option<
         .filter(|range| range.is_finite())
 }
 
-/// A power spectrum by its bins.
+/// A power spectrum that is read by bins.
 struct Bins {
     spectrum: PowerSpectrum,
     step_hz: f64,
 }
 
 impl Bins {
-    /// The spectrum in segments as long as the shortest block, up to 1 s; `None` if that is shorter than 0.4 s.
+    /// Computes the spectrum with segments as long as the shortest block, up to 1 s; `None` if that block is shorter
+    /// than 0.4 s.
     fn of(blocks: &[&[f64]], rate_hz: f64) -> Option<Self> {
         let shortest = blocks.iter().map(|block| block.len()).min()?;
         let segment = shortest.min((SEGMENT_S * rate_hz).round() as usize);
@@ -108,7 +110,7 @@ impl Bins {
             .power_between(centre_hz - half_hz, centre_hz + half_hz)
     }
 
-    /// Centre of the power in a line's main lobe, Hz.
+    /// Returns the centre of power in a line's main lobe, Hz.
     fn centre_hz(&self, bin: usize) -> f64 {
         let lobe = bin.saturating_sub(2)..=bin + 2;
         let (mut sum, mut moment) = (0.0, 0.0);
@@ -126,7 +128,7 @@ impl Bins {
         bin * self.step_hz
     }
 
-    /// Centre of the strongest bin near a frequency, Hz.
+    /// Returns the frequency of the strongest bin near a frequency, refined to the centre of its main lobe, Hz.
     fn strongest_near(&self, near_hz: f64) -> f64 {
         let half_hz = SAME_HZ.max(SAME_SHARE * near_hz);
         let bin = |hz: f64| (hz.max(0.0) / self.step_hz).round() as usize;

@@ -1,5 +1,4 @@
-//! Measures of properties that a power spectrum does not show: impulses, a level that changes, and a line that
-//! fluctuates.
+//! Measures of properties that a power spectrum does not show: impulses, a varying level, and a fluctuating line.
 //!
 //! | measure | definition | Gaussian noise, white |
 //! |---|---|---|
@@ -10,11 +9,11 @@
 //! | level spread, dB | standard deviation of the levels of windows of 50 ms | 0.39 |
 //! | line's range, dB | highest less lowest level of the strongest narrow line in windows of 0.5 s | no line |
 //!
-//! The envelope is the magnitude of the analytic signal of the band's bins of a Fourier transform, block by block; its
-//! power from 8 to 64 Hz is Welch's estimate with Hann windows of up to 0.82 s. The predictor is the signal's own, of
-//! up to order 100, by Levinson and Durbin from lags within blocks. All means are of the signal less its mean over all
-//! blocks. Kurtosis, crest factor and ranges grow with a signal's duration, so that only signals of one duration
-//! compare.
+//! The envelope is the magnitude of the analytic signal of the band, computed block by block with a Fourier transform.
+//! Its power from 8 to 64 Hz is Welch's estimate with Hann windows of up to 0.82 s. The prediction error comes from the
+//! signal's own predictor, of order up to 100, computed by Levinson and Durbin's recursion from lags within blocks.
+//! Before all measures, the mean over all blocks is subtracted. Kurtosis, crest factor and ranges grow with a signal's
+//! duration, so only signals of the same duration can be compared.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,27 +28,27 @@ mod tests;
 
 pub use line::strongest_line_hz;
 
-/// The measures of one signal; none where they do not exist, as of silence.
+/// The measures of one signal. A measure is `None` where it does not exist, for example for silence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Liveliness {
     /// Kurtosis of the signal; 3 for Gaussian noise.
     pub kurtosis: Option<f64>,
     /// Median kurtosis of the prediction error within windows of 50 ms.
     pub residual_kurtosis: Option<f64>,
-    /// Greatest magnitude over the RMS.
+    /// Greatest magnitude divided by the RMS.
     pub crest_factor: Option<f64>,
-    /// The envelope's 8 to 64 Hz over its mean.
+    /// RMS of the envelope's part from 8 to 64 Hz, divided by the envelope's mean.
     pub modulation: Option<f64>,
     /// Standard deviation of the levels of windows of 50 ms, dB.
     pub level_spread_db: Option<f64>,
-    /// Highest less lowest level of the line in windows of 0.5 s, dB.
+    /// Highest level of the line less its lowest level, in windows of 0.5 s, dB.
     pub line_range_db: Option<f64>,
 }
 
 impl Liveliness {
     /// Measures a signal in blocks, sampled at `rate_hz`, and its line near `line_hz`, if there is one.
     ///
-    /// Blocks that are shorter than a window have no part in what windows measure.
+    /// Blocks that are shorter than a window do not count in the measures that use windows.
     pub fn of(blocks: &[&[f64]], rate_hz: f64, line_hz: Option<f64>) -> Self {
         let Some(centred) = centred(blocks) else {
             return Self::default();
@@ -65,7 +64,7 @@ impl Liveliness {
         }
     }
 
-    /// The median of each measure over several signals, of those that have it.
+    /// Returns the median of each measure over the signals that have it.
     pub fn median(of: &[Self]) -> Self {
         let median = |measure: fn(&Self) -> Option<f64>| median(of.iter().filter_map(measure));
         Self {
@@ -79,7 +78,7 @@ impl Liveliness {
     }
 }
 
-/// Mean x⁴ / (mean x²)²; `None` for silence and for what is not finite.
+/// Mean x⁴ / (mean x²)²; `None` for silence and if a sample is not finite.
 pub fn kurtosis<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
     let (mut count, mut square, mut fourth) = (0.0, 0.0, 0.0);
     for x in signal {
@@ -91,7 +90,7 @@ pub fn kurtosis<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
     Some(fourth * count / (square * square)).filter(|kurtosis| kurtosis.is_finite())
 }
 
-/// Greatest magnitude over the RMS; `None` for silence and for what is not finite.
+/// Greatest magnitude divided by the RMS; `None` for silence and if a sample is not finite.
 fn crest_factor<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
     let (mut count, mut square, mut peak) = (0.0, 0.0, 0.0f64);
     for x in signal {
@@ -105,29 +104,29 @@ fn crest_factor<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
 /// Duration of a window of levels, s.
 pub const LEVEL_WINDOW_S: f64 = 0.05;
 
-/// Band whose envelope is taken, Hz: what skin feels as vibration.
+/// Band whose envelope is measured, Hz: the frequencies that skin feels as vibration.
 pub const MODULATION_BAND_HZ: (f64, f64) = (100.0, 1000.0);
 
-/// Frequencies of the envelope that count as modulation, Hz: slower than a tone, faster than a stroke.
+/// Frequencies of the envelope that count as modulation, Hz: slower than a tone and faster than a stroke.
 pub const MODULATION_HZ: (f64, f64) = (8.0, 64.0);
 
 /// Longest segment of the envelope's spectrum, s: 4096 samples at 5 kHz.
 const SEGMENT_S: f64 = 0.8192;
 
-/// Shortest segment, s: two periods of the slowest modulation.
+/// Shortest segment of the envelope's spectrum, s: two periods of the slowest modulation.
 const SHORTEST_SEGMENT_S: f64 = 2.0 / MODULATION_HZ.0;
 
-/// Least level of a window, as a share of the mean power: a dropout counts for -60 dB.
+/// Least level of a window, as a fraction of the mean power: a dropout counts as -60 dB.
 const FLOOR: f64 = 1e-6;
 
-/// Samples per window; `None` where a window holds fewer than two.
+/// Returns the number of samples per window; `None` if it is less than two.
 fn window_samples(rate_hz: f64) -> Option<usize> {
     let samples = (LEVEL_WINDOW_S * rate_hz).round() as usize;
     (samples >= 2).then_some(samples)
 }
 
-/// RMS of the envelopes' part within [`MODULATION_HZ`] over their mean. Blocks that are too short to resolve it are
-/// left out; `None` if all are, or the band is silent.
+/// Returns the RMS of the part of the envelopes within [`MODULATION_HZ`], divided by their mean. Blocks that are too
+/// short to resolve this part are left out. Returns `None` if all blocks are too short or the band is silent.
 fn modulation(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let least = (SHORTEST_SEGMENT_S * rate_hz).ceil() as usize;
     let (low_hz, high_hz) = MODULATION_BAND_HZ;
@@ -140,7 +139,7 @@ fn modulation(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let count: usize = envelopes.iter().map(Vec::len).sum();
     let mean = envelopes.iter().flatten().sum::<f64>() / count as f64;
     let power = mean_square(blocks.iter().copied().flatten(), count);
-    // The transform's round-off is no band.
+    // A level this low is only the round-off of the transform.
     if mean * mean <= 1e-20 * power {
         return None;
     }
@@ -151,7 +150,8 @@ fn modulation(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     Some(square.sqrt() / mean).filter(|share| share.is_finite())
 }
 
-/// Standard deviation of the levels of windows within blocks, dB; `None` of fewer than two windows.
+/// Returns the standard deviation of the levels of windows within blocks, dB; `None` if there are fewer than two
+/// windows.
 fn spread_db(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let window = window_samples(rate_hz)?;
     let windows = blocks.iter().flat_map(|block| block.chunks_exact(window));
@@ -171,17 +171,17 @@ fn spread_db(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     (powers.len() >= 2 && variance.is_finite()).then(|| variance.sqrt())
 }
 
-/// Highest order of the predictor. Textures are white enough from there on.
+/// Highest order of the predictor. With this order, the prediction error of textures is white enough.
 const ORDER: usize = 100;
 
-/// Samples per coefficient that a predictor is estimated from, at least.
+/// Least number of samples per coefficient from which a predictor is estimated.
 const SAMPLES_PER_COEFFICIENT: usize = 20;
 
-/// Share of the signal's power below which a prediction error is the round-off of lines and not a residual.
+/// Fraction of the signal's power below which a prediction error is only the round-off of lines and not a residual.
 const LEAST_ERROR: f64 = 1e-7;
 
-/// Median over windows of 50 ms of the kurtosis about each window's mean; `None` if no block holds a window after the
-/// predictor's order, or nothing is left of the signal.
+/// Returns the median, over windows of 50 ms, of the kurtosis of the prediction error about each window's mean. Returns
+/// `None` if no block is longer than the predictor's order by a window, or if the prediction error is only round-off.
 fn residual_kurtosis(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let residual = residual(blocks);
     let window = window_samples(rate_hz)?;
@@ -194,7 +194,8 @@ fn residual_kurtosis(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     median(windows.filter_map(of_window))
 }
 
-/// Prediction error of each block, without the samples whose past is not in the block; empty where there is none.
+/// Returns the prediction error of each block, without the samples whose past is not in the block. The result is empty
+/// if the error is only round-off.
 fn residual(blocks: &[&[f64]]) -> Vec<Vec<f64>> {
     let count: usize = blocks.iter().map(|block| block.len()).sum();
     let order = ORDER.min(count / SAMPLES_PER_COEFFICIENT);
@@ -225,9 +226,9 @@ fn residual(blocks: &[&[f64]]) -> Vec<Vec<f64>> {
     }
 }
 
-/// The blocks less their common mean; `None` if nothing but round-off is left of them, or a sample is not finite.
+/// Subtracts the common mean from the blocks; `None` if only round-off is left, or if a sample is not finite.
 fn centred(blocks: &[&[f64]]) -> Option<Vec<Vec<f64>>> {
-    /// Power of round-off, as a share of the squared peak.
+    /// Power of round-off, as a fraction of the squared peak.
     const ROUND_OFF: f64 = 1e-24;
     let count: usize = blocks.iter().map(|block| block.len()).sum();
     let mean = blocks.iter().copied().flatten().sum::<f64>() / count.max(1) as f64;
@@ -250,7 +251,8 @@ fn mean_square<'a>(samples: impl Iterator<Item = &'a f64>, count: usize) -> f64 
     samples.map(|x| x * x).sum::<f64>() / count.max(1) as f64
 }
 
-/// The median; `None` of nothing.
+/// Returns the median, which is the mean of the two middle values if their number is even; `None` if there are no
+/// values.
 pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
@@ -263,15 +265,15 @@ pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     })
 }
 
-/// A block within a range of frequencies, and its Hilbert transform.
+/// The part of a block within a range of frequencies, and its Hilbert transform.
 struct Analytic {
     signal: Vec<f64>,
     quadrature: Vec<f64>,
 }
 
 impl Analytic {
-    /// Transforms the block, keeps the bins from `low_hz` to `high_hz`, and transforms back: as they are, and a quarter
-    /// of a period later. The transform is circular: a block's ends are taken for neighbours.
+    /// Transforms the block, keeps the bins from `low_hz` to `high_hz`, and transforms them back: once unchanged, and
+    /// once delayed by a quarter of a period. The transform is circular: it treats the ends of a block as neighbours.
     fn of(block: &[f64], rate_hz: f64, low_hz: f64, high_hz: f64) -> Self {
         let len = block.len();
         if len < 2 {

@@ -6,7 +6,7 @@ use super::*;
 
 const RATE_HZ: f64 = 5000.0;
 
-/// Uniform numbers in [0, 1) by `SplitMix64` (Steele, Lea and Flood, 2014), which is written in a line of any language.
+/// Uniform numbers in [0, 1) by `SplitMix64` (Steele, Lea and Flood, 2014), which takes one line in any language.
 fn uniform(seed: u64) -> impl Iterator<Item = f64> {
     let mut state = seed;
     std::iter::repeat_with(move || {
@@ -18,7 +18,7 @@ fn uniform(seed: u64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Gaussian noise after Box and Muller, a number from each two.
+/// Gaussian noise by the method of Box and Muller, one number from each pair of uniform numbers.
 fn noise(seed: u64, len: usize) -> Vec<f64> {
     let mut uniform = uniform(seed);
     std::iter::repeat_with(|| {
@@ -94,7 +94,7 @@ fn measures_are_those_that_scipy_finds() {
         near(found.crest_factor, crest, 1e-5);
         near(found.residual_kurtosis, residual, 1e-4);
         near(found.level_spread_db, spread, 1e-5);
-        // Welch's last segments differ: here one more ends with the signal.
+        // The last segments of the two estimates differ: here one more segment ends with the signal.
         near(found.modulation, modulation, 0.03);
     }
 }
@@ -120,7 +120,7 @@ fn a_sine_has_a_kurtosis_of_three_halves_a_crest_of_the_root_of_two_and_a_steady
     assert_eq!(found.residual_kurtosis, None);
 }
 
-/// A carrier whose amplitude is 1 + m sin: the RMS of the envelope's swing is m/√2 of its mean.
+/// For a carrier whose amplitude is 1 + m sin, the RMS of the envelope's variation is m/√2 times its mean.
 #[test]
 fn the_modulation_of_a_modulated_tone_is_what_it_was_modulated_by() {
     let tone = |depth: f64, hz: f64| {
@@ -146,10 +146,10 @@ fn the_line_is_the_strongest_and_its_range_that_of_its_amplitude() {
     near(line_hz, 171.0, 2e-3);
     let of = |near_hz| Liveliness::of(&[&stepped], RATE_HZ, Some(near_hz)).line_range_db;
     near(of(171.0), 20.0 * 2f64.log10(), 0.02);
-    // Another signal's line is sought near its place.
+    // The line of another signal is sought near the same frequency.
     near(of(168.0), 20.0 * 2f64.log10(), 0.02);
     assert!(of(412.0).unwrap() < 0.2);
-    // A tone that is made of noise fluctuates.
+    // A tone that is made from filtered noise fluctuates.
     let (radius, angle) = (0.9998f64, TAU * 171.0 / RATE_HZ);
     let mut past = (0.0, 0.0);
     let tone: Vec<f64> = ground
@@ -189,14 +189,14 @@ fn nothing_is_measured_of_silence_of_one_value_and_of_too_few_samples() {
 #[test]
 fn a_dropout_counts_for_sixty_decibels_and_not_for_infinity() {
     let noise = noise(61, 10_000);
-    // Of no mean, so that silence stays silence.
+    // This noise has a mean of zero, so that the silent part stays silent.
     let mut signal = made(10_000, |n| {
         noise[n / 2] * if n % 2 == 0 { 1.0 } else { -1.0 }
     });
     signal[2500..5000].fill(0.0);
     let found = measures(&signal);
     let spread_db = found.level_spread_db.unwrap();
-    // A quarter of all windows is 60 dB below the mean of all.
+    // A quarter of all windows is 60 dB below the mean of all windows.
     let expected = (0.25f64 * 0.75).sqrt() * (60.0 + 10.0 * (4.0f64 / 3.0).log10());
     test_helpers::near(spread_db, expected, 0.3);
 }
@@ -207,7 +207,7 @@ fn blocks_are_measured_together_and_no_window_crosses_a_join() {
     let high: Vec<f64> = high.iter().map(|x| 10.0 * x).collect();
     let found = Liveliness::of(&[&low, &high], RATE_HZ, None);
     near(found.level_spread_db, 10.0, 0.01);
-    // Two Gaussian numbers of variances 1 and 100, in equal parts.
+    // The samples are Gaussian with variances 1 and 100, in equal numbers.
     near(
         found.kurtosis,
         3.0 * 0.5 * (1.0 + 1e4) / 50.5f64.powi(2),

@@ -5,11 +5,11 @@ use std::f64::consts::{EULER_GAMMA, PI};
 use super::{BINS, LENGTH, LogSpectrum};
 use crate::fourier;
 
-/// Number of sine tapers of an estimate. The bandwidth for 2 s is 4 Hz, and the leakage falls with the fourth power of
-/// the distance (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995, 188).
+/// Number of sine tapers of an estimate. The bandwidth for 2 s is 4 Hz, and the leakage decreases with the fourth power
+/// of the distance (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995, 188).
 const TAPERS: usize = 7;
 
-/// Floor of the density before its logarithm is taken, as a share of the power: 120 dB below it.
+/// Lower bound of the density before its logarithm is taken, as a fraction of the power: 120 dB below it.
 const FLOOR: f64 = 1e-12;
 
 impl LogSpectrum {
@@ -17,8 +17,8 @@ impl LogSpectrum {
     /// is divided into pieces of at most 2 s, and the spectrum of a piece is the mean of seven periodograms with sine
     /// tapers. Returns `None` if the signals have no power.
     ///
-    /// The logarithm of the mean of n periodograms is biased by -(ln n - ψ(n)). The estimate is corrected for it, so
-    /// that means of logarithms have the level of the signal.
+    /// The logarithm of the mean of n periodograms is biased by -(ln n - ψ(n)). The estimate is corrected for this
+    /// bias, so that means of logarithms have the level of the signal.
     pub fn estimate(signals: &[&[f64]]) -> Option<Self> {
         let mut density = vec![0.0; BINS];
         let (mut weight, mut periodograms) = (0.0, 0);
@@ -45,7 +45,8 @@ fn pieces(signal: &[f64]) -> impl Iterator<Item = &[f64]> {
     signal.chunks(signal.len().div_ceil(count).max(1))
 }
 
-/// Adds to `density` the periodogram of `piece` with sine taper `taper`, from 1, times the piece's length.
+/// Adds to `density` the periodogram of `piece` with the sine taper number `taper`, from 1, multiplied by the piece's
+/// length.
 fn add_periodogram(piece: &[f64], taper: usize, density: &mut [f64]) {
     let step = PI * taper as f64 / (piece.len() + 1) as f64;
     let scale = (2.0 / (piece.len() + 1) as f64).sqrt();
@@ -54,7 +55,7 @@ fn add_periodogram(piece: &[f64], taper: usize, density: &mut [f64]) {
         *to = scale * (step * (n + 1) as f64).sin() * value;
     }
     let spectrum = fourier::forward(&mut tapered);
-    // Tapers have unit energy. The mean over tapers is taken here, and the mean over pieces by the caller.
+    // Tapers have unit energy. This weight averages over the tapers; the caller averages over the pieces.
     let weight = piece.len() as f64 / TAPERS as f64;
     for (sum, bin) in density.iter_mut().zip(&spectrum) {
         *sum += weight * bin.norm_sqr();
@@ -85,7 +86,7 @@ mod tests {
 
     #[test]
     fn estimates_leak_less_than_a_rectangular_window() {
-        // A line of half a square metre, 400 Hz from where it is looked for, in next to no noise.
+        // A spectral line of power 0.5 (m/s²)², 400 Hz from the frequency that is examined, in very weak noise.
         let line: Vec<f64> = (0..10_000)
             .map(|n| (2.0 * PI * 200.3 * f64::from(n) / 5000.0).sin())
             .collect();

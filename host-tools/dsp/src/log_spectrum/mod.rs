@@ -1,10 +1,10 @@
-//! Logarithms of power spectra: estimated from recordings with little leakage, taken from models, warped from one speed
-//! to another, and turned back into models.
+//! Logarithms of power spectra: estimated from recordings with little leakage, computed from models, warped from one
+//! speed to another, and converted into models.
 //!
-//! Values are evenly spaced from 0 Hz to half the models' sample rate. Each is the natural logarithm of the two-sided
-//! density times the sample rate, so that the mean of their exponentials over all frequencies is the power. Spectra of
-//! recordings have [`BINS`] values, [`STEP_HZ`] apart. Spectra of models may have more, because a resonance of a model
-//! can be narrower than any that a recording resolves.
+//! Values are evenly spaced from 0 Hz to half the models' sample rate. Each value is the natural logarithm of the
+//! two-sided density times the sample rate, so that the mean of their exponentials over all frequencies is the power.
+//! Spectra of recordings have [`BINS`] values, [`STEP_HZ`] apart. Spectra of models may have more values, because a
+//! resonance of a model can be narrower than any resonance that a recording resolves.
 
 mod estimate;
 mod models;
@@ -21,7 +21,7 @@ const LENGTH: usize = 10_000;
 /// Number of frequencies of a recording's spectrum, from 0 Hz to half the models' sample rate.
 pub const BINS: usize = LENGTH / 2 + 1;
 
-/// Number of frequencies that resolve the resonances of models of any order fitted to 2 s: 0.06 Hz apart.
+/// Number of frequencies, 0.06 Hz apart, that resolve the resonances of models of any order fitted to 2 s.
 pub const FINE_BINS: usize = 4 * LENGTH + 1;
 
 /// Step between the frequencies of [`BINS`], Hz.
@@ -32,8 +32,8 @@ pub const STEP_HZ: f64 = SAMPLE_RATE_HZ as f64 / LENGTH as f64;
 pub struct LogSpectrum(Vec<f64>);
 
 impl LogSpectrum {
-    /// A spectrum from its values, evenly spaced from 0 Hz to half the sample rate.
-    /// Panics for fewer than two values.
+    /// Creates a spectrum from its values, evenly spaced from 0 Hz to half the sample rate.
+    /// Panics if there are fewer than two values.
     pub fn from_values(values: Vec<f64>) -> Self {
         assert!(values.len() > 1, "a spectrum has two ends");
         Self(values)
@@ -51,9 +51,9 @@ impl LogSpectrum {
         (self.0[0].exp() + 2.0 * inner + self.0[last].exp()) / (2 * last) as f64
     }
 
-    /// Returns the spectrum of the same surface at another speed, on the assumption that all of it comes from the
-    /// surface: components at f move to f · `to_speed` / `from_speed`. The last value continues beyond half the sample
-    /// rate.
+    /// Returns the spectrum of the same surface at another speed, on the assumption that the whole spectrum comes from
+    /// the surface: components at f move to f · `to_speed` / `from_speed`. Beyond half the sample rate, the last value
+    /// is used.
     #[must_use]
     pub fn warped(&self, from_speed: f64, to_speed: f64) -> Self {
         let ratio = from_speed / to_speed;
@@ -64,7 +64,7 @@ impl LogSpectrum {
         )
     }
 
-    /// Interpolates the value at a fractional bin; the values at both ends continue beyond them.
+    /// Interpolates the value at a fractional bin. Beyond each end, the value at the end is used.
     pub fn at(&self, bin: f64) -> f64 {
         let bin = bin.clamp(0.0, (self.0.len() - 1) as f64);
         let below = (bin as usize).min(self.0.len() - 2);
@@ -83,8 +83,8 @@ impl LogSpectrum {
         Self(sum)
     }
 
-    /// Returns the level of `other` relative to this spectrum in each third-octave band, in dB. Both have [`BINS`]
-    /// values.
+    /// Returns the level of `other` relative to this spectrum in each third-octave band, in dB. Both spectra have
+    /// [`BINS`] values.
     pub fn band_errors_db(&self, other: &Self) -> [Option<f64>; BAND_COUNT] {
         std::array::from_fn(|band| {
             let (low, high) = band_edges_hz(band);
@@ -94,7 +94,7 @@ impl LogSpectrum {
         })
     }
 
-    /// Returns what is proportional to the power between two fractional bins of [`BINS`].
+    /// Returns the power between two fractional bins of [`BINS`], up to a constant factor.
     pub fn power_between(&self, low: f64, high: f64) -> f64 {
         let first = low.round().max(0.0) as usize;
         let last = (high.round() as usize).min(BINS - 1);
@@ -106,9 +106,9 @@ impl LogSpectrum {
             .sum()
     }
 
-    /// Returns the paper's cost C, equation (6), of a signal with the spectrum `other` against one with this spectrum,
-    /// without the scatter of either: amplitudes are averaged over a running window of `width_hz`. Both have [`BINS`]
-    /// values.
+    /// Returns the paper's cost C, equation (6), of a signal with the spectrum `other` against a signal with this
+    /// spectrum. Neither has the scatter of an estimate. Amplitudes are averaged over a running window of `width_hz`.
+    /// Both spectra have [`BINS`] values.
     pub fn cost(&self, other: &Self, width_hz: f64) -> f64 {
         let (here, there) = (
             self.smoothed_amplitude(width_hz),

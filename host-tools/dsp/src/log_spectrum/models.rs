@@ -1,4 +1,4 @@
-//! Spectra of models, and models of spectra.
+//! Conversions between models and spectra.
 
 use model_format::limits;
 
@@ -13,8 +13,8 @@ impl LogSpectrum {
         Self::of_model_at(model, BINS)
     }
 
-    /// Returns the spectrum of the output of `model`, which must not be silent, at `bins` frequencies, which must be
-    /// more than the model's order.
+    /// Returns the spectrum of the output of `model`, which must not be silent, at `bins` frequencies. Their number
+    /// must exceed the model's order.
     pub fn of_model_at(model: &Model, bins: usize) -> Self {
         let error_power = error_power(model).ln();
         let log = |bin: &Complex<f64>| error_power - bin.norm_sqr().max(f64::MIN_POSITIVE).ln();
@@ -31,19 +31,19 @@ impl LogSpectrum {
         lags
     }
 
-    /// Returns the linear predictors of this spectrum, of every order up to `max_order`.
+    /// Returns the linear predictors for this spectrum, of every order up to `max_order`.
     pub fn prediction(&self, max_order: usize) -> Prediction {
         Prediction::levinson_durbin(&corrected(self.autocorrelation(max_order)), max_order)
     }
 
-    /// Returns the model of order `order` of this spectrum, with its power.
+    /// Returns the model of this spectrum that has the order `order` and the spectrum's power.
     pub fn model(&self, order: usize) -> Model {
         Model::new(self.prediction(order).reflection, self.power())
     }
 
-    /// Returns the model of the lowest order that cannot be told from this spectrum by touch: every third-octave band
-    /// from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at most 5 %. If there is none, it is
-    /// the model of order `most`, which no model exceeds.
+    /// Returns the model of the lowest order that cannot be distinguished from this spectrum by touch: every
+    /// third-octave band from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at most 5 %. If no
+    /// order meets this, the model has the order `most`, which is also the upper limit.
     pub fn economical_model(&self, tolerance_db: f64, most: usize) -> Model {
         const ORDERS: [usize; 11] = [15, 25, 40, 60, 80, 110, 150, 200, 260, 330, 400];
         const MAX_COST: f64 = 0.05;
@@ -65,8 +65,8 @@ impl LogSpectrum {
     }
 }
 
-/// Returns the density of the output of `model`, two-sided, times the sample rate, whose logarithms
-/// [`LogSpectrum::of_model_at`] has.
+/// Returns the two-sided density of the output of `model` times the sample rate. [`LogSpectrum::of_model_at`] returns
+/// its logarithms.
 pub fn density_of_model(model: &Model, bins: usize) -> Vec<f64> {
     let error_power = error_power(model);
     let density = |bin: &Complex<f64>| error_power / bin.norm_sqr().max(f64::MIN_POSITIVE);
@@ -96,7 +96,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        // No larger, since a resonance narrower than the spectrum's step is not held by it.
+        // The coefficients are no larger, because the spectrum's step does not resolve a narrower resonance.
         #[test]
         fn a_models_spectrum_has_its_power_and_gives_it_back(
             reflection in prop::collection::vec(-0.4f64..0.4, 1..8), power in 0.01f64..100.0,

@@ -1,4 +1,4 @@
-//! From recorded periods to a response.
+//! Computes a response from recorded periods.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -6,10 +6,11 @@ use super::multisine::{Multisine, spectrum};
 use super::{BANDS, PERIOD, STEP_HZ, band_edges_hz, db};
 use crate::fourier::Complex;
 
-/// Frequencies between which the direction of motion is taken, Hz: where accelerometers are flat and hands steady.
+/// Frequency range from which the direction of motion is determined, Hz. In this range accelerometers are flat and
+/// hands are steady.
 const DIRECTION_HZ: [f64; 2] = [40.0, 500.0];
 
-/// Largest standard deviation of a line's level that is trusted, dB.
+/// Largest standard deviation of the level of a trusted line, dB.
 const MOST_DEVIATION_DB: f64 = 0.5;
 
 /// Width of a point of [`Measured::points`], octaves.
@@ -27,7 +28,7 @@ pub struct Spectra {
 }
 
 impl Spectra {
-    /// The spectra of the whole periods in the recordings of three axes.
+    /// Returns the spectra of the whole periods in the recordings of three axes.
     pub fn of(axes: &[Vec<f64>; 3]) -> Self {
         let periods = axes[0].len() / PERIOD;
         let of_axis = |axis: &Vec<f64>| -> (Vec<Complex<f64>>, Vec<f64>) {
@@ -49,7 +50,7 @@ impl Spectra {
         }
     }
 
-    /// Amplitude of each bin along `axis`, and its variance as a mean over the periods.
+    /// Returns the mean amplitude of a bin along `axis` over the periods, and the variance of this mean.
     fn along(&self, axis: [f64; 3], bin: usize, bandwidths: &Bandwidths) -> (Complex<f64>, f64) {
         let (mut mean, mut variance) = (Complex::default(), 0.0);
         for (n, direction) in axis.into_iter().enumerate() {
@@ -60,8 +61,8 @@ impl Spectra {
         (mean, variance / self.periods.max(1) as f64)
     }
 
-    /// Direction in which the lines move, as a unit vector whose largest part is positive, and the share of the motion
-    /// that is across it; none without motion above the noise.
+    /// Returns the direction in which the lines move, as a unit vector whose largest component is positive, and the
+    /// fraction of the motion's power across this direction. Returns `None` without motion above the noise.
     fn direction(&self, lines: &[usize], bandwidths: &Bandwidths) -> Option<([f64; 3], f64)> {
         let [low, high] = DIRECTION_HZ.map(|hz| (hz / STEP_HZ) as usize);
         let mut sum = Matrix3::zeros();
@@ -89,12 +90,12 @@ impl Spectra {
     }
 }
 
-/// Bandwidth of each axis of the accelerometer, of first order, Hz; none where its roll-off is left as it is.
+/// Bandwidth of each axis of the accelerometer as a first-order low-pass, Hz; `None` if its roll-off is not corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bandwidths(pub [Option<f64>; 3]);
 
 impl Bandwidths {
-    /// Share of an acceleration that an axis shows.
+    /// Returns the fraction of an acceleration at `hz` that the axis shows, as a complex factor.
     fn passed(&self, axis: usize, hz: f64) -> Complex<f64> {
         let one = Complex::new(1.0, 0.0);
         self.0[axis].map_or(one, |edge_hz| one / Complex::new(1.0, hz / edge_hz))
@@ -106,19 +107,19 @@ impl Bandwidths {
 pub struct Line {
     /// Frequency, Hz.
     pub hz: f64,
-    /// Real and imaginary part: acceleration of the tip per voltage asked at the pin, m/s² per V.
+    /// Complex response: acceleration of the tip per volt commanded at the pin, m/s² per V.
     #[serde(skip)]
     pub value: Complex<f64>,
     /// Level, dB re 1 m/s² per V.
     pub level_db: f64,
-    /// Standard deviation of the level by the noise, dB.
+    /// Standard deviation of the level due to noise, dB.
     pub deviation_db: f64,
-    /// Share of a period's power that is not noise.
+    /// Fraction of a period's power that is not noise.
     pub coherence: f64,
 }
 
 impl Line {
-    /// Returns true if the noise lets the line's level be trusted.
+    /// Returns true if the noise is low enough for the line's level to be trusted.
     pub fn is_trusted(&self) -> bool {
         self.deviation_db < MOST_DEVIATION_DB
     }
@@ -138,20 +139,20 @@ pub struct Band {
 pub struct Measured {
     /// Lines of the response, ascending in frequency.
     pub lines: Vec<Line>,
-    /// Direction of motion in the accelerometer's axes, a unit vector whose largest part is positive.
+    /// Direction of motion in the accelerometer's axes, as a unit vector whose largest component is positive.
     pub axis: [f64; 3],
-    /// Share of the motion's power across that direction.
+    /// Fraction of the motion's power across that direction.
     pub across: f64,
-    /// Distortion of even order: RMS of the even lines left out, relative to that of the lines that were played.
+    /// Distortion of even order: RMS of the even lines that were not played, relative to the RMS of those that were.
     pub even: f64,
-    /// Distortion of odd order, by the odd lines left out.
+    /// Distortion of odd order, computed likewise from the odd lines that were not played.
     pub odd: f64,
-    /// Power of the lines over that of the noise in them: about 1 if nothing moves.
+    /// Power of the lines divided by the power of the noise in them: about 1 if nothing moves.
     pub over_noise: f64,
 }
 
 impl Measured {
-    /// The response to `wave` at `volts` of peak; none without motion above the noise.
+    /// Returns the response to `wave`, played with a peak of `volts`; `None` without motion above the noise.
     pub fn of(
         spectra: &Spectra,
         wave: &Multisine,
@@ -172,7 +173,7 @@ impl Measured {
                 hz: bin as f64 * STEP_HZ,
                 value,
                 level_db: db(value.norm()),
-                // Half of the noise is along the line's phasor; 8.7 dB is one neper.
+                // Half of the noise power is along the line's phasor. One neper is 8.7 dB.
                 deviation_db: db(std::f64::consts::E) * (0.5 * variance / square).sqrt(),
                 coherence: (square / (square + of_period)).max(0.0),
             }
@@ -198,8 +199,8 @@ impl Measured {
         })
     }
 
-    /// Level over frequency, Hz and dB, of the trusted lines, averaged over a twelfth of an octave where lines are
-    /// denser than that.
+    /// Returns the frequency, Hz, and the level, dB, of the trusted lines. They are averaged over a twelfth of an
+    /// octave where lines are denser than that.
     pub fn points(&self) -> Vec<(f64, f64)> {
         let trusted: Vec<&Line> = self.lines.iter().filter(|line| line.is_trusted()).collect();
         let mut points = Vec::new();
@@ -216,7 +217,7 @@ impl Measured {
         points
     }
 
-    /// Levels in third octaves from 10 Hz to 1 kHz.
+    /// Returns the levels in third-octave bands from 10 Hz to 1 kHz.
     pub fn bands(&self) -> [Band; BANDS] {
         std::array::from_fn(|band| {
             let [low, high] = band_edges_hz(band);
@@ -247,7 +248,7 @@ mod tests {
     use super::*;
     use test_helpers::noise;
 
-    /// Periods of `wave` at 2 V through a gain of 3 along `axis`, with a square and a cube, and noise.
+    /// Spectra of `wave` played at 2 V through a gain of 3 along `axis`, with quadratic and cubic distortion and noise.
     fn recorded(wave: &Multisine, axis: [f64; 3], [square, cube]: [f64; 2], level: f64) -> Spectra {
         let axes = [0, 1, 2].map(|n| {
             let hiss = noise(n as u64, 8 * PERIOD);
@@ -295,7 +296,8 @@ mod tests {
         );
         let of = |distortion| measured(&recorded(&wave, axis, distortion, 0.0)).unwrap();
         let (even, odd) = (of([0.1, 0.0]), of([0.0, 0.1]));
-        // The few even lines that are played spread a little of either order into the other.
+        // The few even lines that are played spread a little power of each order of distortion into the other order's
+        // lines.
         assert!(
             even.even > 0.03 && even.even > 2.0 * even.odd,
             "{} {}",

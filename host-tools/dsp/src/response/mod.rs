@@ -1,10 +1,10 @@
-//! Identification of an actuator: a waveform that excites it, its response with the confidence of each line, and the
+//! Identification of an actuator: a waveform that excites it, its response with a confidence for each line, and the
 //! resonance that explains the response.
 //!
-//! All waveforms are periodic, at 5 kHz, with [`PERIOD`] samples; so a line of the spectrum is exactly one bin, there
-//! is no leakage, and whatever differs between two periods is noise. Lines that the waveform leaves out show what the
-//! actuator makes of it by itself: even lines what is not symmetric, odd ones what is (Pintelon and Schoukens, *System
-//! Identification: A Frequency Domain Approach*, 2nd ed., 2012, chapters 2 and 4).
+//! All waveforms are periodic at 5 kHz with [`PERIOD`] samples. So each line of the spectrum is exactly one bin, there
+//! is no leakage, and any difference between two periods is noise. Lines that the waveform leaves out show the
+//! distortion that the actuator adds: even lines show what is not symmetric, odd lines what is symmetric (Pintelon and
+//! Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2012, chapters 2 and 4).
 
 mod measured;
 mod multisine;
@@ -17,21 +17,21 @@ pub use resonance::{Fit, Resonance};
 /// Sample rate of waveforms and recordings, Hz.
 pub const RATE_HZ: f64 = 5000.0;
 
-/// Samples of a period: 0.4 s.
+/// Samples per period: 0.4 s.
 pub const PERIOD: usize = 2000;
 
-/// Distance of two lines, Hz.
+/// Spacing of neighbouring lines, Hz.
 pub const STEP_HZ: f64 = RATE_HZ / PERIOD as f64;
 
 /// Number of third-octave bands from 10 Hz to 1 kHz.
 pub const BANDS: usize = 21;
 
-/// Centre frequency of a third-octave band, Hz: 10 · 10^(band/10), as IEC 61260-1 has them.
+/// Returns the centre frequency of a third-octave band, Hz: 10 · 10^(band/10), as in IEC 61260-1.
 pub fn band_centre_hz(band: usize) -> f64 {
     10f64.powf(1.0 + band as f64 / 10.0)
 }
 
-/// Edges of a third-octave band, Hz.
+/// Returns the lower and upper edge of a third-octave band, Hz.
 pub fn band_edges_hz(band: usize) -> [f64; 2] {
     [-0.05, 0.05].map(|half| band_centre_hz(band) * 10f64.powf(half))
 }

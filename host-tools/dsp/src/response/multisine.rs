@@ -1,4 +1,4 @@
-//! The excitation.
+//! The excitation: a multisine with a low crest factor.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -10,13 +10,13 @@ use crate::sums::rms;
 /// First and last line, in bins: 10 Hz and 1 kHz.
 const BINS: [usize; 2] = [4, 400];
 
-/// Even bins among the lines: the third octaves around 10 and 20 Hz have no odd one.
+/// Even bins that are lines too, because the third octaves around 10 and 20 Hz contain no odd bin.
 const EVEN: [usize; 2] = [4, 8];
 
-/// First bin from which some odd lines are left out. Below, third octaves have few lines.
+/// First bin from which on some odd lines are left out. Below it, third octaves have too few lines.
 const FIRST_LEFT_OUT: usize = 21;
 
-/// Of so many odd lines, one is left out.
+/// Number of neighbouring odd lines of which one, chosen at random, is left out.
 const GROUP: usize = 4;
 
 /// Rounds of clipping that lower the crest factor.
@@ -27,17 +27,17 @@ const ROUNDS: usize = 80;
 pub struct Multisine {
     /// One period.
     pub samples: Vec<f64>,
-    /// Lines that it has, in bins, ascending: odd ones, and a few even ones where bands are narrow.
+    /// Bins of the lines that the waveform contains, ascending: odd bins, and a few even ones where bands are narrow.
     pub lines: Vec<usize>,
-    /// Odd lines between them that it leaves out, in bins.
+    /// Odd bins in between that the waveform leaves out.
     pub left_out: Vec<usize>,
 }
 
 impl Multisine {
-    /// The waveform whose lines have these amplitudes over their frequency, Hz, each relative to the others.
+    /// Creates the waveform whose lines have the relative amplitudes `amplitude`, a function of the frequency in Hz.
     ///
-    /// Phases are random; clipping and restoring the amplitudes in turn then lowers the crest factor (Van der Ouderaa,
-    /// Schoukens and Renneboog, IEEE Trans. Instrum. Meas. 37, 1988, 145).
+    /// Phases start at random. Then the samples are clipped and the amplitudes are restored in turn, which lowers the
+    /// crest factor (Van der Ouderaa, Schoukens and Renneboog, IEEE Trans. Instrum. Meas. 37, 1988, 145).
     pub fn new(seed: u64, amplitude: impl Fn(f64) -> f64) -> Self {
         let mut random = Pcg32::seed_from_u64(seed);
         let (mut lines, mut left_out) = (EVEN.to_vec(), Vec::new());
@@ -90,13 +90,13 @@ impl Multisine {
         }
     }
 
-    /// The waveform in steps of 1/32767.
+    /// Returns the waveform in units of 1/32767.
     pub fn codes(&self) -> Vec<i16> {
         let code = |sample: &f64| (sample * f64::from(i16::MAX)).round() as i16;
         self.samples.iter().map(code).collect()
     }
 
-    /// Root mean square, for a peak of 1.
+    /// Returns the root mean square of the waveform, whose peak is 1.
     pub fn rms(&self) -> f64 {
         rms(&self.samples)
     }
@@ -116,7 +116,7 @@ fn period(lines: &[usize], amplitudes: &[f64], phases: &[f64]) -> Vec<f64> {
     fourier::inverse(&mut spectrum, PERIOD)
 }
 
-/// Spectrum of one period: the amplitude and phase of each line.
+/// Returns the spectrum of one period: the complex amplitude of each bin.
 pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex<f64>> {
     let bins = fourier::forward(&mut samples.to_vec()).into_iter();
     bins.map(|bin| bin * (2.0 / PERIOD as f64)).collect()

@@ -1,14 +1,14 @@
 //! The resonance and the delay that explain a response.
 //!
-//! The model is that of a coil whose mass moves against a body in a hand, behind an amplifier that passes no steady
-//! voltage, and the device's own high-pass:
+//! The model describes a coil whose mass moves against a body held in a hand, driven by an amplifier that blocks steady
+//! voltages, after the high-pass filter of the device itself:
 //!
 //! ```text
 //! K s⁴ / ((s² + 2 ζ₁ ω₁ s + ω₁²) (s² + 2 ζ₂ ω₂ s + ω₂²)) · s² / ((s + ω₀) (s + ω₃)) · exp(-s τ)
 //! ```
-//! The second pair of poles is the resonance, the first one the stylus in its hand. What lies above the band, as the
-//! coil's inductance, is part of the delay. Levenberg-Marquardt fits it to the logarithm of the response, so that level
-//! and phase have the same weight at all levels.
+//! The second pair of poles is the resonance; the first pair is the stylus in the hand. Effects above the band, such as
+//! the coil's inductance, become part of the delay. Levenberg-Marquardt fits the model to the logarithm of the
+//! response, so that level and phase have the same weight at all levels.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,23 +17,23 @@ use nalgebra::{DMatrix, DVector, SVector};
 use super::measured::Line;
 use crate::fourier::Complex;
 
-/// Corner of the high-pass in the device's safety stages, Hz, which every probe passes too.
+/// Corner of the high-pass in the device's safety stages, Hz, through which every probe passes too.
 const DC_BLOCKER_HZ: f64 = 2.0;
 
-/// Delay at the start, ms: that of the device's interpolator and converters.
+/// Initial value of the delay, ms: the delay of the device's interpolator and converters.
 const START_MS: f64 = 0.45;
 
-/// Resonances at the start, Hz.
+/// Initial values of the resonance, Hz; the fit starts from each.
 const STARTS_HZ: [f64; 4] = [45.0, 80.0, 150.0, 300.0];
 
-/// Least deviation of a line that counts, nepers, because no actuator is exactly the model.
+/// Lower bound of a line's standard deviation, nepers, because no actuator follows the model exactly.
 const LEAST_DEVIATION: f64 = 0.003;
 
 /// Iterations of Levenberg-Marquardt from each start.
 const ROUNDS: usize = 60;
 
-/// Gain in nepers, logarithms of ω₁, ζ₁, ω₂, ζ₂ and ω₀, the delay in ms, and the phase
-/// at 1 kHz by which the device's interpolator, of minimum phase, differs from a delay, rad.
+/// The gain in nepers; the logarithms of ω₁, ζ₁, ω₂, ζ₂ and ω₀; the delay in ms; and the phase at 1 kHz, rad, by which
+/// the device's minimum-phase interpolator differs from a pure delay.
 type Unknowns = SVector<f64, 8>;
 
 /// A resonance.
@@ -41,7 +41,7 @@ type Unknowns = SVector<f64, 8>;
 pub struct Resonance {
     /// Undamped natural frequency, Hz.
     pub hz: f64,
-    /// Standard deviation of the natural frequency by the scatter about the model, Hz.
+    /// Standard deviation of the natural frequency, Hz, from the scatter about the model.
     pub hz_deviation: f64,
     /// Damping ratio.
     pub damping_ratio: f64,
@@ -54,14 +54,14 @@ pub struct Fit {
     pub resonance: Resonance,
     /// Delay, s.
     pub delay_s: f64,
-    /// RMS of what is not explained, in deviations of the lines.
+    /// RMS of the residual, in units of the lines' standard deviations.
     pub error: f64,
-    /// True if the tip moves along its direction with the voltage above the resonance.
+    /// True if, above the resonance, a positive voltage accelerates the tip in the positive direction.
     pub is_positive: bool,
 }
 
 impl Fit {
-    /// Fits trusted lines; none if they are too few.
+    /// Fits the model to the trusted lines; returns `None` if they are too few.
     pub fn of(lines: &[Line]) -> Option<Self> {
         let lines: Vec<&Line> = lines.iter().filter(|line| line.is_trusted()).collect();
         if lines.len() < 40 {
@@ -91,20 +91,21 @@ impl Fit {
         let (is_positive, (error, mut unknowns, mut jacobian)) =
             fits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         if unknowns[1] > unknowns[3] {
-            // The resonance is the upper pair.
+            // The resonance is the pair of higher frequency.
             for at in [1, 2] {
                 unknowns.swap_rows(at, at + 2);
                 jacobian.swap_columns(at, at + 2);
             }
         }
         let mut square = jacobian.tr_mul(&jacobian);
-        // What nothing depends on, such as a hand that is not there, has no inverse.
+        // A parameter that nothing depends on, such as the frequency of a hand that is absent, would make the matrix
+        // singular.
         (0..square.nrows())
             .for_each(|at| square[(at, at)] = square[(at, at)] * (1.0 + 1e-9) + 1e-9);
         let variance = square
             .try_inverse()
             .map_or(f64::INFINITY, |inverse| inverse[(3, 3)]);
-        // The deviations of lines may be less than what the model leaves, so that its own scatter scales them.
+        // The lines' standard deviations may be smaller than the residual, so the residual's scatter scales the result.
         let scatter = error * error;
         let hz = unknowns[3].exp() / TAU;
         Some(Self {
@@ -120,7 +121,7 @@ impl Fit {
     }
 }
 
-/// Logarithm of the model's response at `hz`.
+/// Returns the logarithm of the model's response at `hz`.
 fn model(unknowns: &Unknowns, hz: f64) -> Complex<f64> {
     let s = Complex::new(0.0, TAU * hz);
     let pair = |at: usize| {
@@ -133,13 +134,13 @@ fn model(unknowns: &Unknowns, hz: f64) -> Complex<f64> {
     (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], phase)
 }
 
-/// Residual of each line, in the line's deviations: level, then phase.
+/// Returns the residuals of each line, level and then phase, in units of the line's standard deviation.
 fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<f64> {
     let sign = if is_positive { 1.0 } else { -1.0 };
     let mut residual = DVector::zeros(2 * lines.len());
     for (row, line) in lines.iter().enumerate() {
         let off = (line.value * sign).ln() - model(unknowns, line.hz);
-        // A logarithm knows a phase but for whole turns: the nearest one counts.
+        // The logarithm determines the phase only up to whole turns; the value nearest to zero is used.
         let phase = (off.im + PI).rem_euclid(TAU) - PI;
         // A neper is 20 / ln 10 dB.
         let deviation = (line.deviation_db / 8.686).max(LEAST_DEVIATION);
@@ -148,7 +149,7 @@ fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<
     residual
 }
 
-/// The nearest fit from `unknowns` on: its RMS, the unknowns and the Jacobian there.
+/// Returns the local minimum that is reached from `unknowns`: its RMS, the unknowns and the Jacobian there.
 fn refined(
     lines: &[&Line],
     is_positive: bool,
@@ -200,7 +201,8 @@ mod tests {
     use crate::response::db;
     use test_helpers::{near, noise};
 
-    /// A mass on a spring that a coil of 1.3 kHz moves, held by a hand, after a delay.
+    /// Lines of a mass on a spring that is held by a hand and moved by a coil whose inductance has its corner at 7 kHz,
+    /// after a delay.
     fn lines(hz: f64, damping: f64, sign: f64, scatter: f64) -> Vec<Line> {
         let hiss = noise(7, 400);
         (0..200)
@@ -252,7 +254,7 @@ mod tests {
                     "{hz} {scatter}: {found:?}"
                 );
                 near(damping_ratio / damping, 1.0, 0.03 + 3.0 * scatter);
-                // The inductance is 23 µs of the delay.
+                // The inductance accounts for 23 µs of the delay.
                 near(found.delay_s, 0.633e-3, 0.01e-3 + scatter * 1e-3);
                 assert_eq!(found.is_positive, sign > 0.0);
             }

@@ -1,22 +1,23 @@
-//! Two measures of spectra that published models of textures are compared by.
+//! Two measures of the agreement of spectra that are used to compare published texture models.
 
 use super::power::PowerSpectrum;
 
-/// Length of the segments, s. A recording of seconds has many, so that the scatter of each counts little.
+/// Length of the segments, s. A recording of several seconds has many segments, so that their scatter averages out.
 const SEGMENT_S: f64 = 0.2;
 
 /// The agreement of two spectra.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// Mean magnitude of the difference of the decimal logarithms of both power densities, over all frequencies.
+    /// Mean absolute difference of the decimal logarithms of the two power densities, over all frequencies.
     pub log_power_mae: f64,
-    /// Goodness-of-fit coefficient: Σ ab / √(Σ a² Σ b²) of the amplitudes a and b at all frequencies; 1 for spectra
-    /// that differ by a factor alone (Romero, García-Beltrán, Hernández-Andrés, J. Opt. Soc. Am. A 14, 1997, 1007).
+    /// Goodness-of-fit coefficient Σ ab / √(Σ a² Σ b²) of the amplitudes a and b at all frequencies. It is 1 for
+    /// spectra that differ only by a factor (Romero, García-Beltrán, Hernández-Andrés, J. Opt. Soc. Am. A 14, 1997,
+    /// 1007).
     pub fit_coefficient: f64,
 }
 
-/// The agreement of two signals from `low_hz` to `high_hz`, by Welch's estimate with Hann-windowed segments of 0.2 s.
-/// `None` if a signal is shorter, or has no power at a frequency.
+/// Returns the agreement of two signals from `low_hz` to `high_hz`, by Welch's estimate with Hann-windowed segments of
+/// 0.2 s. Returns `None` if a signal is shorter than a segment or has no power at a frequency.
 pub fn agreement(
     a: &[f64],
     b: &[f64],

@@ -6,7 +6,7 @@ use super::power::PowerSpectrum;
 /// felt.
 pub const AMPLITUDE_JND_DB: f64 = 2.2;
 
-/// Number of third-octave bands, from 20 Hz to 1 kHz, the range that skin feels and a stylus can play.
+/// Number of third-octave bands, from 20 Hz to 1 kHz. Skin feels this range and a stylus can play it.
 pub const BAND_COUNT: usize = 18;
 
 /// Nominal centre frequencies of the bands, Hz, as IEC 61260-1 labels them.
@@ -24,7 +24,7 @@ pub fn band_centre_hz(band: usize) -> f64 {
     frequency_on_band_scale_hz(band as f64)
 }
 
-/// Returns the lower and upper edge of band `band`, in Hz: its exact centre · 10^(∓1/20). One band ends where the next
+/// Returns the lower and upper edge of band `band`, in Hz: its exact centre · 10^(∓1/20). Each band ends where the next
 /// begins.
 pub fn band_edges_hz(band: usize) -> (f64, f64) {
     // Halves are exact in binary, so that the common edge of two bands is the same number for both.
@@ -41,7 +41,7 @@ fn frequency_on_band_scale_hz(band: f64) -> f64 {
 
 /// Returns the power in each third-octave band, in (signal's unit)², from [`PowerSpectrum::welch`].
 ///
-/// The resolution for a signal shorter than 1 s is coarser than the lowest bands, which then share power. There is no
+/// For a signal shorter than 1 s, the resolution is coarser than the lowest bands, which then share power. There is no
 /// power above half the sample rate.
 pub fn band_powers(signal: &[f64], rate_hz: f64) -> [f64; BAND_COUNT] {
     let spectrum = PowerSpectrum::welch(signal, rate_hz);
@@ -66,13 +66,15 @@ pub fn band_errors_db(
     std::array::from_fn(|band| level_db(other[band] / reference[band]))
 }
 
-/// As [`band_errors_db`], of two spectra, in the bands that lie within `low_hz` to `high_hz`; other bands are `None`.
+/// Like [`band_errors_db`], for two spectra, in the bands that lie within `low_hz` to `high_hz`. Other bands are
+/// `None`.
 pub fn band_errors_within_db(
     recorded: &PowerSpectrum,
     synthesised: &PowerSpectrum,
     (low_hz, high_hz): (f64, f64),
 ) -> [Option<f64>; BAND_COUNT] {
-    // Edges are powers of ten; a range that ends at an edge has the band.
+    // Band edges are powers of ten, which are rounded. With this tolerance, a range that ends at an edge includes the
+    // band.
     let slack = 1e-9;
     std::array::from_fn(|band| {
         let (low, high) = band_edges_hz(band);
@@ -90,15 +92,15 @@ fn level_db(ratio: f64) -> Option<f64> {
 /// Number of windows that begin within a third octave.
 const WINDOWS_PER_THIRD_OCTAVE: f64 = 10.0;
 
-/// Log-spectral distance, dB: the RMS difference, over the logarithm of frequency from `low_hz` to `high_hz`, of two
-/// power spectra in dB, each smoothed by a sliding third-octave window.
+/// Returns the log-spectral distance, dB, from `low_hz` to `high_hz`: the RMS difference, over the logarithm of
+/// frequency, of two power spectra in dB, each smoothed by a sliding third-octave window.
 ///
-/// The spectra are of one length of segments ([`PowerSpectrum::welch`]), so that signals of different lengths can be
-/// compared. Windows lie wholly within the range, at steps of a tenth of a third octave; a range narrower than a third
-/// octave is one window. A third octave is about the just noticeable difference of frequency on skin (Weber fraction
-/// 0.18 to 0.25, Israr 2006). It also averages the scatter of single bins, which would otherwise dominate the distance
-/// between two takes of one surface. Differences of level count; to compare shapes only, scale both signals to the same
-/// power first.
+/// Both spectra must have segments of the same length ([`PowerSpectrum::welch`]). Signals of different lengths can then
+/// be compared. Windows lie wholly within the range, at steps of a tenth of a third octave; a range narrower than a
+/// third octave is one window. A third octave is about the just noticeable difference of frequency on skin (Weber
+/// fraction 0.18 to 0.25, Israr 2006). It also averages the scatter of single bins, which would otherwise dominate the
+/// distance between two takes of one surface. Differences of level count; to compare only shapes, scale both signals to
+/// the same power first.
 ///
 /// Returns `None` if the range is empty, or if one of the signals has no power in some window.
 pub fn distance_of_spectra_db(
@@ -116,7 +118,7 @@ pub fn distance_of_spectra_db(
     Some(mean.sqrt()).filter(|distance| distance.is_finite())
 }
 
-/// Returns windows of a third octave at steps of a tenth of that, from edge to edge of a range of frequencies, in Hz.
+/// Returns third-octave windows at steps of a tenth of their width, from edge to edge of a range of frequencies, in Hz.
 fn third_octave_windows(low_hz: f64, high_hz: f64) -> Vec<(f64, f64)> {
     if !(low_hz > 0.0 && low_hz < high_hz) {
         return Vec::new();
@@ -180,7 +182,7 @@ mod tests {
         for (band, power) in powers.iter().enumerate() {
             let (low, high) = band_edges_hz(band);
             let expected = 4.0 * (high - low) / (RATE_HZ / 2.0);
-            // An estimate over T seconds of B hertz has a relative standard deviation of √(1/BT); T = 100 s.
+            // An estimate over T seconds and B hertz has a relative standard deviation of √(1/BT). Here T = 100 s.
             let deviation = (1.0 / ((high - low) * 100.0)).sqrt();
             assert!(
                 close(*power, expected, 5.0 * deviation),
@@ -206,7 +208,7 @@ mod tests {
             [None; BAND_COUNT]
         );
         assert_eq!(band_errors_db(&[], &signal, RATE_HZ), [None; BAND_COUNT]);
-        // At 1 kHz there is nothing above 500 Hz, and half of what the 500 Hz band holds.
+        // At a sample rate of 1 kHz, there is no power above 500 Hz, and the 500 Hz band contains only its lower half.
         let errors = band_errors_db(&signal, &signal, 1000.0);
         assert!(
             errors[..=14].iter().all(Option::is_some) && errors[15..].iter().all(Option::is_none)
@@ -225,7 +227,7 @@ mod tests {
         assert_eq!(distance(&a, &a).to_bits(), 0.0f64.to_bits());
         assert!(close(distance(&a, &b), distance(&b, &a), 1e-12));
         assert!(close(distance(&a, &scaled(&a, 10.0)), 20.0, 1e-9));
-        // Two takes of one noise are near, even though of different lengths.
+        // Two takes of the same noise are near each other, even if their lengths differ.
         assert!(distance(&a, &b) < 1.5, "{}", distance(&a, &b));
         assert!(distance(&a, &scaled(&b[..15_000], 2.0)) > 5.0);
     }

@@ -4,16 +4,17 @@ use std::f64::consts::{PI, TAU};
 
 use crate::fourier::{self, Complex};
 
-/// Default of the full width of the Hann kernel that smooths amplitudes, Hz. The paper does not give its own width.
+/// Default full width of the Hann kernel that smooths amplitudes, Hz. The paper does not state its width.
 pub const DEFAULT_SMOOTHING_WIDTH_HZ: f64 = 20.0;
 
-/// One-sided DFT amplitude |X(k)|, k = 0 ... ⌊N/2⌋, of a signal of any length N, in the signal's unit and without
-/// scaling.
+/// Returns the one-sided DFT amplitude |X(k)|, k = 0 ... ⌊N/2⌋, of a signal of any length N, in the signal's unit and
+/// without scaling.
 ///
 /// Bin k is at the frequency k · `rate_hz` / N. An empty signal has no bins.
 pub fn dft_amplitude(signal: &[f64]) -> Vec<f64> {
     let bins = dft(signal.to_vec());
-    // Amplitudes are far from the ends of a double's range, for which the norm's own method takes ten times as long.
+    // Amplitudes are far from the limits of a double's range. The `norm` method, which covers that range, takes ten
+    // times as long.
     bins.iter().map(|bin| bin.norm_sqr().sqrt()).collect()
 }
 
@@ -24,7 +25,7 @@ pub(super) fn add_dft_power(signal: Vec<f64>, sums: &mut [f64]) {
     }
 }
 
-/// Bins X(k), k = 0 ... ⌊N/2⌋; none of an empty signal.
+/// Returns the bins X(k), k = 0 ... ⌊N/2⌋; an empty signal has none.
 fn dft(mut signal: Vec<f64>) -> Vec<Complex<f64>> {
     if signal.is_empty() {
         return Vec::new();
@@ -32,10 +33,12 @@ fn dft(mut signal: Vec<f64>) -> Vec<Complex<f64>> {
     fourier::forward(&mut signal)
 }
 
-/// Smoothed amplitude S{a}: [`dft_amplitude`] convolved with a Hann kernel of the full width `width_hz`, zero to zero.
+/// Returns the smoothed amplitude S{a}: [`dft_amplitude`] convolved with a Hann kernel of the full width `width_hz`,
+/// from zero to zero.
 ///
 /// At 0 Hz and at half the sample rate the kernel is truncated and normalised again, so that a flat spectrum stays
-/// flat. A width of at most two bins is no smoothing. The work is proportional to N² · `width_hz` / `rate_hz`.
+/// flat. A width of at most two bins does not smooth. The computing time is proportional to N² · `width_hz` /
+/// `rate_hz`.
 pub fn smoothed_amplitude(signal: &[f64], rate_hz: f64, width_hz: f64) -> Vec<f64> {
     smooth(
         &dft_amplitude(signal),
@@ -70,8 +73,8 @@ fn smooth(values: &[f64], step_hz: f64, width_hz: f64) -> Vec<f64> {
     (0..values.len()).map(mean_around).collect()
 }
 
-/// Returns the weights of a Hann kernel of full width `width` steps at 1, 2, ... steps from its centre, whose weight is
-/// one; at most `most` of them.
+/// Returns the weights of a Hann kernel of full width `width` steps, at 1, 2, ... steps from its centre. The weight at
+/// the centre is one. At most `most` weights are returned.
 fn hann_tail(width: f64, most: usize) -> Vec<f64> {
     (1..=most)
         .map(|offset| offset as f64)
@@ -80,11 +83,11 @@ fn hann_tail(width: f64, most: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The paper's cost, equation (6): C = RMS(S{a} - S{a_g}) / RMS(S{a}), over all frequencies from 0 to half the sample
-/// rate.
+/// Returns the paper's cost, equation (6): C = RMS(S{a} - S{a_g}) / RMS(S{a}), over all frequencies from 0 to half the
+/// sample rate.
 ///
 /// S is [`smoothed_amplitude`]. The end of the longer signal is cut off, because amplitudes of signals of different
-/// lengths cannot be compared. The cost between two independent excerpts of one noise is not zero: see
+/// lengths cannot be compared. The cost between two independent excerpts of the same noise is not zero: see
 /// [`expected_cost_of_blocks`].
 ///
 /// Returns `None` if the recorded signal is empty or silent, or if a value is not finite.
@@ -103,11 +106,11 @@ pub fn spectral_cost(
     )
 }
 
-/// [`spectral_cost`] of signals in blocks, over the frequencies from `low_hz` to `high_hz`: S is the mean of the
-/// blocks' smoothed amplitudes, and no transform goes over the join of two blocks.
+/// Like [`spectral_cost`], for signals in blocks, over the frequencies from `low_hz` to `high_hz`. S is the mean of the
+/// blocks' smoothed amplitudes, and no transform crosses the join of two blocks.
 ///
-/// All blocks are cut to the shortest, and as many are used of one signal as of the other, because the mean of fewer
-/// amplitudes scatters more.
+/// All blocks are cut to the length of the shortest. Equal numbers of blocks of both signals are used, because a mean
+/// of fewer amplitudes scatters more.
 pub fn cost_of_blocks(
     recorded: &[&[f64]],
     synthesised: &[&[f64]],
@@ -132,7 +135,7 @@ pub fn cost_of_blocks(
     Some((difference / energy).sqrt()).filter(|cost| cost.is_finite())
 }
 
-/// Mean over the blocks, cut to `len` samples, of their smoothed amplitudes.
+/// Returns the mean of the smoothed amplitudes of the blocks, each cut to `len` samples.
 fn mean_amplitude(blocks: &[&[f64]], len: usize, rate_hz: f64, width_hz: f64) -> Vec<f64> {
     let mut mean = vec![0.0; len / 2 + 1];
     for block in blocks {
@@ -146,13 +149,13 @@ fn mean_amplitude(blocks: &[&[f64]], len: usize, rate_hz: f64, width_hz: f64) ->
     mean
 }
 
-/// Returns the approximate [`cost_of_blocks`] between two independent excerpts, of `count` blocks of `len` samples
-/// each, of one Gaussian noise with a broad spectrum. A perfect model has this cost, because it does not copy the
-/// recording.
+/// Returns the approximate [`cost_of_blocks`] between two independent excerpts of the same Gaussian noise with a broad
+/// spectrum. Each excerpt has `count` blocks of `len` samples. A perfect model has this cost, because it does not copy
+/// the recording.
 ///
 /// Amplitudes of Gaussian noise are Rayleigh distributed, with a variance of 4/π - 1 times their squared mean.
-/// Smoothing with weights w divides the variance by (Σw)²/Σw², the mean over the blocks by their number, and the
-/// difference of two amplitudes has twice the variance.
+/// Smoothing with weights w divides the variance by (Σw)²/Σw², and averaging over the blocks divides it by their
+/// number. The difference of two amplitudes has twice the variance.
 pub fn expected_cost_of_blocks(count: usize, len: usize, rate_hz: f64, width_hz: f64) -> f64 {
     let tail = hann_tail(width_hz * len as f64 / rate_hz, len / 2);
     let sum = 1.0 + 2.0 * tail.iter().sum::<f64>();
@@ -173,7 +176,7 @@ mod tests {
             let signal = noise(len, seed);
             let amplitude = dft_amplitude(&signal);
             prop_assert_eq!(amplitude.len(), len / 2 + 1);
-            // Every bin but those at 0 Hz and at half the rate stands for itself and its mirror image.
+            // Every bin except those at 0 Hz and at half the sample rate represents itself and its mirror image.
             let mirrored = |bin: usize| if bin == 0 || 2 * bin == len { 1.0 } else { 2.0 };
             let energy: f64 = amplitude.iter().enumerate().map(|(bin, x)| mirrored(bin) * x * x).sum();
             let expected: f64 = signal.iter().map(|x| x * x).sum();
@@ -201,7 +204,7 @@ mod tests {
         let smoothed = smooth(&line, 0.5, 20.0);
         assert!(smoothed[500 - 19] > 0.0 && smoothed[500 + 19] > 0.0);
         assert!(smoothed[500 - 20] <= 0.0 && smoothed[500 + 20] <= 0.0);
-        // Hann falls to half a quarter of its width from the centre.
+        // A Hann kernel falls to half its peak at a quarter of its width from the centre.
         assert!(close(smoothed[500 + 10], smoothed[500] / 2.0, 1e-12));
         assert!(close(smoothed.iter().sum(), 1.0, 1e-12));
         assert_eq!(smooth(&line, 0.5, 0.0), line);

@@ -22,7 +22,7 @@ pub use cost::{
 pub use power::{PowerSpectrum, longest_segment};
 pub use subtraction::without_noise;
 
-/// Signals that the tests of this folder share.
+/// Signals that several tests of this folder use.
 #[cfg(test)]
 mod test_signals {
     use std::f64::consts::TAU;

@@ -12,8 +12,8 @@ const SEGMENT_S: f64 = 1.0;
 /// Power spectral density of a signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PowerSpectrum {
-    /// One-sided density, (signal's unit)²/Hz. Value k is for the frequencies nearer to k · `step_hz` than to any
-    /// other.
+    /// One-sided density, (signal's unit)²/Hz. Value k covers the frequencies that are nearer to k · `step_hz` than to
+    /// any other multiple of `step_hz`.
     pub(super) density: Vec<f64>,
     pub(super) step_hz: f64,
     nyquist_hz: f64,
@@ -21,27 +21,27 @@ pub struct PowerSpectrum {
 }
 
 thread_local! {
-    /// The last window, because the recordings of a set are mostly of one length.
+    /// The last window, kept because the recordings of a set mostly have the same length.
     static HANN: RefCell<Rc<Hann>> = RefCell::new(Rc::new(Hann::of(0)));
 }
 
-/// A Hann window, periodic.
+/// A periodic Hann window.
 struct Hann {
     weights: Vec<f64>,
     /// Sum of the squares of the weights.
     energy: f64,
-    /// Overlaps in a block of the last length.
+    /// Overlaps in a block, for the most recent block length.
     overlaps: Cell<Overlaps>,
 }
 
-/// Weights of the squared samples of a block in overlapping segments.
+/// Weights with which the overlapping segments count the squared samples of a block.
 #[derive(Clone, Copy, Default)]
 struct Overlaps {
     /// Samples of the block.
     length: usize,
     /// Sum of the weights.
     weight: f64,
-    /// Sum of their squares.
+    /// Sum of the squared weights.
     squared_weight: f64,
 }
 
@@ -57,7 +57,7 @@ impl Hann {
         }
     }
 
-    /// The window of `length` samples, made anew only if the last one had another length.
+    /// Returns the window of `length` samples. It is computed only if the last window had another length.
     fn last_or_of(length: usize) -> Rc<Self> {
         HANN.with_borrow_mut(|last| {
             if last.weights.len() != length {
@@ -67,7 +67,8 @@ impl Hann {
         })
     }
 
-    /// First samples of the segments in a block of `length` samples, at least one segment.
+    /// Returns the index of the first sample of each segment in a block of `length` samples, which holds at least one
+    /// segment.
     fn begins(&self, length: usize) -> impl Iterator<Item = usize> + use<> {
         let segment = self.weights.len();
         let spare = length - segment;
@@ -75,7 +76,7 @@ impl Hann {
         (0..=hops).map(move |hop| (spare * hop).checked_div(hops).unwrap_or(0))
     }
 
-    /// The overlaps in a block of `length` samples, at least one segment.
+    /// Returns the overlaps in a block of `length` samples, which holds at least one segment.
     fn overlaps(&self, length: usize) -> Overlaps {
         let last = self.overlaps.get();
         if last.length == length {
@@ -97,7 +98,7 @@ impl Hann {
     }
 }
 
-/// Returns the longest segment of an estimate, 1 s, in samples.
+/// Returns the length, in samples, of the longest segment of an estimate, 1 s.
 pub fn longest_segment(rate_hz: f64) -> usize {
     (SEGMENT_S * rate_hz).round() as usize
 }
@@ -106,8 +107,8 @@ impl PowerSpectrum {
     /// Welch's estimate: the mean periodogram of Hann-windowed segments of 1 s, or of the whole signal if it is
     /// shorter. Segments overlap by half, or by slightly more so that the last one ends with the signal.
     ///
-    /// The density is scaled by the window's energy, so that it integrates to the power of a stationary signal. A
-    /// signal of fewer than two samples has no power here, because a window of one sample is zero.
+    /// The density is scaled by the window's energy, so that its integral is the power of a stationary signal. A signal
+    /// of fewer than two samples has no power here, because a window of one sample is zero.
     pub fn welch(signal: &[f64], rate_hz: f64) -> Self {
         let segment = longest_segment(rate_hz).min(signal.len());
         Self::of_blocks(&[signal], segment, rate_hz)
@@ -116,12 +117,13 @@ impl PowerSpectrum {
     /// Welch's estimate over several blocks of one signal, with segments of `segment` samples that lie within a block.
     /// Blocks shorter than a segment are left out.
     ///
-    /// Two estimates with one `segment` have one resolution, so that a window's leakage is alike in both.
+    /// Two estimates with the same `segment` have the same resolution, so that the window's leakage is the same in
+    /// both.
     pub fn of_blocks(blocks: &[&[f64]], segment: usize, rate_hz: f64) -> Self {
         let segment = segment.max(1);
         let window = Hann::last_or_of(segment);
         let (mut density, mut segments) = (vec![0.0; segment / 2 + 1], 0_u32);
-        // Weight of each sample in the estimate, for the duration that it is worth.
+        // Total weight of the samples in the estimate, from which its equivalent duration follows.
         let (mut weight, mut squared_weight) = (0.0, 0.0);
         for block in blocks
             .iter()
@@ -153,12 +155,14 @@ impl PowerSpectrum {
         }
     }
 
-    /// Returns the equivalent number of independent averages in the power of Gaussian noise between two frequencies:
-    /// its relative variance is one over this. 0 without an estimate, or between no frequencies.
+    /// Returns the equivalent number of independent averages in the power of Gaussian noise between two frequencies.
+    /// The relative variance of this power is the inverse of that number. Returns 0 without an estimate, or if the
+    /// range is empty.
     ///
-    /// For B hertz, wide against the resolution, and weights w of the squared samples, which windows and their overlap
-    /// give, it is B (Σw)² / Σw² sample intervals (Welch, IEEE Trans. Audio Electroacoust. 15, 1967, 70). Bins of a
-    /// Hann window one and two apart have correlations of 2/3 and 1/6 in amplitude, which a narrow band feels.
+    /// For a bandwidth B much wider than the resolution, the number is B (Σw)² / Σw² sample intervals, where w are the
+    /// weights of the squared samples that result from the windows and their overlap (Welch, IEEE Trans. Audio
+    /// Electroacoust. 15, 1967, 70). Bins of a Hann window that are one and two apart have correlations of 2/3 and 1/6
+    /// in amplitude, which matter in a narrow band.
     pub fn averages_between(&self, low_hz: f64, high_hz: f64) -> f64 {
         let shares: Vec<f64> = self
             .shares(low_hz, high_hz)
@@ -171,7 +175,7 @@ impl PowerSpectrum {
             let pairs = 4.0 / 9.0 * at(index + 1) + at(index + 2) / 36.0;
             variance += share * (share + 2.0 * pairs);
         }
-        // One segment's weights, the squares of a Hann window, are worth 18/35 of its length.
+        // One segment has the squares of a Hann window as weights. Its equivalent length is 18/35 of its length.
         let segments = self.worth_s * self.step_hz * 35.0 / 18.0;
         if variance > 0.0 {
             sum * sum / variance * segments
@@ -180,7 +184,8 @@ impl PowerSpectrum {
         }
     }
 
-    /// Returns the density at `hz`, linear between bins, in (signal's unit)²/Hz; that of the last bin beyond.
+    /// Returns the density at `hz`, interpolated linearly between bins, in (signal's unit)²/Hz. Beyond the last bin,
+    /// its density is returned.
     pub(super) fn density_at(&self, hz: f64) -> f64 {
         let place = hz / self.step_hz;
         let (before, share) = (place.floor() as usize, place.fract());
@@ -194,7 +199,8 @@ impl PowerSpectrum {
         Self { density, ..*self }
     }
 
-    /// Returns the spectrum a `share` of the way from this one to `other` of the same segments, in dB.
+    /// Returns the spectrum that is the fraction `share` of the way, in dB, from this spectrum to `other`. Both have
+    /// the same segments.
     #[must_use]
     pub fn towards(&self, other: &Self, share: f64) -> Self {
         let pairs = self.density.iter().zip(&other.density);
@@ -211,7 +217,7 @@ impl PowerSpectrum {
         bins.map(|(index, share)| self.density[index] * share).sum()
     }
 
-    /// Each bin between two frequencies, with the hertz of it that are.
+    /// Returns each bin between two frequencies, with the width of its part that lies between them, Hz.
     fn shares(&self, low_hz: f64, high_hz: f64) -> impl Iterator<Item = (usize, f64)> {
         let (low, high) = (low_hz.max(0.0), high_hz.min(self.nyquist_hz));
         let step_hz = self.step_hz;

@@ -1,22 +1,24 @@
-//! Spectral subtraction: the power of a noise that is known by its spectrum, taken off a signal that has it.
+//! Spectral subtraction: removes from a signal the power of a noise whose spectrum is known.
 
 use super::power::PowerSpectrum;
 use crate::fourier;
 
-/// Least share of a bin's power that is kept. Below it, the scatter of both estimates is all that is left.
+/// Least fraction of a bin's power that is kept. Below it, only the scatter of both estimates would remain.
 const LEAST_SHARE: f64 = 0.01;
 
-/// Bandwidth, in octaves, over which the rest is smoothed where the noise has most of the power: half of the bands in
-/// which textures are told apart.
+/// Bandwidth, in octaves, over which the remaining power is smoothed where the noise has most of the power. It is half
+/// the width of the bands in which textures are distinguished.
 const SMOOTHING_OCTAVES: f64 = 1.0 / 6.0;
 
-/// Returns `signal` at `rate_hz` without a noise of the spectrum `noise`; `whole` is the signal's own spectrum, of the
-/// same segments. Phases are the signal's (Boll, IEEE Trans. ASSP 27, 1979, 113, for powers).
+/// Returns `signal` at `rate_hz` without a noise of the spectrum `noise`. `whole` is the spectrum of the signal itself,
+/// with segments of the same length. The phases are those of the signal (Boll, IEEE Trans. ASSP 27, 1979, 113, for
+/// powers).
 ///
-/// With w = min(1, N / P), the noise's share of the power, a bin of density p becomes w R + (1 - w) max(1 - w, 0.01) p,
-/// which is P - N on average: R is the mean of max(P - N, 0.01 P) over a sixth of an octave, weighed by w. So details
-/// are the signal's where the noise is weak. Where it is strong they would be its tones and the scatter of two
-/// estimates, and the spectrum is smooth.
+/// P is the density of the signal at a bin's frequency, N that of the noise, and w = min(1, N / P) is the noise's
+/// fraction of the power. A bin of density p becomes w R + (1 - w) max(1 - w, 0.01) p, which is P - N on average. R is
+/// the mean of max(P - N, 0.01 P) over a sixth of an octave, weighted by w. So where the noise is weak, details come
+/// from the signal. Where the noise is strong, details would be the noise's tones and the scatter of two estimates, so
+/// the spectrum is smooth.
 pub fn without_noise(
     signal: &[f64],
     whole: &PowerSpectrum,
@@ -26,15 +28,15 @@ pub fn without_noise(
     if signal.len() < 2 || noise.power_between(0.0, rate_hz) <= 0.0 {
         return signal.to_vec();
     }
-    // Its mirror image goes on where it ends. Otherwise a jump from end to begin would have a part in all frequencies,
-    // which becomes a click where the noise is weaker.
+    // The signal is continued at its end by its mirror image. Otherwise the jump from end to beginning would have
+    // components at all frequencies and become a click where the noise is weaker.
     let mut mirrored: Vec<f64> = signal.iter().chain(signal.iter().rev()).copied().collect();
     let length = mirrored.len();
     let mut spectrum = fourier::forward(&mut mirrored);
     let [shares, rest] = shares_and_rest(whole, noise);
-    // The density of a bin of power 1.
+    // Factor from the squared magnitude of a bin to its density.
     let to_density = 2.0 / (rate_hz * length as f64);
-    // The first bin is the mean, which is no power of a spectrum.
+    // The first bin is the mean, which a spectrum of powers does not contain.
     for (bin, value) in spectrum.iter_mut().enumerate().skip(1) {
         let hz = bin as f64 * rate_hz / length as f64;
         let own = to_density * value.norm_sqr();
@@ -52,7 +54,8 @@ pub fn without_noise(
     cleaned
 }
 
-/// The share of `noise` in `whole`, 0 to 1, and the smoothed density of the rest, at the frequencies of both.
+/// Returns the noise's fraction of the power of `whole`, 0 to 1, and the smoothed density of the remaining power, at
+/// the frequencies of both spectra.
 fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectrum; 2] {
     let densities = || whole.density.iter().zip(&noise.density);
     let share = |(all, taken): (&f64, &f64)| {
@@ -65,7 +68,7 @@ fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectr
     let shares: Vec<f64> = densities().map(share).collect();
     let rest = whole.density.iter().zip(&shares);
     let rest = rest.map(|(all, share)| all * (1.0 - share).max(LEAST_SHARE));
-    // Sums of the weights, and of what they weigh, up to each bin.
+    // Cumulative sums, up to each bin, of the weights and of the weighted values.
     let mut sums = vec![(0.0, 0.0)];
     for (rest, share) in rest.zip(&shares) {
         let (weight, weighed) = sums[sums.len() - 1];
@@ -76,7 +79,7 @@ fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectr
         let first = (bin as f64 / ratio).ceil() as usize;
         let end = ((bin as f64 * ratio) as usize + 1).min(shares.len());
         let (weight, weighed) = (sums[end].0 - sums[first].0, sums[end].1 - sums[first].1);
-        // Round-off of the sums is all that there may be without noise.
+        // Without noise, only the round-off of the sums may remain.
         if weight > 0.0 {
             (weighed / weight).max(0.0)
         } else {
@@ -135,7 +138,7 @@ mod tests {
             let power = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>();
             prop_assert!(rest.iter().all(|x| x.is_finite()));
             prop_assert!(power(&rest) <= 1.01 * power(&signal));
-            // At the highest frequencies the smoothing has one side only.
+            // At the highest frequencies, the smoothing window extends only to lower ones.
             prop_assert!(power(&rest) >= 0.5 * LEAST_SHARE * power(&signal));
         }
     }
@@ -158,14 +161,14 @@ mod tests {
         }
     }
 
-    /// Weak noise beside a strong signal, whose begin and end do not fit together.
+    /// Weak noise added to a strong signal whose beginning and end do not match.
     #[test]
     fn what_is_left_is_no_louder_at_the_ends_than_elsewhere() {
         let (strong, weak) = (sine(20_000, 120.3, 1.0), scaled(&noise(20_000, 1), 0.003));
         let known = spectrum(&scaled(&noise(20_000, 2), 0.003));
         let heard = sum(&strong, &weak);
         let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);
-        // The noise alone: three differences leave nothing of the tone.
+        // Only the noise: the third difference removes the tone.
         let step = |signal: Vec<f64>| -> Vec<f64> {
             signal.windows(2).map(|pair| pair[1] - pair[0]).collect()
         };
@@ -177,7 +180,7 @@ mod tests {
         }
     }
 
-    /// A tone far above the signal is as strong as its neighbourhood afterwards.
+    /// A tone that is far stronger than the signal is reduced to the level of its neighbourhood.
     #[test]
     fn a_tone_of_the_noise_is_neither_left_as_a_line_nor_as_a_gap() {
         let (own, tone) = (noise(100_000, 1), sine(100_000, 733.3, 0.4));
@@ -187,7 +190,7 @@ mod tests {
             &sine(100_000, 733.3, 0.4),
         ));
         let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);
-        // Finer than the estimates, so that a line would show.
+        // The resolution is finer than that of the estimates, so that a remaining line would show.
         let fine = |signal: &[f64]| PowerSpectrum::of_blocks(&[signal], 10_000, RATE_HZ);
         let (before, after) = (fine(&own), fine(&rest));
         let line = |spectrum: &PowerSpectrum| spectrum.power_between(732.0, 735.0);

@@ -7,17 +7,17 @@ const TOP: u32 = 1024;
 const HALF: u32 = TOP / 2;
 const QUARTER: u32 = TOP / 4;
 
-/// Zeros, and all symbols, that a context counts before its first one.
+/// Counts of zeros, and of all symbols, with which each context starts.
 const BEFORE: (u32, u32) = (8, 16);
 
-/// A coder with the bits that it has put out.
+/// A coder with the bits that it has written.
 pub struct Coder {
     bits: Vec<bool>,
     low: u32,
     high: u32,
-    /// Bits that follow the next one, inverted.
+    /// Number of inverted copies of the next bit that will follow it.
     pending: usize,
-    /// Zeros and all symbols of each context.
+    /// Counts of zeros and of all symbols in each context.
     seen: [(u32, u32); CONTEXTS],
 }
 
@@ -35,7 +35,7 @@ impl Default for Coder {
 }
 
 impl Coder {
-    /// Codes one symbol of `context`.
+    /// Encodes one symbol of `context`.
     pub fn push(&mut self, context: usize, symbol: bool) {
         let (zeros, all) = &mut self.seen[context];
         let share = (f64::from(*zeros) / f64::from(*all) * f64::from(TOP)).round() as u32;
@@ -51,7 +51,7 @@ impl Coder {
         self.widen();
     }
 
-    /// Doubles the range until it is wider than a quarter, and puts out the bits that are certain.
+    /// Doubles the range until it is wider than a quarter, and writes the bits that are certain.
     fn widen(&mut self) {
         loop {
             let below = if self.high <= HALF {
@@ -76,9 +76,9 @@ impl Coder {
         self.bits.extend(inverted);
     }
 
-    /// Returns the bits, first bit highest in its byte. A reader takes zeros after the last one.
+    /// Returns the bits, with the first bit as the highest of its byte. A reader must assume zeros after the last bit.
     pub fn finish(mut self) -> Vec<u8> {
-        // The half lies within the range.
+        // One half lies within the range.
         self.bits.push(true);
         let push = |byte, &bit: &bool| byte >> 1 | u8::from(bit) << 7;
         let bytes = self.bits.chunks(8);

@@ -1,4 +1,4 @@
-//! A stroke as one tone of varying amplitude and frequency, which is all that Meta's `.haptic` and Apple's AHAP hold.
+//! A stroke as one tone of varying amplitude and frequency. Meta's `.haptic` and Apple's AHAP cannot contain more.
 
 use std::f64::consts::{SQRT_2, TAU};
 
@@ -7,14 +7,14 @@ use serde_json::{Value, json};
 /// Time between two points, s.
 const STEP_S: f64 = 0.02;
 
-/// Frequencies of the formats' values 0 and 1, Hz. The formats name none; MPEG's reference software takes these for
-/// AHAP's sharpness.
+/// Frequencies of the formats' values 0 and 1, Hz. The formats do not specify them; MPEG's reference software uses
+/// these for AHAP's sharpness.
 pub const RANGE_HZ: (f64, f64) = (65.0, 300.0);
 
-/// Longest event of AHAP, s.
+/// Longest event that AHAP allows, s.
 const MAX_EVENT_S: f64 = 30.0;
 
-/// Segments of a curve of AHAP, which has at most 16 points. The next curve begins with the last point.
+/// Number of segments of a curve of AHAP, which has at most 16 points. The next curve begins with the last point.
 const SEGMENTS: usize = 15;
 
 /// The tone at one time.
@@ -25,14 +25,16 @@ struct Point {
     frequency_hz: f64,
 }
 
-/// The tone at times that rise from 0 to the stroke's end; between them, amplitude and frequency are linear.
+/// The tone at ascending times from 0 to the stroke's end. Between them, amplitude and frequency are interpolated
+/// linearly.
 #[derive(Debug)]
 pub struct Envelope(Vec<Point>);
 
 impl Envelope {
-    /// The tone with the power and the mean frequency of `samples` in 40 ms around each point.
+    /// Creates the tone whose power and mean frequency are those of `samples` in the 40 ms around each point.
     ///
-    /// The mean frequency is that of a sine with the same correlation of neighbouring samples, within [`RANGE_HZ`].
+    /// The mean frequency is the frequency of a sine with the same correlation of neighbouring samples, limited to
+    /// [`RANGE_HZ`].
     pub fn of(samples: &[f64], rate_hz: f64) -> Self {
         let step = ((rate_hz * STEP_S).round() as usize).max(1);
         let point = |index: usize| {
@@ -44,7 +46,7 @@ impl Envelope {
             Point {
                 time_s: middle as f64 / rate_hz,
                 amplitude_m_s2: SQRT_2 * (power / window.len() as f64).sqrt(),
-                // Silence has no frequency; `max` leaves it out.
+                // Silence has no frequency (NaN), which `max` replaces by the lowest frequency.
                 frequency_hz: mean_hz.max(RANGE_HZ.0).min(RANGE_HZ.1),
             }
         };
@@ -87,7 +89,7 @@ impl Envelope {
         })
     }
 
-    /// Returns the AHAP file: continuous events of full intensity and no sharpness, and curves that control both.
+    /// Returns the AHAP file: continuous events of full intensity and zero sharpness, and curves that control both.
     pub fn ahap(&self, full_scale_m_s2: f64, description: &str) -> Value {
         let end_s = self.0.last().map_or(0.0, |point| point.time_s);
         let events = (0..(end_s / MAX_EVENT_S).ceil() as u32).map(|index| {
@@ -110,7 +112,7 @@ impl Envelope {
         })
     }
 
-    /// Curves of a parameter through all points, with times from the begin of each curve.
+    /// Returns curves of a parameter through all points, with times relative to the beginning of each curve.
     fn curves(&self, name: &str, value: impl Fn(&Point) -> f64) -> impl Iterator<Item = Value> {
         let begins = (0..self.0.len().saturating_sub(1)).step_by(SEGMENTS);
         begins.map(move |first| {
@@ -127,7 +129,7 @@ impl Envelope {
 }
 
 impl Point {
-    /// Place of the frequency within [`RANGE_HZ`], 0 to 1.
+    /// Position of the frequency within [`RANGE_HZ`], 0 to 1.
     fn place(&self) -> f64 {
         (self.frequency_hz - RANGE_HZ.0) / (RANGE_HZ.1 - RANGE_HZ.0)
     }

@@ -11,19 +11,20 @@ use super::set_partitioning::{HEAD, code};
 use super::{largest, wavelet};
 use crate::support::{date, progress};
 
-/// Rate of the band, Hz. A block's samples and milliseconds must be powers of two, which 5 and 10 kHz do not allow.
+/// Rate of the band, Hz. The duration of a block in samples and in milliseconds must both be powers of two, which 5 and
+/// 10 kHz do not allow.
 pub const RATE_HZ: u32 = 8000;
 
-/// Samples of a block.
+/// Number of samples per block.
 const BLOCK: usize = 512;
 
-/// Milliseconds of a block.
+/// Duration of a block, ms.
 const BLOCK_MS: usize = BLOCK * 1000 / RATE_HZ as usize;
 
-/// Highest bit of a coefficient as large as its block's scale: the most that a stream's head can name.
+/// Highest bit of a coefficient that equals its block's scale: the largest value that a stream's head can state.
 const HIGHEST_BIT: u32 = 15;
 
-/// Returns the file of samples within ±1 at [`RATE_HZ`], with a progress bar.
+/// Returns the file of samples within ±1 at [`RATE_HZ`], and shows a progress bar.
 pub fn file(samples: &[f64], description: &str) -> Value {
     let bar = progress::bar(samples.len().div_ceil(BLOCK) as u64, "encoding");
     let blocks = bar.wrap_iter(samples.chunks(BLOCK)).enumerate();
@@ -32,7 +33,7 @@ pub fn file(samples: &[f64], description: &str) -> Value {
         let stream = STANDARD_NO_PAD.encode(stream(block));
         json!({"effect_type": "Basis", "position": index * BLOCK_MS, "wavelet_stream": stream})
     });
-    // Readers take the upper limit of a wavelet band for its sample rate.
+    // Readers use the upper limit of a wavelet band as its sample rate.
     let band = json!({
         "band_type": "WaveletWave", "block_length": BLOCK_MS, "lower_frequency_limit": 0,
         "upper_frequency_limit": RATE_HZ, "effects": effects.collect::<Vec<_>>(),
@@ -70,8 +71,8 @@ fn stream(mut block: [f64; BLOCK]) -> Vec<u8> {
     coder.finish()
 }
 
-/// Returns the smallest scale that is at least `largest`, with its code: below 1 in steps of 1/128, from there in steps
-/// of 1/8 up to 16.875.
+/// Returns the smallest scale that is at least `largest`, with its code. Below 1, scales have steps of 1/128; above,
+/// steps of 1/8 up to 16.875.
 fn scale_of(largest: f64) -> (u32, f64) {
     let fine = (largest * 128.0).ceil().max(1.0);
     if fine < 128.0 {
@@ -85,7 +86,8 @@ fn scale_of(largest: f64) -> (u32, f64) {
 mod tests {
     use super::*;
 
-    /// A coefficient is largest for a block of the signs of its weights, which are the transforms of impulses.
+    /// A coefficient is largest for the block that consists of the signs of its weights. The weights are found by
+    /// transforming impulses.
     #[test]
     fn no_block_within_one_has_a_coefficient_above_the_largest_scale() {
         let mut most = [0.0; BLOCK];

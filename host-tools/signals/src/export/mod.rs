@@ -1,7 +1,7 @@
 //! A stroke as a file for other devices: MPEG haptics (ISO/IEC 23090-31), Meta's `.haptic`, Apple's AHAP, or WAV.
 //!
-//! Invariant: a file holds what [`playing`](crate::playing) renders, as far as its format can. What a format cannot
-//! hold is known before anything is written.
+//! Invariant: a file contains what [`playing`](crate::playing) renders, as far as its format allows. What a format
+//! cannot represent is known before anything is written.
 
 mod arithmetic_coder;
 mod envelope;
@@ -25,7 +25,7 @@ use crate::support::float_wav::float_wav;
 use crate::support::{atomic_file, progress};
 use envelope::{Envelope, RANGE_HZ};
 
-/// Longest stroke of a file, s. It bounds the memory for samples and text to a few hundred megabytes.
+/// Longest stroke in a file, s. It limits the memory for samples and text to a few hundred megabytes.
 pub const MAX_SECONDS: f64 = 600.0;
 
 /// Format of a file.
@@ -45,18 +45,21 @@ pub enum Format {
 #[derive(Debug)]
 pub struct Export {
     bytes: Vec<u8>,
-    /// Sentences that the file, except WAV, says of itself.
+    /// Description of the content, which every file except WAV contains.
     pub description: String,
-    /// Sentences on what the file cannot hold of the stroke, with figures, and on samples at the kernel's full scale.
+    /// Sentences on the properties of the stroke that the file cannot represent, with figures, and on samples at the
+    /// kernel's full scale.
     pub warnings: Vec<String>,
 }
 
 impl Export {
-    /// Renders `seconds` of `texture` along `motion`, with a progress bar, and makes a file of it. The number 1 in the
-    /// file is `full_scale_m_s2`, or else the largest acceleration in it, or 1 m/s² in WAV.
+    /// Renders `seconds` of `texture` along `motion`, with a progress bar, and converts the result to a file. The
+    /// number 1 in the file stands for `full_scale_m_s2`. If it is not given, the number 1 stands for the largest
+    /// acceleration in the file, or for 1 m/s² in WAV.
     ///
     /// # Errors
-    /// More than [`MAX_SECONDS`], a silent stroke, a full scale that is too small, and those of [`Rendering::new`].
+    /// A duration above [`MAX_SECONDS`], a silent stroke, a full scale that is too small, and the errors of
+    /// [`Rendering::new`].
     pub fn new(
         texture: Texture<'_>,
         motion: &MotionPath,
@@ -121,7 +124,7 @@ impl Export {
     /// Writes the file, whole or not at all.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, &self.bytes)
     }
@@ -145,7 +148,7 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |most, value| most.max(value.abs()))
 }
 
-/// Returns what `format` loses of a stroke, with levels in dB; `None` if nothing.
+/// Returns what `format` loses of a stroke, with levels in dB; `None` if it loses nothing.
 fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Option<String> {
     let spectrum = PowerSpectrum::welch(stroke, rate_hz);
     let limit_hz = f64::from(hjif::RATE_HZ) / 2.0;
@@ -153,7 +156,7 @@ fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Op
     match format {
         Format::Haptic | Format::Ahap => {
             let tone = PowerSpectrum::welch(&envelope.tone(rate_hz), rate_hz);
-            // Octaves in base ten, as IEC 61260-1 has them.
+            // Octaves in base ten, as in IEC 61260-1.
             let labels = ["31.5", "63", "125", "250", "500", "1000"];
             let levels = labels.iter().zip(-5..=0).map(|(label, octave)| {
                 let edge_hz = |half: f64| 10f64.powf(3.0 + 0.3 * (f64::from(octave) + half));

@@ -1,9 +1,9 @@
 //! Set partitioning in hierarchical trees (Said and Pearlman, IEEE Trans. Circuits Syst. Video Technol. 6, 1996, 243),
-//! of one dimension: the children of coefficient i are 2i and 2i + 1.
+//! in one dimension: the children of coefficient i are 2i and 2i + 1.
 
 use std::collections::VecDeque;
 
-/// Number of contexts: that of a stream's head, and those of the bits below.
+/// Number of contexts: one for the head of a stream, and those for its other bits.
 pub const CONTEXTS: usize = 7;
 /// Context of a stream's head.
 pub const HEAD: usize = 0;
@@ -14,22 +14,23 @@ const CHILD: usize = 4;
 const FAR_BELOW: usize = 5;
 const REFINEMENT: usize = 6;
 
-/// Coefficients that are coded one by one from the start; the second half of them are roots of trees.
+/// Number of coefficients that are coded one by one from the start. The second half of them are the roots of trees.
 const FIRST: usize = 8;
 
-/// Codes `coefficients`, at least eight and a power of two in number, from bit `highest` of their magnitudes to bit 0.
-/// `put` takes each bit after its context.
+/// Encodes `coefficients`, from bit `highest` of their magnitudes to bit 0. Their number is a power of two and at least
+/// eight. `put` receives the context and then the bit.
 pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)) {
     let count = coefficients.len();
     let magnitude = |i: usize| coefficients[i].unsigned_abs();
-    // Largest magnitude below each root.
+    // Largest magnitude below each root in its tree.
     let mut below = vec![0; count];
     for root in (1..count / 2).rev() {
         let largest = [2 * root, 2 * root + 1].map(|child| magnitude(child).max(below[child]));
         below[root] = largest[0].max(largest[1]);
     }
     let (mut small, mut large): (Vec<_>, Vec<_>) = ((0..FIRST).collect(), Vec::new());
-    // Roots of sets that are small so far: all below, or all below the root's children.
+    // Roots of sets in which all coefficients are below the threshold so far. A set is everything below a root, or
+    // everything below the root's children.
     let mut sets: Vec<_> = (FIRST / 2..FIRST).map(|root| (root, BELOW)).collect();
     for threshold in (0..=highest).rev().map(|bit| 1 << bit) {
         let put_single = |i: usize, context, put: &mut dyn FnMut(usize, bool)| {

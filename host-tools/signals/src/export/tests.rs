@@ -1,4 +1,4 @@
-//! Files, read by readers of these tests' own, against what the kernel plays.
+//! Exported files, decoded by independent readers, compared with what the kernel plays.
 
 use std::f64::consts::TAU;
 
@@ -12,14 +12,15 @@ use crate::playing::render::render;
 use crate::playing::render::test_motions::{constant, sweep};
 use test_helpers::{library, near, texture};
 
-/// Synthesis filters from their centres, of means and of details: the table of Antonini and others (IEEE Trans. Image
-/// Process. 1, 1992, 205), with a gain of √2.
+/// Synthesis filters, from their centres outwards, for the means and for the details: the table of Antonini and others
+/// (IEEE Trans. Image Process. 1, 1992, 205), with a gain of √2.
 const FILTERS: [[f64; 5]; 2] = [
     [0.788_486, 0.418_092, -0.040_689, -0.064_539, 0.0],
     [-0.852_699, 0.377_403, 0.110_624, -0.023_849, -0.037_828],
 ];
 
-/// A wavelet stream: the interval and the value within it, their bits, and the zeros and symbols of each context.
+/// A wavelet stream; the interval, the value within it and the current bit; and the counts of zeros and symbols of each
+/// context.
 struct Stream(Vec<u8>, [u32; 3], usize, [(f64, f64); 7]);
 
 impl Stream {
@@ -53,7 +54,8 @@ impl Stream {
         }
     }
 
-    /// Coefficients of a block, by Said and Pearlman's passes over single coefficients, trees and large coefficients.
+    /// Coefficients of a block, decoded with Said and Pearlman's passes over single coefficients, trees and large
+    /// coefficients.
     fn coefficients(&mut self, count: usize) -> Vec<f64> {
         let head: i32 = (0..12).map(|bit| i32::from(self.bit(0)) << bit).sum();
         let (highest, scale) = (head & 15, f64::from(head >> 5));
@@ -97,7 +99,7 @@ impl Stream {
     }
 }
 
-/// The samples of an MPEG haptics file, by the standard's equations.
+/// The samples of an MPEG haptics file, computed with the standard's equations.
 fn of_mpeg(file: &Value) -> Vec<f64> {
     let channel = &file["perceptions"][0]["channels"][0];
     let band = &channel["bands"][0];
@@ -135,7 +137,7 @@ fn points(list: &Value, begin: &Value, time: &str, value: &str) -> Vec<(f64, f64
     list.as_array().expect("a list").iter().map(point).collect()
 }
 
-/// Points of a parameter of an AHAP file, whose curves join, and whose events are as long together.
+/// Points of a parameter of an AHAP file. The curves must join, and the events must last as long as the curves.
 fn of_ahap(file: &Value, parameter: &str) -> Vec<(f64, f64)> {
     let (mut all, mut end) = (Vec::new(), 0.0);
     for part in file["Pattern"].as_array().expect("a list") {
@@ -164,7 +166,7 @@ fn at(points: &[(f64, f64)], time: f64) -> f64 {
     before + (after - before) * (time - from) / (to - from)
 }
 
-/// Samples that the kernel plays along `motion`, m/s², and the JSON file of 40 m/s² with its warnings.
+/// Samples that the kernel plays along `motion`, m/s², and the JSON file with a full scale of 40 m/s² and its warnings.
 fn exported(rate_hz: u32, motion: &MotionPath, format: Format) -> (Vec<f64>, Value, String) {
     let library = library(rate_hz);
     let played = render(texture(&library), motion, 40.0, 7).unwrap();
@@ -193,7 +195,7 @@ fn a_decoder_of_mpeg_haptics_has_the_third_octaves_and_the_samples_that_the_styl
         for band in 2..BAND_LABELS_HZ.len() {
             near(decibels(found[band], expected[band]), 0.0, 0.05);
         }
-        // Both have a sample every millisecond. What is near half the lower rate, or above it, is lost.
+        // Both have a sample every millisecond. Components near or above half the lower rate are lost.
         let played = played.iter().step_by(rate_hz as usize / 1000);
         let pairs = played.zip(decoded.iter().step_by(8));
         let (error, power) = pairs.fold((0.0, 0.0), |(error, power), (played, decoded)| {

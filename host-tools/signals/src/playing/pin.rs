@@ -1,5 +1,5 @@
-//! Output at the stylus's pin, and at the tip of a plant behind it: a rendering through the device's own safety stages,
-//! code by code.
+//! Output at the stylus's pin, and at the tip of an actuator model behind it: a rendering that passes through the
+//! device's own safety stages, code by code.
 
 use std::path::Path;
 
@@ -11,13 +11,13 @@ use stylus_plant::Plant;
 use super::render::{Rendering, write_floats_wav};
 use crate::support::error::{Error, Result};
 
-/// Codes per second at the pin.
+/// Number of DAC codes per second at the pin.
 pub const RATE_HZ: u32 = PIN_RATE_HZ;
 
-/// Returns the default settings with `changes`, each a setting's name and its value.
+/// Returns the default settings with `changes`, each of which is a setting's name and its value.
 ///
 /// # Errors
-/// A name that no setting has, or a value that the setting may not have.
+/// There is no setting with this name, or the value is not allowed.
 pub fn settings<'a>(changes: impl IntoIterator<Item = (&'a str, f32)>) -> Result<Settings> {
     let change = |settings: Settings, (name, value)| {
         let setting = Setting::named(name)
@@ -28,22 +28,22 @@ pub fn settings<'a>(changes: impl IntoIterator<Item = (&'a str, f32)>) -> Result
     changes.into_iter().try_fold(Settings::default(), change)
 }
 
-/// Iterator over the codes that a stylus puts out for the samples of its kernel, [`OVERSAMPLING`] for each tick. A
-/// second sample that lacks to the last tick at 10 kHz is silence.
+/// Iterator over the DAC codes that a stylus puts out for the samples of its kernel, [`OVERSAMPLING`] for each tick. At
+/// 10 kHz, a tick has two samples; if the second is missing at the end, it is silence.
 ///
-/// The stylus begins at rest, and is not muted: its soft start comes first. It plays at a gain of one.
+/// The stylus starts at rest and is not muted, so it first performs its soft start. It plays at a gain of one.
 #[derive(Clone, Debug)]
 pub struct Pin<Samples> {
     samples: Samples,
     config: Config,
     state: State,
     codes: [DacCode; OVERSAMPLING],
-    /// Number of `codes` that were taken.
+    /// Number of `codes` that were returned.
     taken: usize,
 }
 
 impl<Samples: Iterator<Item = OutputSample>> Pin<Samples> {
-    /// The pin of a stylus with `settings` that plays `samples` at `rate`.
+    /// Creates the pin of a stylus with `settings` that plays `samples` at `rate`.
     pub fn new(samples: Samples, rate: PlayRate, settings: &Settings) -> Self {
         let config = Config::at_rate(settings, 1.0, rate);
         Self {
@@ -55,7 +55,8 @@ impl<Samples: Iterator<Item = OutputSample>> Pin<Samples> {
         }
     }
 
-    /// Numbers of ticks so far at which the hard limit, the slew limit and the thermal limiter changed the output.
+    /// Returns the numbers of ticks so far at which the hard limit, the slew limit and the thermal limiter changed the
+    /// output.
     pub fn limited(&self) -> Limited {
         let counters = self.state.counters();
         Limited {
@@ -99,7 +100,7 @@ impl<Samples: ExactSizeIterator<Item = OutputSample>> ExactSizeIterator for Pin<
 /// Numbers of ticks at which a safety stage changed the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Limited {
-    /// By the hard limit, in volts or by the coil's peak power.
+    /// By the hard limit on the voltage or on the coil's peak power.
     pub hard: u32,
     /// By the slew limit.
     pub slew: u32,
@@ -107,7 +108,7 @@ pub struct Limited {
     pub thermal: u32,
 }
 
-/// Returns the voltage of a code above mid-scale.
+/// Returns the voltage of a code relative to mid-scale.
 pub fn above_mid_scale(code: DacCode) -> Volt {
     Volt((f32::from(code.get()) - f32::from(DacCode::MID_SCALE.get())) * DacCode::STEP.0)
 }
@@ -123,12 +124,11 @@ pub struct PinSummary {
     pub limited: Limited,
 }
 
-/// Writes what a stylus with `settings` puts out for `rendering` as a WAV file: 32-bit floating point, in volts above
-/// mid-scale, [`RATE_HZ`] codes per second.
+/// Writes what a stylus with `settings` puts out for `rendering` as a WAV file: 32-bit floating point, in volts
+/// relative to mid-scale, [`RATE_HZ`] codes per second.
 ///
 /// # Errors
-/// A rendering at a rate that no stylus plays, more codes than a WAV file can count, or a file that cannot be
-/// written.
+/// A rendering at a rate that no stylus plays, more codes than a WAV file can count, or a file that cannot be written.
 pub fn render_pin_wav(
     rendering: &mut Rendering<'_>,
     settings: &Settings,
@@ -137,11 +137,11 @@ pub fn render_pin_wav(
     render_codes(rendering, settings, path, |Volt(volt)| volt)
 }
 
-/// Writes what the tip of `plant` does for the codes of [`render_pin_wav`], with its amplifier on, in m/s² after each
-/// code.
+/// Writes the acceleration of the tip of `plant`, in m/s² after each code, that the codes of [`render_pin_wav`] cause.
+/// The amplifier is on.
 ///
 /// # Errors
-/// As [`render_pin_wav`].
+/// See [`render_pin_wav`].
 pub fn render_tip_wav(
     rendering: &mut Rendering<'_>,
     settings: &Settings,
@@ -154,7 +154,7 @@ pub fn render_tip_wav(
     })
 }
 
-/// Writes what `shown` makes of the voltage of each code.
+/// Writes, for each code, the value that `shown` returns for its voltage.
 fn render_codes(
     rendering: &mut Rendering<'_>,
     settings: &Settings,

@@ -1,5 +1,5 @@
-//! The columns of a table that hold accelerations, by their names. Beside them, loggers write other quantities: a
-//! gyroscope's axes, a friction coefficient, a temperature, or the magnitude of all axes.
+//! The columns of a table that contain accelerations, determined from their names. Loggers also write other quantities:
+//! a gyroscope's axes, a friction coefficient, a temperature, or the magnitude of all axes.
 
 use super::rate::MAX_CHANNELS;
 use super::unit::{self, Unit};
@@ -8,10 +8,10 @@ use crate::support::number::counted;
 /// Words for the magnitude of all axes in a column's name, in lower case.
 const MAGNITUDE_WORDS: [&str; 5] = ["absolute", "abs", "magnitude", "norm", "total"];
 
-/// Words for a statistic of all axes in a column's name, in lower case, such as ROS has beside accelerations.
+/// Words, in lower case, for a statistic of all axes in a column's name. ROS writes such columns next to accelerations.
 const STATISTIC_WORDS: [&str; 4] = ["covariance", "variance", "std", "stddev"];
 
-/// Columns of a table that hold no axis.
+/// Columns of a table that do not contain an axis.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct LeftOut {
     /// Indices of the columns, ascending.
@@ -21,10 +21,10 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Judges `samples`, the columns of a header beside those of times and motion, each an index and a name.
+    /// Evaluates `samples`, the columns of a header except those of times and motion, each as an index and a name.
     ///
-    /// Where a name is that of an acceleration, columns without such a name or unit hold something else. A header that
-    /// names no acceleration tells nothing, so that all its columns stay.
+    /// If some names are those of accelerations, columns without such a name or unit contain something else. If the
+    /// header names no acceleration, it gives no information, so all its columns are kept.
     pub fn of(samples: &[(usize, &str)]) -> Self {
         let is_told = samples.iter().any(|(_, name)| is_acceleration(name));
         let is_axis = |name: &str| !is_told || is_acceleration(name) || has_unit(name);
@@ -76,7 +76,7 @@ fn has_unit(name: &str) -> bool {
     matches!(unit::in_name(name), Some((Unit::Acceleration(_), _)))
 }
 
-/// Returns true for a name such as `accel`, `Acc X`, `ax`, `a_y`, `z` or `X-Axis (g)`.
+/// Returns true for a name of an acceleration, such as `accel`, `Acc X`, `ax`, `a_y`, `z` or `X-Axis (g)`.
 pub(super) fn is_acceleration(name: &str) -> bool {
     let lower = name.to_lowercase();
     let is_meant = |word: &str| {
@@ -93,7 +93,7 @@ pub(super) fn is_acceleration(name: &str) -> bool {
     !words(&lower).any(is_statistic) && (words(&lower).any(is_meant) || is_axis(&lower))
 }
 
-/// Returns true for an axis in lower case, with nothing beside it but a unit of accelerations, volts or steps.
+/// Returns true for an axis in lower case, with nothing else but a unit of acceleration, volts or converter steps.
 fn is_axis(lower: &str) -> bool {
     let is_sign = |c: char| !c.is_alphanumeric();
     let after_a = lower
@@ -102,7 +102,7 @@ fn is_axis(lower: &str) -> bool {
     let Some(rest) = after_a.unwrap_or(lower).strip_prefix(['x', 'y', 'z']) else {
         return false;
     };
-    // The first letter of another word, such as yaw, is none.
+    // The first letter of another word, such as yaw, is not an axis.
     if rest.starts_with(char::is_alphanumeric) {
         return false;
     }

@@ -1,5 +1,5 @@
 //! Recordings as CSV: one to three columns of samples, and optionally a column of times, which gives the sample rate.
-//! Columns whose names say that they hold no axis are left out.
+//! Columns whose names show that they do not contain an axis are left out.
 
 use super::axes::{self, LeftOut};
 use super::rate::{MAX_CHANNELS, length_fault, most_frames, rate_fault};
@@ -16,7 +16,7 @@ use crate::support::error::{Error, Result};
 /// Column of the time of each sample, s.
 const TIME_COLUMN: &str = "time_s";
 
-/// First words of names that may be those of a time.
+/// First words of names that may denote a time.
 const TIME_WORDS: [&str; 4] = ["time", "t", "timestamp", "zeit"];
 
 /// Columns of a free hand's recording.
@@ -25,16 +25,16 @@ const MOTION_COLUMNS: [&str; 2] = ["speed_mm_s", "force_n"];
 /// Names of columns that count lines or samples, in lower case.
 const COUNTER_NAMES: [&str; 3] = ["index", "sample", "frame"];
 
-/// Fewest values from which a column without a name is taken for times.
+/// Least number of values for which a column without a name can be recognised as times.
 const LEAST_TIMES: usize = 8;
 
-/// Fields that stand for no value, in lower case: of spreadsheets, pandas, R and SQL.
+/// Fields that stand for a missing value, in lower case: of spreadsheets, pandas, R and SQL.
 const NO_VALUE: [&str; 3] = ["", "na", "null"];
 
 /// Reads the part of the CSV file of `trial` within `cut`.
 ///
-/// A first line with a field that is not a number is a header. Without a column of times, the trial must have a sample
-/// rate.
+/// If the first line has a field that is not a number, it is a header. Without a column of times, the trial must have a
+/// sample rate.
 pub(super) fn read(trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = trial.file.as_path();
     let given = trial.sample_rate_hz;
@@ -42,12 +42,12 @@ pub(super) fn read(trial: &Trial, cut: &Cut) -> Result<Source> {
     if let Some(fault) = fault {
         return Err(Error::file(path, fault));
     }
-    // Regular files alone, because a recording is read again: for its kind, and for the hash of its bytes.
+    // Only regular files are accepted, because a recording is read again: for its kind, and for the hash of its bytes.
     TABLE.open(path)?;
     read_table(&CsvTable::read(path, TABLE)?, trial, cut)
 }
 
-/// Reads the part of a `table` of `trial` within `cut`, as [`read`] does that of a file.
+/// Reads the part of a `table` of `trial` within `cut`, like [`read`] for a file.
 pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = table.path();
     let mut columns = Columns::read(table)?;
@@ -91,10 +91,10 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
 struct Columns<'a> {
     values: Vec<Vec<f64>>,
     names: Option<Header<'a>>,
-    /// A second line of the header, as oscilloscopes write it.
+    /// Units from a second line of the header, as oscilloscopes write it.
     units: Vec<String>,
     times: Vec<TimeColumn>,
-    /// Columns that hold neither times nor an axis.
+    /// Columns that contain neither times nor an axis.
     left_out: LeftOut,
     /// What was left out or assumed, in words.
     remarks: Vec<String>,
@@ -119,7 +119,7 @@ impl<'a> Columns<'a> {
                     refuse_numbers_in_header(&row, table)?;
                     read.name(table.header()?)?;
                 }
-                // A first column without a name may be the times, which the rows below tell.
+                // A first column without a name may contain the times, which is determined from the rows below.
                 let has_one_more = row.width() == MAX_CHANNELS + 1;
                 let unnamed = usize::from(read.names.is_none() && has_one_more);
                 let others = read.times.len() + read.left_out.count() + unnamed;
@@ -166,7 +166,8 @@ impl<'a> Columns<'a> {
         Ok(read)
     }
 
-    /// Keeps the names of the columns, and finds the columns of times and of what is no axis by them.
+    /// Stores the names of the columns, and determines from them the columns of times and the columns that are not
+    /// axes.
     fn name(&mut self, header: Header<'a>) -> Result<()> {
         self.times = time_columns(&header)?;
         let samples = header.names().enumerate();
@@ -182,11 +183,11 @@ impl<'a> Columns<'a> {
         self.values.first().is_some_and(|column| !column.is_empty())
     }
 
-    /// Takes a first column that rises in every row for the times, which no acceleration does, if the columns have no
-    /// names.
+    /// If the columns have no names and the first one rises in every row, uses the first as times, because no
+    /// acceleration rises like this.
     ///
     /// # Errors
-    /// A column that counts, whose unit is not given; more axes than a recording has.
+    /// The first column counts rows, and its unit is not given; or there are more axes than a recording has.
     fn find_times_without_a_name(
         &mut self,
         table: &CsvTable,
@@ -217,7 +218,7 @@ impl<'a> Columns<'a> {
         refuse_other_widths(table, width, self.times.len())
     }
 
-    /// Refuses a column of `axes` without any number.
+    /// Refuses a column among `axes` that contains no number.
     fn refuse_empty(&self, table: &CsvTable, axes: &[usize]) -> Result<()> {
         let is_empty = |index: &&usize| self.values[**index].iter().all(|value| value.is_nan());
         match axes.iter().find(is_empty) {
@@ -229,12 +230,12 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Returns true if the column of this index holds an axis.
+    /// Returns true if the column with this index contains an axis.
     fn is_sample(&self, index: usize) -> bool {
         !self.left_out.contains(index) && self.times.iter().all(|time| time.index != index)
     }
 
-    /// Names of all columns, with the units of a second line below them, if there is one.
+    /// Returns the names of all columns, with the units from a second line below them, if there is one.
     fn names_with_units(&self) -> Vec<String> {
         let units = self.units.iter().map(String::as_str);
         let units = units.chain(std::iter::repeat(""));
@@ -244,7 +245,7 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// The part of `channels` within `cut` at `stamps`, those of the column `time`.
+/// Returns the part of `channels` within `cut`, at the times `stamps` from the column `time`.
 fn by_times(
     table: &CsvTable,
     trial: &Trial,
@@ -262,7 +263,7 @@ fn by_times(
     stamps::source(table, &clock, stamps, channels, cut)
 }
 
-/// The part of `columns` within `cut`, at the sample rate of `trial`.
+/// Returns the part of `columns` within `cut`, at the sample rate of `trial`.
 fn without_times(trial: &Trial, columns: Vec<Vec<f64>>, cut: &Cut) -> Result<Source> {
     let Some(rate_hz) = trial.sample_rate_hz else {
         let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to trials.csv, or \
@@ -272,19 +273,19 @@ fn without_times(trial: &Trial, columns: Vec<Vec<f64>>, cut: &Cut) -> Result<Sou
     Ok(stamps::even(rate_hz, columns, cut))
 }
 
-/// Returns true for a field that stands for no value.
+/// Returns true for a field that stands for a missing value.
 fn is_no_value(field: &str) -> bool {
     NO_VALUE.iter().any(|none| field.eq_ignore_ascii_case(none))
 }
 
-/// Steps of a converter, which are whole numbers.
+/// Returns [`Integers::Counts`] if the samples are steps of a converter, which are whole numbers.
 fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
     let mut samples = columns.iter().flatten();
     let are_whole = samples.clone().all(|sample| sample.fract() == 0.0);
     (are_whole && samples.any(|sample| sample.abs() > 1.0)).then_some(Integers::Counts)
 }
 
-/// Refuses a table of another number of columns of samples, beside `others`, than a recording has.
+/// Refuses a table whose number of columns of samples, without the `others`, is not possible for a recording.
 fn refuse_other_widths(table: &CsvTable, width: usize, others: usize) -> Result<()> {
     let problem = match width - others {
         0 if others > 0 => "has times alone: add a column of samples for each axis".to_owned(),
@@ -301,9 +302,9 @@ fn refuse_other_widths(table: &CsvTable, width: usize, others: usize) -> Result<
 
 /// Returns the columns of times, after a check that every other column can be an axis.
 fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
-    // It has one column of this name.
+    // Checks that there is only one column of this name.
     names.column(TIME_COLUMN)?;
-    // Beside named accelerations a count or one quantity of the motion is left out, as other columns are.
+    // If accelerations are named, a counter or a single quantity of the motion is left out, like other columns.
     let are_named = names.names().any(axes::is_acceleration);
     let motions = names
         .names()
@@ -344,7 +345,7 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
     Ok(times)
 }
 
-/// Refuses a header that is a line of numbers with one that cannot be read.
+/// Refuses a header that contains numbers, or a field that begins like a number.
 fn refuse_numbers_in_header(header: &Row<'_, '_>, table: &CsvTable) -> Result<()> {
     let is_number = |field: &str| table.number(field).is_some();
     let Some((index, bad)) = header

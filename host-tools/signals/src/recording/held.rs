@@ -1,4 +1,4 @@
-//! Samples of a recording that a program holds in memory, in place of a file.
+//! Samples of a recording that a program holds in memory, instead of in a file.
 
 use super::defects::Timing;
 use super::rate::{MAX_CHANNELS, length_fault, rate_fault};
@@ -7,8 +7,8 @@ use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 
-/// Samples of a recording that was never in a file, at its own rate. A fit treats them as those of a WAV file of 64-bit
-/// floats.
+/// Samples of a recording that was never in a file, at their original rate. A fit treats them like samples from a WAV
+/// file of 64-bit floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldSamples {
     rate_hz: f64,
@@ -17,12 +17,12 @@ pub struct HeldSamples {
 }
 
 impl HeldSamples {
-    /// Samples of one to three axes of equal length, at `rate_hz`, Hz; a sample of 1 is the trial's scale, m/s². They
-    /// `are_integers` if they were, before they were divided by their full scale.
+    /// Creates samples of one to three axes of equal length, at `rate_hz`, Hz. A sample of 1 is the trial's scale,
+    /// m/s². `are_integers` states that the samples were integers before they were divided by their full scale.
     ///
     /// # Errors
-    /// Another number of axes, axes of different lengths or without samples, more samples than a recording may have, or
-    /// a rate that no recording has.
+    /// The number of axes is not possible, axes have different lengths or no samples, there are more samples than a
+    /// recording may have, or the rate is not possible for a recording.
     pub fn new(rate_hz: f64, channels: Vec<Vec<f64>>, are_integers: bool) -> Result<Self> {
         let refused = |problem: String| Err(Error::Request(format!("samples: {problem}")));
         if let Some(fault) = rate_fault(rate_hz, "give the recording's own rate") {
@@ -61,7 +61,7 @@ impl HeldSamples {
         &self.channels
     }
 
-    /// Hash of rate and samples, by which a fit's record knows them.
+    /// Hash of rate and samples, by which the record of a fit identifies them.
     pub fn content(&self) -> u64 {
         let rate = Fnv::default().then(&self.rate_hz.to_le_bytes());
         let all = self.channels.iter().fold(rate, |hash, channel| {
@@ -74,7 +74,7 @@ impl HeldSamples {
         all.value()
     }
 
-    /// Part of the samples within `cut`.
+    /// Returns the part of the samples within `cut`.
     pub(super) fn source(&self, cut: &Cut) -> Source {
         let (first, end) = cut.frames(self.rate_hz);
         let part = |channel: &Vec<f64>| {

@@ -1,16 +1,17 @@
-//! Rows that repeat a sensor's last sample, because they were written for another sensor's.
+//! Rows that repeat the last sample of a sensor, because they were written for a sample of another sensor.
 
 use std::ops::Range;
 
 use super::uneven::Steps;
 
-/// Deviation of a step from the usual one beyond which a sample is out of its time, as a share of it.
+/// Deviation of a step from the usual step, as a fraction of it, beyond which a sample is out of time.
 const OFF: f64 = 0.2;
 
-/// Returns the rows of `part` without those that a join of several sensors added: they repeat all of `channels`, come
-/// between the steps of the rest, and without them at least half as many steps are uneven. `None` if there are none.
+/// Returns the rows of `part` without the rows that were added when several sensors were joined; `None` if there are no
+/// such rows. Rows count as added if they repeat all of `channels`, lie between the steps of the remaining rows, and
+/// leave fewer than half as many uneven steps when they are removed.
 ///
-/// A sample that equals the one before, and comes in its own time, stays.
+/// A sample that equals the previous one and comes at its expected time is kept.
 pub(super) fn own_rows(
     times: &[f64],
     channels: &[Vec<f64>],
@@ -44,7 +45,7 @@ pub(super) fn own_rows(
     is_joined.then_some(rows)
 }
 
-/// Number of steps that are off the usual one.
+/// Returns the number of steps that deviate from the usual step.
 fn off(times: &[f64]) -> usize {
     let usual_s = Steps::of(times).usual_s;
     let is_off = |pair: &&[f64]| ((pair[1] - pair[0]) / usual_s - 1.0).abs() > OFF;
@@ -58,7 +59,7 @@ mod tests {
     use test_helpers::noise;
 
     proptest! {
-        /// A sensor at 1 kHz, whose samples may equal the one before, joined with others at their own times.
+        /// A sensor at 1 kHz, whose samples may equal the previous one, joined with other sensors at their own times.
         #[test]
         fn rows_of_other_sensors_are_taken_out_and_equal_samples_stay(
             period_ms in 2.0..40.0f64, offset_ms in 0.05..0.95f64, coarse: bool, jitter in 0.0..0.05f64,

@@ -1,11 +1,11 @@
-//! Kinds of recordings' files, by the endings of their names.
+//! Kinds of recording files, determined from the extensions of their names.
 
 use std::path::Path;
 
-/// Endings of tables, in lower case. LabVIEW's measurement files may have any of them.
+/// Extensions of tables, in lower case. LabVIEW's measurement files may have any of them.
 const TABLES: [&str; 5] = ["csv", "tsv", "txt", "dat", "lvm"];
 
-/// Endings of WAV files, in lower case.
+/// Extensions of WAV files, in lower case.
 const WAVES: [&str; 2] = ["wav", "wave"];
 
 /// A kind of file that holds a recording.
@@ -18,7 +18,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind of the file at `path`; none for an ending that no recording has.
+    /// Returns the kind of the file at `path`; `None` for an extension that no recording has.
     pub fn of(path: &Path) -> Option<Self> {
         let ending = ending(path);
         if WAVES.contains(&ending.as_str()) {
@@ -29,18 +29,19 @@ impl Kind {
     }
 }
 
-/// Ending of a file's name, in lower case.
+/// Returns the extension of a file's name, in lower case.
 pub(super) fn ending(path: &Path) -> String {
     let ending = path.extension().unwrap_or_default();
     ending.to_string_lossy().to_lowercase()
 }
 
-/// The way from a file with this ending, which cannot be read, to one that can.
+/// Returns how to convert a file with this extension, which cannot be read, to one that can be read.
 pub(super) fn conversion(ending: &str) -> String {
     let python = |lines: &str| {
         format!("Python makes a .csv of it, for which --sample-rate gives the rate: `{lines}`")
     };
-    // The lines tell the names in the file first. Rows are samples, and few rows are axes.
+    // The commands first print the names in the file. Rows of the array become samples; an array with few rows is
+    // transposed, because its rows are axes.
     let array = |opened: &str, names: &str, array: &str| {
         let lines = python(&format!(
             "import numpy; {opened}; print({names}); x = {array}.squeeze(); \

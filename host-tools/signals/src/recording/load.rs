@@ -15,22 +15,22 @@ use super::{csv_file, resample, uneven, wav};
 use crate::dsp::sums::sum;
 use crate::support::error::{Error, Result};
 
-/// Largest share by which a rate is taken for the whole number next to it.
+/// Largest relative deviation of a rate from a whole number to which it is rounded.
 const NEAR_WHOLE: f64 = 5e-4;
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
 /// # Errors
-/// A file that cannot be read, that holds no samples in the trial's part of it, or that holds a sample that is not
-/// finite; the error names the first such sample.
+/// The file cannot be read, contains no samples in the trial's part, or contains a sample that is not finite; the error
+/// names the first such sample.
 pub fn read(trial: &Trial) -> Result<Samples> {
     read_at(trial, SAMPLE_RATE_HZ)
 }
 
-/// As [`read`], at `model_rate_hz`.
+/// Like [`read`], at `model_rate_hz`.
 ///
 /// # Errors
-/// As [`read`].
+/// See [`read`].
 pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     let path = trial.file.as_path();
     let cut = Cut {
@@ -130,7 +130,7 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
     }
 }
 
-/// The name of a file beside `path`, which is not there, that differs from it by capitals alone.
+/// Returns the name of an existing file in the same folder that differs from the missing file `path` only in capitals.
 fn named_alike(path: &Path) -> Option<String> {
     if path.exists() {
         return None;
@@ -145,7 +145,7 @@ fn named_alike(path: &Path) -> Option<String> {
 
 fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Result<()> {
     for (channel, samples) in channels.iter().enumerate() {
-        // A sum is finite only if all of its terms are, so that only a bad recording costs a search.
+        // A sum is finite only if all of its terms are, so only a bad recording takes the time of a search.
         if sum(samples).is_finite() {
             continue;
         }
@@ -217,7 +217,7 @@ mod tests {
         assert_eq!(in_memory.axes[0].len(), 7500);
     }
 
-    /// A sensor: offset of each axis and step, g; gain.
+    /// A sensor: the offset of each axis and the quantisation step, g; and the gain.
     type Sensor = ([f64; 3], f64, f64);
 
     const SENSORS: [Sensor; 4] = [
@@ -227,7 +227,7 @@ mod tests {
         ([0.0; 3], 1e-7, 1.0),
     ];
 
-    /// Units with the form of their names, m/s², and the option that names them.
+    /// Units: the form in which they are named, their value in m/s², and the option that names them.
     const UNITS: [(&str, f64, &str); 5] = [
         ("accel_{}_g", G, "g"),
         ("{} [mg]", 1e-3 * G, "mg"),
@@ -238,7 +238,7 @@ mod tests {
 
     const G: f64 = 9.80665;
 
-    /// The samples that are read of a table of samples with this header.
+    /// The samples that are read from a table of samples with this header.
     fn of_table(header: Option<String>, axes: &[Vec<f64>], scale: Option<&str>) -> Samples {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.tsv");
@@ -256,8 +256,8 @@ mod tests {
         read(&trial).unwrap()
     }
 
-    /// Each unit, sensor, and number of axes, with gravity or without: named by a header it is converted, named by an
-    /// option, too, and named by nothing it is told where the samples tell it.
+    /// Covers each unit, each sensor, one and three axes, with and without gravity. A unit that is named by a header or
+    /// by an option is converted. A unit that is not named is reported if the samples reveal it.
     #[test]
     fn a_unit_is_converted_where_it_is_named_and_told_where_it_is_not() {
         let told = |samples: &Samples| {
@@ -295,7 +295,7 @@ mod tests {
                     let is_converted = !named.account.remarks.is_empty();
                     assert_eq!(is_converted, option != "1", "{case}");
                     let unnamed = of_table(None, &axes, None);
-                    // Quiet samples in g are like loud ones in m/s².
+                    // Quiet samples in g look like loud samples in m/s².
                     let is_told = option != "1" && (gravity > 0.0 || option != "g");
                     assert_eq!(told(&unnamed), is_told, "{case}");
                 }
@@ -331,7 +331,7 @@ mod tests {
         assert_eq!(read.axes[1], [3.0 * G, 4.0 * G]);
     }
 
-    /// The samples of a phone's export at 400 Hz with these names of columns: time, three axes and their magnitude.
+    /// The samples of a phone's export at 400 Hz with these column names: time, three axes and their magnitude.
     fn of_phone(names: &[&str], [separator, sign]: [&str; 2]) -> Result<Samples> {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.csv");

@@ -1,10 +1,11 @@
 //! LabVIEW's measurement files (`.lvm`), as tables.
 //!
-//! Source: National Instruments, Specification for the LabVIEW Measurement File (.lvm). A head of keys ends with
-//! `***End_of_Header***`; so does the head of each block of data below it. A line of labels follows, then rows: a
-//! column of x values, none, or one before each channel, and a comment.
+//! Source: National Instruments, Specification for the LabVIEW Measurement File (.lvm). A header of keys ends with
+//! `***End_of_Header***`, and so does the header of each block of data below it. A line of labels follows, and then
+//! rows with samples, x values and a comment. There is one column of x values, none, or one before each channel.
 //!
-//! The table has the file's lines, those that are no data as comments, so that errors name the lines of the file.
+//! The table contains all lines of the file. Lines that are not data become comments, so that errors name the lines of
+//! the file.
 
 use std::io::Read;
 use std::path::Path;
@@ -17,23 +18,23 @@ use crate::support::error::{Error, Result};
 /// First words of a file.
 const MAGIC: &str = "LabVIEW Measurement";
 
-/// End of a head.
+/// End of a header.
 const END: &str = "***End_of_Header***";
 
-/// Largest deviation of two steps of times, as a share, that are one.
+/// Largest relative deviation of two steps of times that count as equal.
 const SAME_STEP: f64 = 1e-3;
 
-/// Largest difference of two channels' times, as a share of their step.
+/// Largest difference of two channels' times, as a fraction of their step.
 const SAME_TIME: f64 = 0.1;
 
 /// A file as a table.
 #[derive(Debug)]
 pub(super) struct LabView {
-    /// A column of times, if there is one, and one for each channel, with its unit.
+    /// A column of times, if the file has times, and one column for each channel, with its unit.
     pub table: CsvTable,
-    /// Sample rate by the head, Hz.
+    /// Sample rate stated in the header, Hz.
     pub rate_hz: Option<f64>,
-    /// Lengths, if there are fewer rows than the heads say.
+    /// Lengths, if there are fewer rows than the headers state.
     pub truncation: Option<Truncation>,
     /// Changes of the times, in words.
     pub remarks: Vec<String>,
@@ -47,10 +48,10 @@ enum Times {
     PerChannel,
 }
 
-/// Returns whether the file at `path` is LabVIEW's.
+/// Returns whether the file at `path` is a LabVIEW file.
 ///
 /// # Errors
-/// What is no regular file, or cannot be read.
+/// The file is not a regular file, or cannot be read.
 pub(super) fn is_lvm(path: &Path) -> Result<bool> {
     let mut beginning = Vec::new();
     let read = (TABLE.open(path)?).take(64).read_to_end(&mut beginning);
@@ -64,11 +65,10 @@ pub(super) fn is_lvm(path: &Path) -> Result<bool> {
 /// Reads the file at `path`.
 ///
 /// # Errors
-/// A file that cannot be read; a head that cannot be understood; blocks of different channels, and channels of
-/// different times.
+/// The file cannot be read; a header is not valid; blocks have different channels; or channels have different times.
 pub(super) fn read(path: &Path) -> Result<LabView> {
     let bytes = TABLE.read(path)?;
-    // Units are often in the code page of Western Europe.
+    // Units are often in the Western European code page.
     let text = String::from_utf8(bytes).unwrap_or_else(|failure| {
         let bytes = failure.as_bytes().iter();
         bytes.map(|&byte| char::from(byte)).collect()
@@ -76,7 +76,7 @@ pub(super) fn read(path: &Path) -> Result<LabView> {
     let mut reader = Reader::of(path, &text);
     for (line, number) in text.lines().zip(1..) {
         let own = reader.line(line, number)?;
-        // What is no data keeps its place.
+        // Lines that are not data become comments, so that line numbers stay the same.
         reader.table.push_str(own.as_deref().unwrap_or("#"));
         reader.table.push('\n');
     }
@@ -99,25 +99,25 @@ struct Reader<'a> {
     separator: char,
     times: Times,
     state: State,
-    /// Keys of the heads so far, each with the fields after it.
+    /// Keys of the headers read so far, each with the fields after it.
     keys: Vec<(&'a str, Vec<&'a str>)>,
     /// Channels of the first block.
     channels: Option<usize>,
-    /// Step of the times by the first head that has one, s.
+    /// Step of the times from the first header that states one, s.
     step_s: Option<f64>,
-    /// Offset that is added to the times after blocks have begun anew, s.
+    /// Offset that is added to the times after blocks that started again, s.
     offset_s: f64,
     last_s: Option<f64>,
     blocks: usize,
     are_joined: bool,
-    /// Samples per channel that the heads declare; `held` has those that were read.
+    /// Number of samples per channel that the headers declare; `held` is the number that was read.
     declared: u64,
     held: u64,
     table: String,
 }
 
 impl<'a> Reader<'a> {
-    /// A reader at the beginning of the file with this `text`, by the keys of its head.
+    /// Creates a reader at the beginning of the file with this `text`, using the keys of its first header.
     fn of(path: &'a Path, text: &str) -> Self {
         let value = |key: &str| {
             let mut head = text.lines().take_while(|line| !line.starts_with(END));
@@ -152,7 +152,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The table's line for the next line of the file; none for a line that is no data.
+    /// Returns the line of the table for the next line of the file; `None` for a line that is not data.
     fn line(&mut self, line: &'a str, number: u64) -> Result<Option<String>> {
         let fields: Vec<&str> = line.split(self.separator).map(str::trim).collect();
         let is_empty = fields.iter().all(|field| field.is_empty());
@@ -177,13 +177,13 @@ impl<'a> Reader<'a> {
         Ok(None)
     }
 
-    /// Returns the fields of `key` in the newest head that has this key.
+    /// Returns the fields of `key` in the latest header that has this key.
     fn of_key(&self, key: &str) -> &[&'a str] {
         let own = self.keys.iter().rev().find(|(known, _)| *known == key);
         own.map_or(&[], |(_, fields)| fields)
     }
 
-    /// Ends a head. The head of a block, unlike the file's, tells its channels.
+    /// Ends a header. The header of a block, unlike that of the file, states its channels.
     fn end_head(&mut self, line: u64) -> Result<()> {
         if self.of_key("Channels").is_empty() {
             return Ok(());
@@ -206,7 +206,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The header of the table, by the labels of the first block.
+    /// Returns the header of the table, from the labels of the first block.
     fn labels(&mut self, fields: &[&str], line: u64) -> Result<Option<String>> {
         let labels = fields
             .iter()
@@ -241,11 +241,11 @@ impl<'a> Reader<'a> {
         Err(Error::line(self.path, line, problem))
     }
 
-    /// The time, if there is one, and a sample of each channel.
+    /// Returns the time, if the file has times, and a sample of each channel.
     fn row(&mut self, fields: &[&str], line: u64) -> Result<Option<String>> {
         let count = self.channels.unwrap_or(1);
         let (times, samples): (Vec<usize>, Vec<usize>) = match self.times {
-            // The column of times is there, and empty.
+            // An empty column in place of the times may be present.
             Times::No => {
                 let first = usize::from(fields[0].is_empty());
                 (Vec::new(), (first..first + count).collect())
@@ -254,7 +254,7 @@ impl<'a> Reader<'a> {
             Times::PerChannel => (0..2 * count).partition(|index| index % 2 == 0),
         };
         let field = |index: usize| fields.get(index).copied().unwrap_or_default();
-        // A channel that ends earlier than the others ends the table.
+        // If a channel ends earlier than the others, the table ends there.
         if self.times == Times::PerChannel && samples.iter().any(|&index| field(index).is_empty()) {
             return Ok(None);
         }
@@ -282,7 +282,7 @@ impl<'a> Reader<'a> {
         Ok(Some(all.collect::<Vec<_>>().join(";")))
     }
 
-    /// The time of a row. Where the times of a block begin anew, they go on from the block before.
+    /// Returns the time of a row. If the times of a block start again, they continue from the previous block.
     fn risen(&mut self, time_s: f64) -> f64 {
         if let (State::FirstRow, Some(last), Some(step)) = (self.state, self.last_s, self.step_s)
             && time_s + self.offset_s <= last
@@ -295,7 +295,7 @@ impl<'a> Reader<'a> {
         risen
     }
 
-    /// The whole table.
+    /// Returns the complete table.
     fn finished(self) -> Result<LabView> {
         if self.held == 0 {
             let problem = format!("has no rows below a line '{END}': write it again");
@@ -315,7 +315,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Returns whether the first field of a line below data is the key of another head.
+/// Returns whether the first field of a line below data is the key of another header.
 fn is_key(field: &str) -> bool {
     field.starts_with(|first: char| first.is_ascii_alphabetic()) && number(field).is_none()
 }
@@ -340,12 +340,12 @@ mod tests {
     const HEAD: &str = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n\
                         Multi_Headings\tYes\n";
 
-    /// Samples of two axes, of which both differ everywhere.
+    /// Samples of two axes that differ everywhere.
     fn sample(row: usize, axis: usize) -> f64 {
         ((row * 7 + axis * 3) % 11) as f64 / 8.0 - 0.5
     }
 
-    /// A block with its head: rows from `first`, with x values from `begin_s` on.
+    /// A block with its header: rows from the beginning of `rows`, with x values from `begin_s` on.
     fn block(kind: &str, rows: std::ops::Range<usize>, begin_s: f64) -> String {
         let count = rows.len();
         let mut text = format!(

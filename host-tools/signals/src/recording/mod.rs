@@ -1,7 +1,8 @@
 //! Recordings: the trials of a set, their samples in m/s² at the models' sample rate, verdicts on them, and the steady
 //! segments of a free hand's recording.
 //!
-//! Invariant: files, or samples that a program holds, in; samples and verdicts out. Nothing here fits a model.
+//! Invariant: inputs are files, or samples that a program holds; outputs are samples and verdicts. Nothing here fits a
+//! model.
 
 mod axes;
 mod csv_file;

@@ -1,4 +1,4 @@
-//! Names of files that tell what was recorded: texture, speed, force and take.
+//! File names that state what was recorded: texture, speed, force and take.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -13,27 +13,28 @@ use crate::support::file_name::portable;
 /// A number in a name, such as 50 or 0.35.
 const NUMBER: &str = r"([0-9]+(?:\.[0-9]+)?)";
 
-/// Most placeholders of a pattern, and the longest pattern, bytes: the time of a match grows with both.
+/// Largest number of placeholders in a pattern, and largest length of a pattern, bytes. The time of a match grows with
+/// both.
 const MOST_PLACEHOLDERS: usize = 32;
 const LONGEST: usize = 4096;
 
-/// A text in a name, as short as possible.
+/// A text in a name, matched as short as possible.
 const TEXT: &str = "([^/]+?)";
 
 /// The meaning of a placeholder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Field {
     Texture,
-    /// The factor makes mm/s of the number.
+    /// The number multiplied by this factor is in mm/s.
     Speed(f64),
-    /// The factor makes newtons of the number.
+    /// The number multiplied by this factor is in newtons.
     Force(f64),
     Take,
     Any,
 }
 
-/// A pattern of files' paths below a folder: `{texture}`, `{speed}`, `{force}`, `{take}`, each at most once, and `{*}`
-/// for anything. `{force*0.001}` multiplies the number, here to make newtons of millinewtons.
+/// A pattern of file paths in a folder. The placeholders are `{texture}`, `{speed}`, `{force}` and `{take}`, each at
+/// most once, and `{*}` for any text. `{force*0.001}` multiplies the number, here to convert millinewtons to newtons.
 #[derive(Clone, Debug)]
 pub struct Pattern {
     text: String,
@@ -41,7 +42,7 @@ pub struct Pattern {
     fields: Vec<Field>,
 }
 
-/// A file, with all that its name tells.
+/// A file, with everything that its name states.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Named {
     /// The file, relative to the folder.
@@ -100,7 +101,7 @@ impl FromStr for Pattern {
     }
 }
 
-/// The field that stands between braces.
+/// Returns the field for a placeholder, given without its braces.
 fn field(inside: &str) -> std::result::Result<Field, String> {
     let (name, factor) = match inside.split_once('*') {
         Some((name, factor)) if !name.is_empty() => (name, Some(factor)),
@@ -122,7 +123,7 @@ fn field(inside: &str) -> std::result::Result<Field, String> {
 }
 
 impl Pattern {
-    /// Reads the path of a file below the folder, whose parts are divided by '/'; none if it does not match.
+    /// Reads the path of a file relative to the folder, with '/' between its parts; `None` if it does not match.
     pub fn told(&self, path: &str) -> Option<Named> {
         let found = self.regex.captures(path)?;
         let mut named = Named {
@@ -143,11 +144,12 @@ impl Pattern {
         Some(named)
     }
 
-    /// Reads the names of all recordings in `folder` and below, in their order: what those tell that match, and the
-    /// paths of the others, to show. A name that is not UTF-8 does not match, because no list can hold it.
+    /// Reads the names of all recordings in `folder` and its subfolders, in sorted order. Returns the information from
+    /// those that match, and the paths of the others, for display. A name that is not UTF-8 does not match, because no
+    /// list can contain it.
     ///
     /// # Errors
-    /// A folder that cannot be read, or in which no recording matches.
+    /// The folder cannot be read, or no recording in it matches.
     pub fn read(&self, folder: &Path) -> Result<(Vec<Named>, Vec<String>)> {
         let mut paths = Vec::new();
         collect(folder, Path::new(""), &mut paths)?;
@@ -171,7 +173,7 @@ impl Pattern {
     }
 }
 
-/// Adds the recordings in `folder`, whose own path is `above`, and below.
+/// Adds the recordings in `folder` and its subfolders. `above` is the path of `folder` relative to the top folder.
 fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(Error::io("read", folder))? {
         let entry = entry.map_err(Error::io("read", folder))?;
@@ -188,8 +190,8 @@ fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> 
     Ok(())
 }
 
-/// A pattern for `names` of files without their ending that differ by one number alone, with the number's place as
-/// `{speed}`. `None` if they differ otherwise.
+/// Returns a pattern for file `names` without extensions that differ in exactly one number, with `{speed}` in place of
+/// this number; `None` if they differ otherwise.
 pub fn one_number(names: &[&str]) -> Option<String> {
     let number = Regex::new(NUMBER).ok()?;
     let split = |name: &str| -> (Vec<String>, Vec<String>) {
@@ -288,7 +290,7 @@ mod tests {
         }
     }
 
-    /// A match takes time that grows with the pattern times the path.
+    /// The time of a match is proportional to the length of the pattern times the length of the path.
     #[test]
     fn a_pattern_is_bounded_and_its_longest_is_matched_at_once() {
         for text in [

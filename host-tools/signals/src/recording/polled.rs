@@ -1,49 +1,51 @@
-//! Recordings of a sensor that was read faster than it samples, at any ratio: its values are held until the next.
+//! Recordings of a sensor that was read faster than it samples, at any ratio. Each value is held until the next one.
 //!
-//! A row of a recording either repeats the row before or brings the sensor's next sample. Changes of a sensor with a
-//! clock of its own come in even steps, so that their pattern has a line in its spectrum: its frequency is the sensor's
-//! rate. Equal neighbours of a coarse converter come at any time, and have none.
+//! A row of such a recording either repeats the previous row or contains the sensor's next sample. If the sensor has
+//! its own clock, the changes come in even steps, so the spectrum of their pattern has a line at the sensor's sample
+//! rate. Equal neighbours from a coarse converter come at irregular times and cause no line.
 
 use core::f64::consts::PI;
 
 use super::rate::RATES_HZ;
 use crate::dsp::fourier;
 
-/// Rows of which a spectrum of changes is made. Clocks that differ by 100 ppm move by less than a row in them.
+/// Number of rows from which a spectrum of changes is computed. Clocks that differ by 100 ppm drift by less than a row
+/// in this time.
 const BLOCK: usize = 4096;
 
-/// Fewest changes, and fewest repetitions, in a block.
+/// Least number of changes, and of repetitions, in a block.
 const LEAST: f64 = 64.0;
 
-/// Least share of the sensor's samples that differ from the one before.
+/// Least fraction of the sensor's samples that differ from the previous sample.
 const LEAST_CHANGING: f64 = 0.75;
 
-/// Power of a held sensor's line over the one of an even pattern, from and to. At a ratio of two the line has 2.5 times
-/// that power, because it meets its image; of other patterns than those of a clock at most a quarter was seen.
+/// Range of the power of a held sensor's line, relative to the line of an ideally even pattern. At a ratio of two, the
+/// line has 2.5 times that power, because it coincides with its image. For patterns that do not come from a clock, at
+/// most a quarter was observed.
 const LINE: (f64, f64) = (0.4, 3.0);
 
-/// Least ratio of the line's power to the mean of the bins around it, and the range of these. Equal neighbours that
-/// come in groups, as where peaks are clipped, have a broad spectrum.
+/// Least ratio of the line's power to the mean of the bins around it, and the range of these bins. Equal neighbours
+/// that come in groups, for example at clipped peaks, have a broad spectrum.
 const OVER_AROUND: f64 = 20.0;
 const AROUND: std::ops::RangeInclusive<usize> = 4..=40;
 
-/// Least difference of the samples before and after a repetition, over the mean step; and least mean step, in those of
-/// the converter. Coarse samples of a tone repeat in even steps too, around its peaks, where two steps of the converter
-/// lie between the samples before and after, at most.
+/// Least ratio of the difference between the samples before and after a repetition to the mean step, and least ratio of
+/// the mean step to the step of the converter. Coarse samples of a tone also repeat in even steps, around its peaks.
+/// There, the samples before and after differ by at most two steps of the converter.
 const LEAST_STEP: f64 = 0.7;
 const LEAST_FINENESS: f64 = 4.0;
 
-/// A sensor's own samples.
+/// The samples that the sensor itself took.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Polled {
     /// Sample rate of the sensor, Hz.
     pub rate_hz: f64,
-    /// Samples of each channel, each once.
+    /// Samples of each channel, without repetitions.
     pub channels: Vec<Vec<f64>>,
 }
 
-/// Finds the samples of a sensor whose values are held in `channels`, of equal length, which were read at `rate_hz`;
-/// `None` if they are not held.
+/// Finds the samples of a sensor whose values are held in `channels`, which have equal lengths and were read at
+/// `rate_hz`; `None` if values are not held.
 pub(super) fn polled(channels: &[Vec<f64>], rate_hz: f64) -> Option<Polled> {
     let rows = channels.first()?.len();
     let is_change = |row: usize| channels.iter().any(|axis| axis[row] != axis[row - 1]);
@@ -68,9 +70,10 @@ pub(super) fn polled(channels: &[Vec<f64>], rate_hz: f64) -> Option<Polled> {
     })
 }
 
-/// Returns the frequency of the line of a held sensor in the pattern of `changes`, per row; `None` if there is none.
+/// Returns the frequency, per row, of the line of a held sensor in the pattern of `changes`; `None` if there is no
+/// line.
 ///
-/// A pattern of changes in even steps at r per row has a line of amplitude sin(πr)/π at r, and its image at 1 - r.
+/// A pattern of changes in even steps, r per row, has a line of amplitude sin(πr)/π at r, and its image at 1 - r.
 fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
     let power = mean_power(changes, rows, block);
     let share = changes.len() as f64 / rows as f64;
@@ -84,7 +87,8 @@ fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
         let (here, next) = (at(index), at(index + 1));
         let (a, b) = (here.sqrt(), next.sqrt());
         let between = (index as f64 + b / (a + b).max(f64::MIN_POSITIVE)) * bin;
-        // Of a line and its image, the slower one: the other would leave more of the sensor's samples unchanged.
+        // Of a line and its image, the slower is taken, because the faster would leave more of the sensor's samples
+        // unchanged.
         let both = [between.min(1.0 - between), between.max(1.0 - between)];
         let in_range = |rate: &f64| (least - bin..=most).contains(rate);
         let rate = both.into_iter().find(in_range)?;
@@ -102,7 +106,7 @@ fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
     (stands_out && (LINE.0..=LINE.1).contains(&strength)).then_some(rate)
 }
 
-/// Mean power of the pattern of `changes` in whole blocks of `rows`, per bin of the transform.
+/// Returns the mean power of the pattern of `changes` over the whole blocks in `rows`, per bin of the transform.
 fn mean_power(changes: &[usize], rows: usize, block: usize) -> Vec<f64> {
     let mut pattern = vec![0.0; block];
     let mut power = vec![0.0; block / 2 + 1];
@@ -121,7 +125,7 @@ fn mean_power(changes: &[usize], rows: usize, block: usize) -> Vec<f64> {
     power
 }
 
-/// Returns whether the samples before and after a repetition differ as neighbours do.
+/// Returns whether the samples before and after a repetition differ as much as neighbours do.
 fn steps_over_repetitions(channels: &[Vec<f64>], changes: &[usize]) -> bool {
     let mean = |differences: &mut dyn Iterator<Item = f64>| {
         let (sum, count) = differences.fold((0.0, 0), |(sum, count), x| (sum + x, count + 1));
@@ -139,14 +143,16 @@ fn steps_over_repetitions(channels: &[Vec<f64>], changes: &[usize]) -> bool {
     around >= LEAST_STEP * step && step >= LEAST_FINENESS * least
 }
 
-/// Returns the row of each of a sensor's samples, by the rows of its `changes`, which come every `interval` rows or so,
-/// and the mean interval. A sample that equals the one before has that one's row.
+/// Returns the row of each of the sensor's samples, and the mean interval between samples in rows. They follow from the
+/// rows of the `changes`, which come about every `interval` rows. A sample that equals the previous one has the row of
+/// the previous one.
 fn numbered(changes: &[usize], interval: f64) -> (Vec<usize>, f64) {
     let [first, later @ ..] = changes else {
         return (vec![0], interval);
     };
     let mut taken = vec![first - 1, *first];
-    // Row at which the sensor took its sample: after the row before a change, and before that of the change.
+    // Position, in rows, at which the sensor took its sample: between the row before a change and the row of the
+    // change.
     let begin = *first as f64 - 0.5;
     let mut at = begin;
     let mut count = 0.0;
@@ -172,7 +178,7 @@ mod tests {
     use proptest::prelude::*;
     use test_helpers::{near, noise};
 
-    /// Noise of an axis below half of its rate, with steps of `step` of its deviation.
+    /// Low-pass filtered noise as the samples of an axis, rounded to multiples of `step`.
     fn axis(seed: u64, samples: usize, step: f64) -> Vec<f64> {
         let noise = noise(seed, samples + 2);
         let smooth = noise.windows(3).map(|w| w[0] + 1.4 * w[1] + 0.6 * w[2]);
@@ -182,7 +188,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// The sensor may be coarse: some samples then equal the one before.
+        /// The sensor may be coarse, so that some of its samples equal the previous one.
         #[test]
         fn a_sensor_that_was_read_faster_than_it_samples_is_found_with_its_rate_at_any_ratio(
             ratio in prop_oneof![1.03..2.5f64, 2.0..40.0f64, (2u32..30).prop_map(f64::from)],
@@ -200,7 +206,7 @@ mod tests {
             let Polled { rate_hz, channels } = polled(&held, 5000.0).expect("held");
             let expected = 5000.0 / ratio;
             prop_assert!((rate_hz / expected - 1.0).abs() < 2e-3, "{} {}", rate_hz, expected);
-            // All of its samples but a few at the ends, each once.
+            // All of its samples except a few at the ends, each once.
             let middle = &own[0][200..300.min(rows / ratio as usize)];
             let is_there = channels[0].windows(middle.len()).any(|part| part == middle);
             prop_assert!(is_there || middle.is_empty(), "{}", ratio);

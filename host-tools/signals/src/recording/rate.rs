@@ -2,28 +2,31 @@
 
 use std::ops::RangeInclusive;
 
-/// Sample rates that a recording may have, Hz.
+/// Range of sample rates that a recording may have, Hz.
 ///
-/// Below, there is nothing of a texture: what is felt reaches up to some 1000 Hz. Above, no converter for accelerations
-/// is known. The bounds keep a wrong number in a file from sizing memory: conversion to the models' rate makes at most
-/// 50 samples of one, and works in blocks of at most two seconds.
+/// Below the range, a recording contains nothing of a texture, because skin feels up to about 1000 Hz. Above it, no
+/// converter for accelerations is known. The limits prevent a wrong number in a file from determining the size of
+/// memory: conversion to the models' rate makes at most 50 samples from one, and works in blocks of at most two
+/// seconds.
 pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
 
 /// Largest number of channels of a recording: three axes.
 pub const MAX_CHANNELS: usize = 3;
 
-/// Most frames of a recording with three axes, or with a speed and a force beside its axes: 28 minutes at 5 kHz.
+/// Largest number of frames of a recording with three axes, or with a speed and a force in addition to its axes: 28
+/// minutes at 5 kHz.
 pub const MAX_FRAMES: usize = 1 << 23;
 
-/// Most frames of a recording of so many channels, before and after conversion to the models' rate. They take as much
-/// memory as [`MAX_FRAMES`] of three axes: 800 MB in a fit, because the axis that they become takes that of a channel.
+/// Returns the largest number of frames of a recording with `channels` channels, before and after conversion to the
+/// models' rate. Such a recording takes as much memory as [`MAX_FRAMES`] of three axes, 800 MB in a fit. The axis to
+/// which the channels are reduced takes as much memory as one channel.
 pub const fn most_frames(channels: usize) -> usize {
     MAX_FRAMES * (MAX_CHANNELS + 1) / (channels + 1)
 }
 
-/// Returns the problem of a rate that no recording has, in words; `remedy` tells how to mend it.
+/// Returns, in words, what is wrong with a rate that no recording has; `remedy` states how to correct it.
 pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
-    // Not a number is in no range.
+    // NaN is in no range.
     if RATES_HZ.contains(&rate_hz) {
         return None;
     }
@@ -33,7 +36,7 @@ pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
     ))
 }
 
-/// Returns the problem of `frames` of `channels` that are more than [`most_frames`], in words.
+/// Returns the fault, in words, if `frames` of `channels` exceed [`most_frames`].
 pub(super) fn length_fault(frames: f64, channels: usize) -> Option<String> {
     let most = most_frames(channels);
     (frames > most as f64).then(|| {

@@ -10,12 +10,12 @@ const BLOCK: usize = 2048;
 
 /// Converts `channels` from `from_hz` to `to_hz`, and removes everything above half the lower rate.
 ///
-/// Both rates are above zero; channels have equal length. The work is in blocks, each of at most two seconds or of a
-/// few thousand samples of the lower rate, whose spectra are cut or extended. Time is kept: sample n of the result is
-/// at n / `to_hz`.
+/// Both rates must be above zero, and channels must have equal lengths. The work is done in blocks, each of at most two
+/// seconds or of a few thousand samples of the lower rate, whose spectra are truncated or extended. There is no delay:
+/// sample n of the result is at n / `to_hz`.
 ///
-/// The mean of a channel is taken off before and put back afterwards. The filter takes everything beyond the ends for
-/// zero, so that an offset would be a step there, whose ringing reaches into the recording.
+/// The mean of a channel is subtracted before the conversion and added again afterwards. The filter assumes zeros
+/// beyond the ends, so an offset would be a step there, whose ringing would extend into the recording.
 pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>> {
     let frames = channels.first().map_or(0, Vec::len);
     if frames == 0 || from_hz == to_hz {
@@ -24,7 +24,7 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
     let (from, to) = (from_hz as usize, to_hz as usize);
     let divisor = gcd(from, to);
     let (step_in, step_out) = (from / divisor, to / divisor);
-    // An even number of steps makes the filter's delay of half a block a whole number of samples.
+    // With an even number of steps, the filter's delay of half a block is a whole number of samples.
     let steps = 2 * (BLOCK * from.max(to) / to).div_ceil(2 * step_in);
     let (block_in, block_out) = (steps * step_in, steps * step_out);
     let mut input = vec![0.0; 2 * block_in];
@@ -54,10 +54,12 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
     resampled.collect()
 }
 
-/// The impulse response of a low pass of `block_in` samples, around its middle: a sinc by a squared Blackman-Harris
-/// window. Divided by the length of the transform, which scales nothing.
+/// Returns the impulse response of a low-pass filter of `block_in` samples, around its middle: a sinc function
+/// multiplied by a squared Blackman-Harris window. It is divided by the length of the transform, which does not scale
+/// its results.
 ///
-/// The edge is 6.8 bins below the Nyquist frequency of the lower rate. From there on the response is 140 dB down.
+/// The edge is 6.8 bins below the Nyquist frequency of the lower rate. Above that Nyquist frequency the response is
+/// below -140 dB.
 fn low_pass(block_in: usize, block_out: usize) -> Vec<f64> {
     let lower = block_in.min(block_out) as f64;
     let cutoff = (lower - 13.6) / block_in as f64;
@@ -83,7 +85,7 @@ fn low_pass(block_in: usize, block_out: usize) -> Vec<f64> {
     response
 }
 
-/// Mean of at least one value, about the first one, so that a large offset costs no digits.
+/// Mean of at least one value. The first value is subtracted before summing, so that a large offset costs no digits.
 fn mean(values: &[f64]) -> f64 {
     let first = values[0];
     first + values.iter().map(|x| x - first).sum::<f64>() / values.len() as f64
@@ -125,8 +127,8 @@ mod tests {
         assert!(rms(&there[1000..9000]) < 1e-4);
     }
 
-    /// The oracle is the vibration without the offset, resampled by itself: the offset changes it nowhere, and the mean
-    /// comes out as it went in.
+    /// Reference: the vibration without the offset, resampled alone. The offset must not change it anywhere, and the
+    /// mean must stay the same.
     #[test]
     fn an_offset_of_gravity_leaks_into_no_weak_vibration_at_any_rate() {
         for from_hz in [1000, 2800, 8000, 44_100, 48_000, 96_000] {
@@ -141,7 +143,7 @@ mod tests {
             let error = there.iter().zip(&alone).map(|(a, b)| a - 9.81 - b);
             let error: Vec<f64> = error.collect();
             assert!(rms(&error) < 1e-9, "from {from_hz} Hz: {}", rms(&error));
-            // And the level is that of the vibration, over the whole length, ends included.
+            // The level must also be that of the vibration, over the whole length including the ends.
             let expected: Vec<f64> = sine(200.0, 5000, 2.0).iter().map(|x| 0.06 * x).collect();
             let error = there.iter().zip(&expected).map(|(a, b)| a - 9.81 - b);
             let error: Vec<f64> = error.collect();

@@ -1,7 +1,7 @@
-//! The chunks of a WAV file, as far as its samples need them.
+//! The chunks of a WAV file that are needed to read its samples.
 //!
-//! The reader of samples gets the format and the samples alone. Chunks of titles, pictures and cue points never reach
-//! it, and every length that a header states is compared with the file before anything is sized by it.
+//! The reader of samples receives only the format and the samples. Chunks of titles, pictures and cue points never
+//! reach it, and every length that a header states is compared with the file before it determines the size of anything.
 
 use std::fs::File;
 use std::io::{BufReader, Chain, Cursor, Read, Seek, SeekFrom};
@@ -16,26 +16,26 @@ use crate::support::number::counted;
 /// Longest format chunk, bytes; the extensible format takes 40.
 const MOST_FORMAT_BYTES: u32 = 128;
 
-/// Longest chunk of facts, bytes.
+/// Longest fact chunk, bytes.
 const MOST_FACT_BYTES: u32 = 128;
 
-/// Most chunks before the samples.
+/// Largest number of chunks before the samples.
 const MOST_CHUNKS: usize = 1000;
 
 /// Widest sample, bytes: a float of double precision.
 const MOST_SAMPLE_BYTES: usize = 8;
 
-/// Least length of samples that a program writes which does not know it yet: 2³¹ less the header, or above. Samples of
-/// this length exceed the most that a recording has.
+/// Least stated length of samples that means an unknown length: 2³¹ less the header, or more. Programs write such a
+/// length if they do not know it yet. Samples of this length would exceed the largest recording.
 const LEAST_UNKNOWN: u64 = 0x7fff_0000;
 
-/// Largest length of samples that a header takes, bytes; the largest number stands for none.
+/// Largest length of samples that a header can state, bytes; the largest 32-bit number means that there is no length.
 const MOST_BYTES: u64 = u32::MAX as u64 - 1;
 
-/// Least length of a rest behind the samples that can be samples, too, bytes: no tag of a title is as long.
+/// Least length of data after the samples that can be samples too, bytes: no title tag is as long.
 const LEAST_REST: u64 = 512;
 
-/// Tag of the extensible format, which holds the format's own tag further on.
+/// Tag of the extensible format, in which the tag of the actual format is further on.
 const EXTENSIBLE: u16 = 0xfffe;
 
 /// Tag of integer samples.
@@ -46,11 +46,11 @@ const EXTENDED_FORMAT: usize = 24;
 
 /// The format and the samples of a WAV file.
 pub(super) struct Wave {
-    /// Format and samples, as a WAV file of their own.
+    /// Format and samples, as a separate WAV file.
     pub samples: Chain<Cursor<Vec<u8>>, BufReader<File>>,
-    /// True for integer samples, whose full scale no file tells.
+    /// True for integer samples, whose acceleration at full scale the file does not state.
     pub are_integers: bool,
-    /// True if the lengths in the header do not fit the file, which is read to its end.
+    /// True if the lengths in the header do not fit the file, so that it is read to its end.
     pub is_unfinished: bool,
 }
 
@@ -62,17 +62,17 @@ struct Head {
     /// Bytes of one sample on all channels.
     frame_bytes: u64,
     are_integers: bool,
-    /// Length of the samples in a file of more than 4 GiB, where their chunk has none.
+    /// Length of the samples in a file of more than 4 GiB, in which their chunk does not state it.
     long_bytes: Option<u64>,
 }
 
-/// Opens the WAV file at `path`, and checks what its header says of itself.
+/// Opens the WAV file at `path`, and checks what its header states.
 ///
-/// A file whose samples are fewer than declared passes; that is for the reader of the samples to judge. A file whose
+/// A file with fewer samples than declared is accepted; the reader of the samples decides about it. A file whose
 /// lengths were never written, or are those that a program writes to a pipe, is read to its end.
 ///
 /// # Errors
-/// A file that cannot be read, a chunk that is longer than the file, and a format that no recording has.
+/// The file cannot be read, a chunk is longer than the file, or no recording has its format.
 pub(super) fn open(path: &Path) -> Result<Wave> {
     let failed = |failure| Error::io("read", path)(failure);
     let file = RECORDING.open(path)?;
@@ -85,7 +85,7 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
     let riff_bytes = header.get(4..).and_then(<[u8]>::first_chunk::<4>);
     let riff_end = riff_bytes.map_or(0, |bytes| 8 + u64::from(u32::from_le_bytes(*bytes)));
     if is_wav {
-        // The samples' own length counts alone.
+        // Only the length that the samples' own chunk states is used.
         header.splice(..8, [*b"RIFF", [u8::MAX; 4]].concat());
     }
     let mut head = Head::default();
@@ -93,7 +93,7 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
         let chunk = take(&mut file, 8).map_err(failed)?;
         left = left.saturating_sub(8);
         match self::head(&chunk) {
-            // The reader of samples says what is missing.
+            // The reader of samples reports what is missing.
             None => return Ok(head.wave(header, &chunk, file, false)),
             Some((id, declared)) if id == *b"data" => {
                 let declared = head.length_of_samples(declared);
@@ -132,8 +132,9 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
     Ok(head.wave(header, &[], file, false))
 }
 
-/// Returns the length of samples that go to the end of `file`, of which `left` bytes follow: where the header's length
-/// is none, and where what follows it is no chunk. The file stays where it is.
+/// Returns the length of the samples, `left` bytes, if they extend to the end of `file`; otherwise `None`. They do if
+/// the header states no length, or if the data after the stated length is not a chunk. The position in the file stays
+/// the same.
 fn held(file: &mut BufReader<File>, declared: u64, left: u64) -> std::io::Result<Option<u64>> {
     if declared > left {
         return Ok((declared >= LEAST_UNKNOWN).then_some(left));
@@ -156,20 +157,20 @@ fn held(file: &mut BufReader<File>, declared: u64, left: u64) -> std::io::Result
     let is_other = if declared == 0 {
         is_text && ends
     } else {
-        // Chunks and appended tags begin with text, and padding is zero.
+        // Chunks and appended tags begin with text, and padding consists of zeros.
         is_text || beginning.iter().all(|byte| *byte == 0)
     };
     Ok((!is_other).then_some(left))
 }
 
 impl Head {
-    /// The length of the samples, of which their own chunk says `declared`, bytes.
+    /// Returns the length of the samples, bytes. Their own chunk states `declared`.
     fn length_of_samples(&self, declared: u32) -> u64 {
         let long = self.long_bytes.filter(|_| declared == u32::MAX);
         long.unwrap_or(declared.into())
     }
 
-    /// The file with these chunks, of which `last` is the beginning of one.
+    /// Returns the file with these chunks, where `last` is the beginning of the last chunk.
     fn wave(
         self,
         mut header: Vec<u8>,
@@ -236,7 +237,8 @@ impl Head {
     }
 }
 
-/// Checks the numbers of a format chunk that size the reader's memory. Fewer bytes are for that reader to refuse.
+/// Checks the numbers of a format chunk that determine the size of the reader's memory. A chunk that is too short is
+/// left for that reader to refuse.
 fn check_format(path: &Path, format: &[u8]) -> Result<()> {
     let [_, _, c0, c1, r0, r1, r2, r3, _, _, _, _, b0, b1, ..] = *format else {
         return Ok(());
@@ -261,13 +263,13 @@ fn check_format(path: &Path, format: &[u8]) -> Result<()> {
     })
 }
 
-/// Splits the head of a chunk: its name and the length of its content.
+/// Splits the header of a chunk into its name and the length of its content.
 fn head(chunk: &[u8]) -> Option<([u8; 4], u32)> {
     let (id, length) = chunk.split_first_chunk::<4>()?;
     Some((*id, u32::from_le_bytes(length.try_into().ok()?)))
 }
 
-/// Reads `count` bytes, or those up to the end.
+/// Reads `count` bytes, or fewer if the file ends.
 fn take(file: &mut impl Read, count: u64) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     file.take(count).read_to_end(&mut bytes)?;

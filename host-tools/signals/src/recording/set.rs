@@ -1,4 +1,4 @@
-//! Recording sets: a folder with a list of trials, or recordings that are given one by one.
+//! Recording sets: a folder with a list of trials, or recordings that are given individually.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -47,11 +47,12 @@ pub struct Assumed {
     pub force_n: Option<f64>,
 }
 
-// Literals above, because help shows them.
+// The help shows the numbers, so they are written out above.
 const _: () = assert!(NOMINAL_SPEED_MM_S == 100.0 && NOMINAL_FORCE_N == 1.0);
 
 impl Assumed {
-    /// Says which speed or force recordings without a list have because none was given; none if both were.
+    /// Returns a note on the speed or force that recordings without a list have because it was not given; `None` if
+    /// both were given.
     pub fn nominal_motion(&self) -> Option<String> {
         let speed = (self.speed_mm_s.is_none()).then(|| format!("{NOMINAL_SPEED_MM_S} mm/s"));
         let force = (self.force_n.is_none()).then(|| format!("{NOMINAL_FORCE_N} N"));
@@ -77,11 +78,11 @@ pub struct RecordingSet {
 }
 
 impl RecordingSet {
-    /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Each
-    /// recording is then a texture of its own, named like the file, at the nominal speed and force.
+    /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Given
+    /// individually, each recording is a separate texture, named after the file, at the nominal speed and force.
     ///
     /// # Errors
-    /// A missing input, a list without trials, or a line that cannot be used, with its number.
+    /// An input is missing, a list has no trials, or a line cannot be used. The error states the line's number.
     pub fn open(inputs: &[PathBuf]) -> Result<Self> {
         let set = match inputs {
             [] => {
@@ -109,10 +110,10 @@ impl RecordingSet {
         Ok(set)
     }
 
-    /// Opens inputs as [`RecordingSet::open`] does, with values for what they lack.
+    /// Opens inputs like [`RecordingSet::open`], with values for what they lack.
     ///
     /// # Errors
-    /// An input that cannot be opened, and those of [`RecordingSet::open`].
+    /// An input cannot be opened, and the errors of [`RecordingSet::open`].
     pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
         for input in inputs {
             if let Err(source) = std::fs::metadata(input) {
@@ -154,10 +155,10 @@ impl RecordingSet {
         })
     }
 
-    /// Reads a list of trials, whose files are relative to its folder.
+    /// Reads a list of trials, whose files are relative to the list's folder.
     ///
     /// # Errors
-    /// A list that is missing or empty, or a line that cannot be used, with its number.
+    /// The list is missing or empty, or a line cannot be used. The error states the line's number.
     pub fn from_list(list: &Path) -> Result<Self> {
         Ok(Self {
             trials: read_list(list)?,
@@ -192,7 +193,7 @@ impl RecordingSet {
         groups
     }
 
-    /// Returns the set of the trials `indices` alone.
+    /// Returns the set of only the trials with these `indices`.
     #[must_use]
     pub fn part(&self, indices: &[usize]) -> Self {
         let trials = indices.iter().map(|&index| self.trials[index].clone());
@@ -203,10 +204,10 @@ impl RecordingSet {
     }
 }
 
-/// The command that makes the list of a folder whose files have names of this pattern and this ending.
+/// Returns the command that creates the list of a folder whose files have names of this pattern and this extension.
 pub fn list_command(folder: &Path, pattern: &str, ending: &str) -> String {
     let folder = match folder.to_str() {
-        // The folder of the shell.
+        // The current folder.
         Some("") => ".".into(),
         Some(name) if name.contains(char::is_whitespace) => format!("'{name}'").into(),
         _ => folder.to_string_lossy(),
@@ -214,7 +215,8 @@ pub fn list_command(folder: &Path, pattern: &str, ending: &str) -> String {
     format!("stylus trials {folder} --pattern '{pattern}.{ending}'")
 }
 
-/// The ending of the tables in `folder` if there are more of them than of sounds, which is that of sounds otherwise.
+/// Returns the usual extension of the files in `folder`: that of tables if there are more tables than WAV files,
+/// otherwise that of WAV files.
 fn usual_ending(folder: &Path) -> &'static str {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let has_ending = |name: &Path, ending: &str| {
@@ -229,7 +231,7 @@ fn usual_ending(folder: &Path) -> &'static str {
     if tables > sounds { "csv" } else { "wav" }
 }
 
-/// Returns whether the file at `path` is a list of trials, by the names in its first line.
+/// Returns whether the file at `path` is a list of trials, according to the names in its first line.
 pub fn is_list(path: &Path) -> bool {
     if Kind::of(path) != Some(Kind::Table) {
         return false;
@@ -245,12 +247,12 @@ pub fn is_list(path: &Path) -> bool {
         .all(|name| header.names().any(|known| known == *name))
 }
 
-/// Reads a list of trials; its files are relative to its folder.
+/// Reads a list of trials, whose files are relative to the list's folder.
 ///
 /// # Errors
-/// A list that is missing or empty, or a line that cannot be used, with its number.
+/// The list is missing or empty, or a line cannot be used. The error states the line's number.
 fn read_list(list: &Path) -> Result<Vec<Trial>> {
-    // Regular files alone, because a list is read again for its kind.
+    // Only regular files are accepted, because a list is read again to determine its kind.
     TABLE.open(list)?;
     let table = CsvTable::read(list, TABLE)?;
     let columns = Columns::of(&table.header()?)?;
@@ -272,7 +274,7 @@ fn read_list(list: &Path) -> Result<Vec<Trial>> {
 /// Indices of a list's columns, by name.
 struct Columns(HashMap<&'static str, usize>);
 
-/// Most trials of a list: a large laboratory's, at some 600 bytes of memory each.
+/// Largest number of trials in a list: that of a large laboratory, at about 600 bytes of memory each.
 pub const MOST_TRIALS: usize = 1_000_000;
 
 const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
@@ -287,10 +289,10 @@ const OPTIONAL: [&str; 7] = [
     "simulated",
 ];
 
-/// Columns of a person's own, which are not read.
+/// Columns for the user's own remarks, which are not read.
 const REMARKS: [&str; 4] = ["note", "notes", "comment", "take"];
 
-/// The `text` of a column `name` of yes or no; none if it is empty.
+/// Returns the value of the `text` of a true-or-false column `name`; `None` if it is empty.
 fn truth(name: &str, text: Option<&str>) -> std::result::Result<Option<bool>, String> {
     let unlike = |text| format!("{name} '{text}' is not true or false");
     text.map(|text| text.parse().map_err(|_| unlike(text)))
@@ -304,7 +306,7 @@ fn provenance_of(is_simulated: Option<bool>) -> Provenance {
     }
 }
 
-/// The unit of times that `text` names; none if it is empty.
+/// Returns the unit of times that `text` names; `None` if it is empty.
 fn time_unit(text: Option<&str>) -> std::result::Result<Option<TimeUnit>, String> {
     let unit = |text: &str| {
         let names = TimeUnit::value_variants().iter().map(|unit| unit.name());

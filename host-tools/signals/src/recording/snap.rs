@@ -1,9 +1,9 @@
-//! Measured speeds and forces, moved to the nominal values that they are meant to be.
+//! Moves measured speeds and forces to the nominal values that were intended.
 //!
-//! A grid has a line of nodes for every value that a list has. Measured values are all different, so that twenty trials
-//! make a grid of 20 x 20 nodes, of which 380 are filled from neighbours. Values that are closer to each other than a
-//! tolerance are taken for one here; it is the roundest number within them that none is farther from than the
-//! tolerance. A value without neighbours stays as it is.
+//! A grid has a line of nodes for every value in a list. Measured values are all different, so twenty trials make a
+//! grid of 20 x 20 nodes, of which 380 are filled from neighbours. Here, values that are closer together than a
+//! tolerance become one value. It is the roundest number within their range that is at most the tolerance away from
+//! each of them. A value without neighbours stays the same.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -16,21 +16,21 @@ use super::set::RecordingSet;
 use crate::support::error::{Error, Result};
 use crate::support::number::tolerance;
 
-/// The way in which measured values move to nominal ones.
+/// How measured values move to nominal values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Snap {
-    /// Each value moves by at most this share of itself.
+    /// Each value moves by at most this fraction of itself.
     Within(f64),
-    /// Values move by the gaps between each texture's values.
+    /// Values move according to the gaps between each texture's values.
     By(Rule),
 }
 
-/// A rule by which gaps tell nominal values.
+/// A rule that determines nominal values from gaps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
-    /// The grid that [`clear_grid`] finds, where the gaps leave no doubt.
+    /// The grid that [`clear_grid`] finds, which requires that the gaps leave no doubt.
     Clear,
     /// The grid that [`grid_by_gaps`] finds.
     Auto,
@@ -75,35 +75,35 @@ impl fmt::Display for Snap {
     }
 }
 
-/// Gaps below this are the scatter of one value, as differences of natural logarithms.
+/// Differences of natural logarithms below this count as scatter of one value.
 const SCATTER: f64 = 0.002;
 
-/// Gap beyond which values are not one value, measured several times, as a difference of natural logarithms.
+/// Difference of natural logarithms above which two values are not measurements of one value.
 const APART: f64 = 0.25;
 
-/// Least ratio of the gaps between nominal values to those within one.
+/// Least ratio of the gaps between nominal values to the gaps within one.
 const LEAST_RATIO: f64 = 1.5;
 
-/// Largest share by which a value moves to the middle of those that are near to it.
+/// Largest relative move of a value to the middle of the values near it.
 const MOST: f64 = 0.25;
 
-/// Largest share by which a value moves under [`Rule::Clear`], where gaps leave no doubt.
+/// Largest relative move of a value under [`Rule::Clear`], where gaps leave no doubt.
 const MOST_CLEAR: f64 = 0.1;
 
-/// Least ratio of the gap beside values that are clearly one to their width.
+/// Least ratio of the gap next to a cluster of values to the cluster's width, for values that are clearly one value.
 const CLEAR_GAP: f64 = 3.0;
 
-/// Digits of a number of double precision, at most.
+/// Largest number of digits of a number in double precision.
 const MOST_DIGITS: usize = 17;
 
-/// Measured values with the nominal value of each, as [`nominal`] finds them.
+/// Measured values with their nominal values, found by [`nominal`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nominal {
-    /// Each measured value, ascending, with its nominal one.
+    /// Each measured value, ascending, with its nominal value.
     pub moves: Vec<(f64, f64)>,
 }
 
-/// Values that lie too closely to each other to be told apart by a tolerance.
+/// Values that are too close together to be separated by a tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// Least of the values.
@@ -112,10 +112,10 @@ pub struct Spread {
     pub largest: f64,
 }
 
-/// Finds the nominal values of `values`, none of which is negative, to within `tolerance`, a share of each.
+/// Finds the nominal values of `values`, none of which is negative, to within the relative `tolerance`.
 ///
 /// # Errors
-/// Values without a gap of the tolerance between them that extend over more than twice the tolerance.
+/// There are values that extend over more than twice the tolerance, without a gap of the tolerance between them.
 pub fn nominal(values: &[f64], tolerance: f64) -> std::result::Result<Nominal, Spread> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -129,7 +129,8 @@ pub fn nominal(values: &[f64], tolerance: f64) -> std::result::Result<Nominal, S
     Ok(Nominal { moves })
 }
 
-/// The roundest number within `cluster`, ascending, from which each of it is at most `tolerance` away.
+/// Returns the roundest number within the range of `cluster`, ascending, that is at most `tolerance` away from each
+/// value.
 fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
     let (least, largest) = (cluster[0], cluster[cluster.len() - 1]);
     if cluster.len() == 1 {
@@ -150,11 +151,11 @@ fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
         .unwrap_or(mean))
 }
 
-/// Finds the grid that measured speeds and forces, in pairs, fall into: the one at least half of whose places were
-/// measured, and whose values are the clearest apart; `None` if there is none.
+/// Finds the grid to which measured speeds and forces, in pairs, belong; `None` if there is none. It is the grid whose
+/// values are the most clearly separated, among those of which at least half of the nodes were measured.
 ///
-/// Values are cut at their largest gaps. How clear a cut is, the ratio of its least gap to the largest that is left
-/// tells.
+/// Values are divided at their largest gaps. The clarity of a division is the ratio of its smallest gap to the largest
+/// gap that remains within a cluster.
 pub fn grid_by_gaps(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
     let (speeds, forces): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
     let (speeds, forces) = (cuts(&speeds), cuts(&forces));
@@ -164,31 +165,32 @@ pub fn grid_by_gaps(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
     clearest.map(|(speed, force)| (speed.1.clone(), force.1.clone()))
 }
 
-/// Least share of a grid's nodes that were measured.
+/// Least fraction of a grid's nodes that were measured.
 const DENSE: f64 = 0.5;
 
-/// Every one of `a` with every one of `b`.
+/// Returns all pairs of an element of `a` and an element of `b`.
 fn pairs<'a, T>(a: &'a [T], b: &'a [T]) -> impl Iterator<Item = (&'a T, &'a T)> {
     a.iter().flat_map(move |a| b.iter().map(move |b| (a, b)))
 }
 
-/// Share of the nodes of the grid of these nominal values that were measured, at `places`.
+/// Returns the fraction of the nodes in the grid of these nominal values that were measured, at `places`.
 fn density(places: &[(f64, f64)], speeds: &Nominal, forces: &Nominal) -> f64 {
     let moved = (places.iter()).map(|&(v, f)| (speeds.of(v).to_bits(), forces.of(f).to_bits()));
     let measured = moved.collect::<HashSet<_>>().len();
     measured as f64 / (speeds.values().len() * forces.values().len()) as f64
 }
 
-/// Finds the grid that measured speeds and forces, in pairs, clearly fall into: values that become one are narrower
-/// than a third of the gap beside them, and closer than a fifth. `None` if there is none, or if at least half of the
-/// nodes of the values as they are were measured: nothing is to be mended then.
+/// Finds the grid to which measured speeds and forces, in pairs, clearly belong. Values that become one value must
+/// extend over less than a third of the gap next to them, and over at most a fifth of their mean. Returns `None` if
+/// there is no such grid, or if at least half of the nodes of the unchanged values were measured, because then nothing
+/// needs correction.
 ///
-/// An axis on which values occur twice on average is one of nominal values, and stays. Of several grids, the one with
-/// the largest share of measured nodes counts, then the finest.
+/// If the values on an axis occur twice on average, they are nominal, and stay the same. Of several grids, the one with
+/// the largest fraction of measured nodes is taken, and then the finest.
 pub fn clear_grid(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
     let (speeds, forces): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
     let (speeds, forces) = (clear_cuts(&speeds), clear_cuts(&forces));
-    // The first is that of all values as they are.
+    // The first entry is always that of the unchanged values.
     if density(places, &speeds[0], &forces[0]) >= DENSE {
         return None;
     }
@@ -201,7 +203,7 @@ pub fn clear_grid(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
     Some((speed.clone(), force.clone()))
 }
 
-/// The ways to take neighbouring `values` for one that their gaps make clear, from all as they are on.
+/// Returns the ways to merge neighbouring `values` that are clear from their gaps, beginning with the unchanged values.
 fn clear_cuts(values: &[f64]) -> Vec<Nominal> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -223,7 +225,7 @@ fn clear_cuts(values: &[f64]) -> Vec<Nominal> {
                 .map_or(f64::INFINITY, |next| next[0]);
             let last = cluster[cluster.len() - 1];
             let gap = (cluster[0] - before).min(next - last);
-            // The product, because a single value may be zero.
+            // Written as a product, because a single value may be zero.
             let is_clear = CLEAR_GAP * width(cluster) < gap || cluster.len() == 1;
             if !is_clear || width(cluster) > MOST_CLEAR * (cluster[0] + last) {
                 return None;
@@ -232,13 +234,13 @@ fn clear_cuts(values: &[f64]) -> Vec<Nominal> {
         }
         Nominal::of_clusters(&clusters)
     };
-    // No grid has more values.
+    // A grid cannot have more values.
     let merged = (0..gaps.len().min(MAX_AXIS_LEN)).rev().filter_map(cut);
     std::iter::once(as_they_are).chain(merged).collect()
 }
 
-/// Difference of two neighbouring values, as that of natural logarithms. Zero is rest or no contact, and near to
-/// nothing.
+/// Returns the difference of the natural logarithms of two neighbouring values. Zero means rest or no contact, and is
+/// far from every other value.
 fn log_gap(before: f64, after: f64) -> f64 {
     if before > 0.0 {
         (after / before).ln()
@@ -247,7 +249,7 @@ fn log_gap(before: f64, after: f64) -> f64 {
     }
 }
 
-/// The gaps between `sorted` values, the largest first.
+/// Returns the gaps between `sorted` values, the largest first.
 fn log_gaps(sorted: &[f64]) -> Vec<f64> {
     let gaps = sorted.windows(2).map(|pair| log_gap(pair[0], pair[1]));
     let mut gaps: Vec<f64> = gaps.collect();
@@ -255,7 +257,7 @@ fn log_gaps(sorted: &[f64]) -> Vec<f64> {
     gaps
 }
 
-/// `sorted` values, cut at the `count` largest of their `gaps`.
+/// Divides `sorted` values at the `count` largest of their `gaps`.
 fn clusters<'a>(sorted: &'a [f64], gaps: &[f64], count: usize) -> Vec<&'a [f64]> {
     let least = count
         .checked_sub(1)
@@ -263,7 +265,7 @@ fn clusters<'a>(sorted: &'a [f64], gaps: &[f64], count: usize) -> Vec<&'a [f64]>
     sorted.chunk_by(|a, b| log_gap(*a, *b) < least).collect()
 }
 
-/// The ways to take neighbouring `values` for one, by cuts at the largest gaps, each with how clear it is.
+/// Returns the ways to merge neighbouring `values` by divisions at the largest gaps, each with its clarity.
 fn cuts(values: &[f64]) -> Vec<(f64, Nominal)> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -285,7 +287,7 @@ fn cuts(values: &[f64]) -> Vec<(f64, Nominal)> {
 }
 
 impl Nominal {
-    /// Each of `clusters`, ascending values, as one value; `None` if one of them is too wide.
+    /// Moves the values of each of `clusters`, which are ascending, to one value; `None` if a cluster is too wide.
     fn of_clusters(clusters: &[&[f64]]) -> Option<Self> {
         let mut moves = Vec::new();
         for cluster in clusters {
@@ -300,20 +302,20 @@ impl Nominal {
         Some(Self { moves })
     }
 
-    /// The nominal value of `value`.
+    /// Returns the nominal value of `value`.
     pub fn of(&self, value: f64) -> f64 {
         let index = self.moves.partition_point(|&(from, _)| from < value);
         self.moves.get(index).map_or(value, |&(_, to)| to)
     }
 
-    /// The nominal values, ascending.
+    /// Returns the nominal values, ascending.
     pub fn values(&self) -> Vec<f64> {
         let mut values: Vec<f64> = self.moves.iter().map(|&(_, to)| to).collect();
         values.dedup();
         values
     }
 
-    /// The largest move, as a share of the nominal value.
+    /// Returns the largest move, as a fraction of the nominal value.
     pub fn largest_move(&self) -> f64 {
         let shares = self.moves.iter().filter(|(_, to)| *to > 0.0);
         shares
@@ -321,7 +323,7 @@ impl Nominal {
             .fold(0.0, f64::max)
     }
 
-    /// The moves in words; none if nothing was moved.
+    /// Returns the moves in words; `None` if nothing was moved.
     fn in_words(&self, what: &str, unit: &str) -> Option<String> {
         let values = self.values();
         let moved = self.moves.iter().filter(|(from, to)| from != to);
@@ -343,10 +345,11 @@ impl Nominal {
 
 impl RecordingSet {
     /// Returns the set with the speeds and forces of each texture moved to nominal values, and a line for each texture
-    /// of which something was moved. By gaps, a texture whose values fall into no grid stays as it is.
+    /// in which something was moved. With a rule based on gaps, a texture whose values do not belong to a grid stays
+    /// the same.
     ///
     /// # Errors
-    /// Values that a tolerance does not tell apart.
+    /// Values cannot be separated with the tolerance.
     pub fn snapped(mut self, snap: Snap) -> Result<(Self, Vec<String>)> {
         let groups = self.by_texture().into_iter();
         let groups: Vec<(String, Vec<usize>)> = groups
@@ -385,7 +388,7 @@ impl RecordingSet {
     }
 }
 
-/// The nominal speeds and forces of the `places` of texture `name` to within `tolerance`.
+/// Returns the nominal speeds and forces of the `places` of texture `name`, to within `tolerance`.
 fn within(name: &str, places: &[(f64, f64)], tolerance: f64) -> Result<(Nominal, Nominal)> {
     let found = |what: &str, unit: &str, values: Vec<f64>| {
         nominal(&values, tolerance).map_err(|spread| {
@@ -415,7 +418,7 @@ mod tests {
         assert_eq!(found.values(), [0.0, 50.0, 100.0, 203.0]);
         assert_eq!(found.of(98.7), 100.0);
         assert!((found.largest_move() - 0.018).abs() < 1e-9, "49.1 to 50");
-        // Less is moved with a smaller tolerance, and nothing where all is told apart.
+        // A smaller tolerance moves less, and nothing if it separates all values.
         assert_eq!(nominal(&measured, 1e-4).unwrap().largest_move(), 0.0);
         assert_eq!(nominal(&[100.0, 100.0001], 0.01).unwrap().values(), [100.0]);
     }
@@ -428,7 +431,7 @@ mod tests {
         assert_eq!(nominal(&slope, 0.1).unwrap().values().len(), 1);
     }
 
-    /// Places of a grid whose values are each measured to within `share`.
+    /// Pairs of a grid whose values are each measured to within the relative deviation `share`.
     fn measured(speeds: &[f64], forces: &[f64], share: f64) -> Vec<(f64, f64)> {
         let mut off = (1..).map(|n| 1.0 + share * (f64::from(n * 7 % 19) / 9.0 - 1.0));
         let mut places = Vec::new();
@@ -470,7 +473,7 @@ mod tests {
         assert!(grid_by_gaps(&anywhere).is_none());
     }
 
-    /// Sizes of the grid that is clearly meant by `places`.
+    /// Size of the grid to which `places` clearly belong.
     fn clear_size(places: &[(f64, f64)]) -> Option<(usize, usize)> {
         clear_grid(places).map(|(speeds, forces)| (speeds.values().len(), forces.values().len()))
     }
@@ -480,7 +483,7 @@ mod tests {
         let speeds = [25.0, 50.0, 100.0, 200.0];
         let places = measured(&speeds, &[0.5, 1.0, 2.0], 0.05);
         assert_eq!(clear_size(&places), Some((4, 3)));
-        // Values that were typed stay, however near to each other.
+        // Values that were typed stay the same, however close together they are.
         let typed = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.0);
         assert_eq!(clear_size(&typed), None);
         let forces = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.03);
@@ -489,7 +492,7 @@ mod tests {
         assert_eq!(clear_size(&of_typed), Some((4, 3)));
         let near = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.002);
         assert_eq!(clear_size(&near), Some((4, 3)));
-        // Gaps of less than three widths, a line of places, and places in no grid.
+        // Gaps of less than three widths, pairs on a line, and pairs that belong to no grid.
         assert_eq!(
             clear_size(&measured(&[80.0, 100.0, 125.0], &[0.5, 1.0, 2.0], 0.09)),
             None
@@ -530,7 +533,7 @@ mod tests {
                 let to = found.of(*value);
                 prop_assert!((to - value).abs() <= tolerance * to.max(*value) * (1.0 + 1e-9));
             }
-            // What is nominal stays.
+            // Values that are already nominal stay the same.
             let again = nominal(&found.values(), tolerance);
             if let Ok(again) = again {
                 prop_assert!(again.values().len() <= found.values().len());

@@ -8,7 +8,7 @@ use super::unit::{Integers, Stated};
 use crate::dsp::high_pass;
 use crate::support::bounded_file::{Limit, MIB};
 
-/// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
+/// Size limit of a recording's file. A WAV file states its length in 32 bits, and the limit for tables is smaller.
 pub const RECORDING: Limit = Limit {
     of: "a recording",
     bytes: (1 << 32) + MIB,
@@ -43,28 +43,28 @@ pub struct Source {
     pub channels: Vec<Vec<f64>>,
     /// Time of each sample, s, if they are uneven.
     pub times_s: Option<Vec<f64>>,
-    /// Lengths, if the file ends before its header says.
+    /// Lengths, if the file ends before the length that its header states.
     pub truncation: Option<Truncation>,
     /// Units that the header names.
     pub(super) stated: Stated,
-    /// Integers, if the samples were.
+    /// Kind of the integers, if the samples were integers.
     pub integers: Option<Integers>,
-    /// Changes by reading beyond what the file says, a line each.
+    /// Changes made in reading beyond what the file states, one line each.
     pub remarks: Vec<String>,
-    /// Faults of the times.
+    /// Faults in the times.
     pub timing: Timing,
 }
 
-/// The account that a file gives of its samples.
+/// What is known about the samples from the file, a list or an option.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Account {
-    /// Changes of the samples by reading, such as a conversion of units, a line each.
+    /// Changes to the samples in reading, such as a conversion of units, one line each.
     pub remarks: Vec<String>,
-    /// Contradictions and gaps of what is said about the unit, a line each.
+    /// Contradictions and gaps in the information about the unit, one line each.
     pub doubts: Vec<String>,
-    /// Integers, if nothing tells their acceleration.
+    /// Kind of the integers, if the samples were integers and nothing states their acceleration.
     pub integers: Option<Integers>,
-    /// True if a header, a list or an option tells the acceleration of a sample of 1.
+    /// True if a header, a list or an option states the acceleration of a sample of 1.
     pub has_scale: bool,
 }
 
@@ -75,14 +75,14 @@ pub struct Samples {
     pub axes: Vec<Vec<f64>>,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
-    /// Findings on the samples at the file's own rate.
+    /// Findings in the samples at the file's own rate.
     pub defects: Defects,
-    /// The file's own account of them.
+    /// What is known about the samples.
     pub account: Account,
 }
 
 impl Samples {
-    /// Share of the power of axes at [`SAMPLE_RATE_HZ`] that is the motion of hand or rig; see
+    /// Returns the fraction of the power of axes at [`SAMPLE_RATE_HZ`] that is the motion of hand or rig; see
     /// [`slow_share`](high_pass::slow_share).
     pub fn slow_share(&self) -> f64 {
         high_pass::slow_share(&self.axes, f64::from(SAMPLE_RATE_HZ))

@@ -1,8 +1,8 @@
-//! Samples by their times: the part that is used, its rate, and what is wrong with the times.
+//! Samples with times: selects the part that is used, and determines its rate and the faults in the times.
 //!
-//! Samples that are missing are put in, so that a sample's place tells its time: a single one by interpolation, longer
-//! gaps by what is around them, which triage cuts. Rows of other sensors, which repeat a sample or have none, are taken
-//! out.
+//! Missing samples are filled in, so that the index of a sample determines its time. A single missing sample is
+//! interpolated. Longer gaps are filled from their surroundings, and triage cuts them. Rows of other sensors, which
+//! repeat a sample or have none, are removed.
 
 use core::f64::consts::FRAC_PI_2;
 use std::ops::Range;
@@ -17,29 +17,30 @@ use super::unit::Stated;
 use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 
-/// Samples after a long step of which the earliest tells whether samples are missing, or one stamp was late.
+/// Number of samples after a long step that are examined. The earliest of them shows whether samples are missing, or
+/// one time was only late.
 const LOOK_AHEAD: usize = 8;
 
-/// Largest share of single samples that may be missing before they count as gaps.
+/// Largest fraction of single samples that may be missing before they count as gaps.
 const FEW_LOST: f64 = 0.01;
 
-/// Facts about a file's times beside the times themselves.
+/// Facts about a file's times, in addition to the times themselves.
 pub(super) struct Clock<'a> {
     /// Name of the column of times.
     pub column: &'a str,
-    /// Unit of the times, if it was given or is in the name.
+    /// Unit of the times, if it was given or is in the column's name.
     pub unit: Option<TimeUnit>,
-    /// True if samples are even, whatever the times say.
+    /// True if the samples are evenly spaced, regardless of the times.
     pub is_even: bool,
-    /// The sample rate that was given, Hz; the times count if they can be used.
+    /// The sample rate that was given, Hz. The times have priority if they can be used.
     pub rate_hz: Option<f64>,
 }
 
-/// The samples of `channels` within `cut`, at `times`, one of each row of `table` below its header.
+/// Returns the samples of `channels` within `cut`. `times` has one time for each row of `table` below its header.
 ///
 /// # Errors
-/// Times of no rate that a recording has, or which, within the part, do not rise, come in bunches apart, or are mostly
-/// gaps; with the line.
+/// The times give a rate that is not possible for a recording; or, within the part, they do not rise, come in bunches
+/// with gaps between them, or consist mostly of gaps. The error states the line.
 pub(super) fn source(
     table: &CsvTable,
     clock: &Clock<'_>,
@@ -63,7 +64,8 @@ pub(super) fn source(
     Ok(layout.laid_out(channels))
 }
 
-/// The samples of `channels` within `cut`, which are even at `rate_hz`. Where a row has none, it is missing.
+/// Returns the samples of `channels` within `cut`, which are evenly spaced at `rate_hz`. A row without a sample is a
+/// missing sample.
 pub(super) fn even(rate_hz: f64, channels: Vec<Vec<f64>>, cut: &Cut) -> Source {
     Layout::even(rate_hz, &channels, cut).laid_out(channels)
 }
@@ -74,7 +76,7 @@ fn is_sampled(channels: &[Vec<f64>], row: usize) -> bool {
 }
 
 impl Clock<'_> {
-    /// The unit of `times`; true if no name or option tells it, and it is not seconds.
+    /// Returns the unit of `times`, and true if no name or option states it and it is not seconds.
     fn unit_of(&self, times: &[f64]) -> (TimeUnit, bool) {
         if let Some(unit) = self.unit {
             return (unit, false);
@@ -94,7 +96,7 @@ impl Clock<'_> {
 
 /// Samples that are missing after a row.
 struct Missing {
-    /// Place of the row among those that are kept.
+    /// Index of the row among the rows that are kept.
     after: usize,
     /// Number of missing samples, at least one.
     count: usize,
@@ -106,7 +108,7 @@ enum Rows {
     Some(Vec<usize>),
 }
 
-/// The way from a file's rows to even samples.
+/// How a file's rows become evenly spaced samples.
 struct Layout {
     rate_hz: f64,
     rows: Rows,
@@ -150,7 +152,7 @@ impl Stamps<'_> {
         self.with_gaps(channels, self.part(cut, steps.usual_s))
     }
 
-    /// The layout of times without a gap, none of which repeats another sensor's.
+    /// Returns the layout of times without gaps and without rows of other sensors.
     fn without_gaps(&self, channels: &[Vec<f64>], cut: &Cut) -> Result<Layout> {
         let times = self.times;
         let step = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
@@ -170,7 +172,7 @@ impl Stamps<'_> {
         Ok(layout)
     }
 
-    /// The rows whose times are within `cut`.
+    /// Returns the rows whose times are within `cut`.
     fn part(&self, cut: &Cut, step: f64) -> Range<usize> {
         let half = if step.is_finite() { 0.5 * step } else { 0.0 };
         let from = |first: usize, seconds: f64| {
@@ -179,7 +181,7 @@ impl Stamps<'_> {
             }
             let least = self.times[0] + seconds * self.unit.per_second() - half;
             let rows = self.times.iter().skip(first);
-            // What is not a number is refused later.
+            // A NaN is refused later.
             let is_before = |time: &&f64| time.is_nan() || **time < least;
             first + rows.take_while(is_before).count()
         };
@@ -187,7 +189,7 @@ impl Stamps<'_> {
         first..from(first, cut.start_s + cut.duration_s)
     }
 
-    /// The layout of the rows of `part`, with gaps or with rows of other sensors.
+    /// Returns the layout of the rows of `part`, which has gaps or rows of other sensors.
     fn with_gaps(&self, channels: &[Vec<f64>], part: Range<usize>) -> Result<Layout> {
         self.refuse_falling(channels, part.clone())?;
         let own = own_rows(self.times, channels, part.clone());
@@ -195,7 +197,7 @@ impl Stamps<'_> {
         let with_empty = rows.len();
         rows.retain(|&row| is_sampled(channels, row));
         let empty = with_empty - rows.len();
-        // A row that is there twice counts once.
+        // A row that occurs twice counts once.
         rows.dedup_by(|row, before| self.times[*row] == self.times[*before]);
         let removed = part.len() - rows.len();
         if rows.len() < 2 {
@@ -218,7 +220,8 @@ impl Stamps<'_> {
         let times_s = (!is_even).then(|| times.iter().map(|t| self.seconds(*t)).collect());
         let refilled: usize = missing.iter().map(|gap| gap.count).sum();
         let timing = Timing {
-            // A row without a sample is a loss where one is due, and another sensor's between two samples.
+            // A row without a sample is a loss if a sample is due there; between two samples it is another sensor's
+            // row.
             joined_rows: removed - empty.min(refilled),
             bunch: bunch.filter(|_| !is_even).map(|(size, _)| size),
             ..Timing::default()
@@ -233,7 +236,7 @@ impl Stamps<'_> {
         .with_gaps_told())
     }
 
-    /// A time in seconds.
+    /// Converts a time to seconds.
     fn seconds(&self, time: f64) -> f64 {
         if self.unit == TimeUnit::S {
             return time;
@@ -241,7 +244,7 @@ impl Stamps<'_> {
         (time - self.times[0]) / self.unit.per_second()
     }
 
-    /// `rate_hz`, as the whole number next to it if it is near.
+    /// Checks `rate_hz`, and rounds it to a whole number if it is close to one.
     fn checked(&self, rate_hz: f64) -> Result<f64> {
         let remedy = format!(
             "column '{}' holds times in {}, so give their unit by --time-unit, or their rate by --sample-rate",
@@ -254,7 +257,7 @@ impl Stamps<'_> {
         }
     }
 
-    /// Refuses times of `part` that do not rise, unless a row is there twice.
+    /// Refuses times of `part` that do not rise, unless a row occurs twice.
     fn refuse_falling(&self, channels: &[Vec<f64>], part: Range<usize>) -> Result<()> {
         let is_bad = |row: &usize| {
             let step = self.times[*row] - self.times[row - 1];
@@ -271,7 +274,7 @@ impl Stamps<'_> {
         Err(self.error(row, format!("{fault}, {remedy}")))
     }
 
-    /// Refuses `rows` of which more are missing than there.
+    /// Refuses `rows` if more samples are missing than present.
     fn refuse_mostly_missing(&self, rows: &[usize], missing: &[Missing], step: f64) -> Result<()> {
         let total: usize = missing.iter().map(|gap| gap.count).sum();
         let Some(longest) = missing.iter().max_by_key(|gap| gap.count) else {
@@ -295,7 +298,7 @@ impl Stamps<'_> {
         Ok(())
     }
 
-    /// The problem of times that come in bunches of `size`, which are `apart`.
+    /// Returns the fault of times that come in bunches of `size`, with the usual step `apart` between bunches.
     fn bunch_fault(&self, times: &[f64], size: usize, apart: f64) -> String {
         format!(
             "its times come in bunches of {size}, {apart:.6} {} apart, and tell no sample's own: give --even-times if \
@@ -306,13 +309,14 @@ impl Stamps<'_> {
     }
 
     fn error(&self, row: usize, problem: String) -> Error {
-        // The header is a row, too.
+        // The header counts as a row, too.
         Error::line(self.table.path(), self.table.line_of_row(row + 1), problem)
     }
 }
 
 impl Layout {
-    /// Even samples at `rate_hz`. Rows of `channels` without a sample are missing, unless that is most of them.
+    /// Returns the layout of evenly spaced samples at `rate_hz`. Rows of `channels` without a sample are missing
+    /// samples, unless most rows have none.
     fn even(rate_hz: f64, channels: &[Vec<f64>], cut: &Cut) -> Self {
         let rows = channels.first().map_or(0, Vec::len);
         let (first, end) = cut.frames(rate_hz);
@@ -339,7 +343,7 @@ impl Layout {
         layout.with_gaps_told()
     }
 
-    /// The layout with its missing samples as findings: few single ones by their number, the others as gaps.
+    /// Records the missing samples as findings: a few single ones by their number, the others as gaps.
     fn with_gaps_told(mut self) -> Self {
         let missing: usize = self.missing.iter().map(|gap| gap.count).sum();
         let kept = match &self.rows {
@@ -363,7 +367,7 @@ impl Layout {
         self
     }
 
-    /// Lays out the rows of `channels`.
+    /// Arranges the rows of `channels` into evenly spaced samples.
     fn laid_out(self, mut channels: Vec<Vec<f64>>) -> Source {
         let first_frame = match &self.rows {
             Rows::Range(rows) => rows.start,
@@ -400,9 +404,9 @@ impl Layout {
     }
 }
 
-/// `samples` with those that are missing: a single one by the polynomial through the six around it, more by what is
-/// before and behind them in reverse, faded over. Level and spectrum of a longer gap are those around it, so that
-/// nothing else is found there.
+/// Returns `samples` with the missing samples filled in. A single one is interpolated by the polynomial through the six
+/// samples around it. A longer gap is filled with the reversed samples before and after it, with a crossfade. Then its
+/// level and spectrum are those of its surroundings, so that no other defect is found there.
 fn filled(samples: &[f64], missing: &[Missing]) -> Vec<f64> {
     let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
     let at = |place: usize| samples[place.min(samples.len() - 1)] - mean;
@@ -419,7 +423,8 @@ fn filled(samples: &[f64], missing: &[Missing]) -> Vec<f64> {
     })
 }
 
-/// `values`, with `value` of each gap and of the number, from 1, of a sample that is missing in it.
+/// Inserts missing samples into `values`. `value` is called with the gap and the number, from 1, of the missing sample
+/// in it.
 fn spread(values: &[f64], missing: &[Missing], value: impl Fn(&Missing, usize) -> f64) -> Vec<f64> {
     let mut all = Vec::with_capacity(values.len() + missing.len());
     let mut from = 0;
@@ -432,7 +437,7 @@ fn spread(values: &[f64], missing: &[Missing], value: impl Fn(&Missing, usize) -
     all
 }
 
-/// Mean of the steps between `times` without gaps, and the samples that are missing.
+/// Returns the mean of the steps between `times` without gaps, and the missing samples.
 fn missing(times: &[f64], steps: Steps) -> (f64, Vec<Missing>) {
     let held = times
         .windows(2)
@@ -444,7 +449,7 @@ fn missing(times: &[f64], steps: Steps) -> (f64, Vec<Missing>) {
         if pair[1] - pair[0] <= step || steps.hold(pair[1] - pair[0]) {
             return None;
         }
-        // A stamp that is late alone is followed by a short step.
+        // A single late time is followed by a short step.
         let next = times[after + 1..].iter().take(LOOK_AHEAD).enumerate();
         let late = next.map(|(n, time)| time - pair[0] - (n + 1) as f64 * step);
         let count = (late.fold(f64::INFINITY, f64::min) / step).round();
@@ -456,10 +461,10 @@ fn missing(times: &[f64], steps: Steps) -> (f64, Vec<Missing>) {
     (step, times.windows(2).enumerate().filter_map(gap).collect())
 }
 
-/// Longest steps that are left out of a mean, because they may be pauses.
+/// Number of the longest steps that are left out of a mean, because they may be pauses.
 const PAUSES: usize = 8;
 
-/// Mean of the steps between `times` but the longest few.
+/// Returns the mean of the steps between `times`, without the few longest.
 fn mean_step(times: &[f64]) -> f64 {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let kept = steps.len() - PAUSES.min(steps.len() / 16);
@@ -467,7 +472,7 @@ fn mean_step(times: &[f64]) -> f64 {
     steps[..kept].iter().sum::<f64>() / kept as f64
 }
 
-/// Step between `times` that would be even, by least squares: that of bunches, and of late ones.
+/// Returns the even step that fits `times` best by least squares, for times in bunches or late times.
 fn slope(times: &[f64]) -> f64 {
     let middle = (times.len() - 1) as f64 / 2.0;
     let first = times[0];
@@ -480,20 +485,20 @@ fn slope(times: &[f64]) -> f64 {
     product / square
 }
 
-/// Fewest bunches that tell a habit.
+/// Least number of bunches that establish a habit.
 const LEAST_BUNCHES: usize = 8;
 
-/// Most samples of a bunch: a sensor's queue.
+/// Largest number of samples in a bunch: the length of a sensor's queue.
 const MOST_OF_BUNCH: usize = 128;
 
-/// Least step between bunches over the mean step, and least share of the time that these take.
+/// Least ratio of the step between bunches to the mean step, and least fraction of the total time in these steps.
 const BETWEEN_BUNCHES: (f64, f64) = (1.4, 0.4);
 
-/// Share of the bunches that have as many samples as the others, but for a quarter.
+/// Least fraction of the bunches whose number of samples is within a quarter of the usual number.
 const ALIKE: f64 = 0.8;
 
-/// Finds out whether `times` come in bunches, as where a sensor's queue is read: short steps, and long ones every so
-/// many. Returns the usual number of samples of a bunch, and the usual step between bunches.
+/// Determines whether `times` come in bunches, for example because a sensor's queue is read: short steps, with long
+/// steps at regular intervals. Returns the usual number of samples in a bunch, and the usual step between bunches.
 fn bunch(times: &[f64]) -> Option<(usize, f64)> {
     let total = times[times.len() - 1] - times[0];
     let mean = total / (times.len() - 1) as f64;
@@ -518,7 +523,7 @@ fn bunch(times: &[f64]) -> Option<(usize, f64)> {
     (is_habit && (2..=MOST_OF_BUNCH).contains(&size)).then_some((size, apart))
 }
 
-/// The whole rate next to `rate_hz`, if it is close: times are often printed with few digits.
+/// Rounds `rate_hz` to a whole number if it is close to one, because times are often printed with few digits.
 fn near_whole(rate_hz: f64) -> f64 {
     let whole = rate_hz.round();
     if (rate_hz / whole - 1.0).abs() < 1e-3 {
@@ -528,11 +533,11 @@ fn near_whole(rate_hz: f64) -> f64 {
     }
 }
 
-/// Returns the sample rate of the times in `column` of `table`, s, one per row below its header, in Hz: of a recording
-/// with a motion, which has no gaps.
+/// Returns the sample rate, Hz, of the times, s, in `column` of `table`, one per row below its header. It is for a
+/// recording with a motion, which must not have gaps.
 ///
 /// # Errors
-/// Fewer than two times; a step that is not as the others, with its line.
+/// There are fewer than two times; or a step differs from the others, with its line.
 pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result<f64> {
     let path = table.path();
     if times.len() < 2 {
@@ -556,7 +561,7 @@ pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result
     Ok((times.len() - 1) as f64 / (times[times.len() - 1] - times[0]))
 }
 
-/// A step from `before` to `time`, in `unit`, that is not the `usual` one, in words.
+/// Describes, in words, a step from `before` to `time`, in `unit`, that differs from the `usual` step.
 fn gap_of(column: &str, before: f64, time: f64, usual: f64, unit: &str) -> String {
     let step = time - before;
     let kind = if step > usual {
@@ -569,7 +574,7 @@ fn gap_of(column: &str, before: f64, time: f64, usual: f64, unit: &str) -> Strin
     )
 }
 
-/// The problem of a `time` that does not rise from the one `before`.
+/// Returns the fault, in words, of a `time` that is not above the previous time `before`.
 fn falling(column: &str, before: f64, time: f64) -> String {
     if time == before {
         format!(
@@ -615,7 +620,7 @@ mod tests {
         (TAU * 23.0 * time).sin() + 0.1 * time
     }
 
-    /// Samples of a slow tone at `times`, s, which are written times `factor`.
+    /// Samples of a slow tone at `times`, s. The times are written multiplied by `factor`.
     fn of(times: &[f64], factor: f64, clock: &Clock<'_>, cut: &Cut) -> Result<Source> {
         let written: Vec<f64> = times.iter().map(|time| time * factor).collect();
         let channels = vec![times.iter().map(|time| tone(*time)).collect()];
@@ -625,7 +630,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
 
-        /// A row is left out where a run of them begins, each run as long as its number says.
+        /// Rows are missing at the beginning of each run; the numbers are the lengths of the runs.
         #[test]
         fn samples_keep_their_places_over_gaps_and_single_losses(
             runs in prop::collection::vec((20usize..400, prop::sample::select(vec![1usize, 1, 1, 2, 5, 40])), 1..8),
@@ -639,7 +644,7 @@ mod tests {
                 next += kept + lost;
             }
             places.extend(next..next + 300);
-            // Stamps that are late by a part of a step, but even on the whole.
+            // Some times are late by a fraction of a step, but they are even on average.
             let late = |n: usize| if n % 37 == 5 { off } else { 0.0 };
             let times: Vec<f64> = places.iter().map(|&n| n as f64 / rate_hz).collect();
             let stamps: Vec<f64> = places.iter().map(|&n| (n as f64 + late(n)) / rate_hz).collect();
@@ -681,7 +686,7 @@ mod tests {
         fn even_samples_in_bunches_are_told_and_taken_as_even_on_request(
             size in 2usize..64, share in 0.01..0.4f64, factor in prop::sample::select(vec![1.0, 1e3, 1e6]),
         ) {
-            // The last of a bunch is in time; the others are read just before it.
+            // The last sample of a bunch is on time; the others are read just before it.
             let late = |n: usize| (size - 1 - n % size) as f64 * (1.0 - share);
             let times: Vec<f64> = (0..size * 200).map(|n| (n as f64 + late(n)) / 2000.0).collect();
             match of(&times, factor, &clock(), &ALL) {
@@ -704,7 +709,7 @@ mod tests {
             let mut times: Vec<f64> = (0..1000).map(|n| step_s * f64::from(n)).collect();
             let rate = |times: &[f64]| even_rate(&table(times), "time_s", times);
             prop_assert!((rate(&times).unwrap() * step_s - 1.0).abs() < 1e-6);
-            // A step of zero is a line that repeats its time.
+            // A step of zero is a line that repeats the previous time.
             let off = if share == 0.0 { -step_s } else { share * step_s };
             times[at..].iter_mut().for_each(|time| *time += off);
             if share == 0.0 {
@@ -728,7 +733,7 @@ mod tests {
             (&[0.0, 0.001, 0.002, 0.001], "must rise"),
             (&[0.0, 0.001, 0.1, 0.101], "a gap of 0.099000 s"),
         ] {
-            // Values that differ, so that no row is there twice.
+            // All values differ, so that no row occurs twice.
             let channels = || vec![(0..times.len()).map(|n| n as f64).collect()];
             let seconds = Clock {
                 unit: Some(TimeUnit::S),

@@ -1,12 +1,12 @@
-//! Times that are written as text: times of day, dates with them (ISO 8601), and MATLAB's durations.
+//! Times that are written as text: times of day, with or without dates (ISO 8601), and MATLAB's durations.
 
 /// Seconds per day.
 const DAY_S: f64 = 86_400.0;
 
-/// Returns the seconds of a time such as `12:34:56.789`, `2026-01-31T12:34:56.789Z` or `0.25 sec`: since midnight,
-/// since 1970, or of the duration. Returns none for another text.
+/// Returns the seconds of a time such as `12:34:56.789`, `2026-01-31T12:34:56.789Z` or `0.25 sec`. They are counted
+/// since midnight or since 1970, or are those of the duration. Returns `None` for any other text.
 ///
-/// An offset from UTC is ignored, because all times of a file have the same.
+/// An offset from UTC is ignored, because all times of a file have the same offset.
 pub(super) fn seconds(field: &str) -> Option<f64> {
     if let Some(duration) = field.strip_suffix("sec") {
         return number(duration.trim_end());
@@ -14,7 +14,7 @@ pub(super) fn seconds(field: &str) -> Option<f64> {
     let (date, time) = field.split_once(['T', ' ']).unwrap_or(("", field));
     let (hours, rest) = time.split_once(':')?;
     let (minutes, rest) = rest.split_once(':')?;
-    // What follows the seconds: Z, or an offset with its sign.
+    // After the seconds there may be Z, or an offset with its sign.
     let end = rest.find(['Z', '+', '-']).unwrap_or(rest.len());
     let days = if date.is_empty() { 0.0 } else { days(date)? };
     let [hours, minutes] = [whole(hours, 24)?, whole(minutes, 60)?];
@@ -22,21 +22,21 @@ pub(super) fn seconds(field: &str) -> Option<f64> {
     Some(days * DAY_S + f64::from(60 * (60 * hours + minutes)) + seconds)
 }
 
-/// A whole number below `end`, of digits alone.
+/// Parses a whole number below `end` that consists only of digits.
 fn whole(text: &str, end: u32) -> Option<u32> {
     let is_digits = text.bytes().all(|byte| byte.is_ascii_digit());
     text.parse().ok().filter(|value| is_digits && *value < end)
 }
 
-/// A number with a decimal point or a decimal comma.
+/// Parses a number with a decimal point or a decimal comma.
 fn number(text: &str) -> Option<f64> {
     let is_plain = text.starts_with(|first: char| first.is_ascii_digit());
     text.replacen(',', ".", 1).parse().ok().filter(|_| is_plain)
 }
 
-/// Days from 1970-01-01 to a date with its year first, in the Gregorian calendar.
+/// Returns the days from 1970-01-01 to a date whose year comes first, in the Gregorian calendar.
 ///
-/// Years begin in March here, so that the day that leap years add is their last.
+/// Years begin in March here, so that a leap day is the last day of its year.
 fn days(date: &str) -> Option<f64> {
     let mut parts = date.split(['-', '/']);
     let year = parts.next().filter(|year| year.len() == 4)?;
@@ -51,7 +51,7 @@ fn days(date: &str) -> Option<f64> {
     let from_march = (month + 9) % 12;
     let year = i64::from(year) - i64::from(month < 3);
     let leaps = year / 4 - year / 100 + year / 400;
-    // Months from March on have 31, 30, 31, 30, 31 days, twice over.
+    // From March on, months have 31, 30, 31, 30, 31 days, and then the same again.
     let before_month = i64::from((153 * from_march + 2) / 5);
     let since_march_of_0 = 365 * year + leaps + before_month + i64::from(day) - 1;
     Some((since_march_of_0 - 719_468) as f64)
@@ -61,7 +61,7 @@ fn days(date: &str) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// By `date -u -d … +%s` of GNU coreutils.
+    /// Reference: `date -u -d … +%s` of GNU coreutils.
     #[test]
     fn times_are_those_of_the_systems_calendar() {
         for (text, expected) in [

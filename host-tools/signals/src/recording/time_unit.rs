@@ -1,4 +1,4 @@
-//! Units of a column of times: by its name, by an option, or by the rates that a recording can have.
+//! Units of a column of times, determined from its name, an option, or the rates that a recording can have.
 
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +31,7 @@ const TIMES: [&str; 9] = [
     "zeit",
 ];
 
-/// Share by which a rate that is given may be off the times' own, to tell their unit.
+/// Largest relative deviation of a given rate from that of the times at which it still determines their unit.
 const NEAR_RATE: f64 = 0.2;
 
 impl TimeUnit {
@@ -57,7 +57,7 @@ impl TimeUnit {
         }
     }
 
-    /// The unit that a word stands for.
+    /// Returns the unit for which a word stands.
     fn of_word(word: &str) -> Option<Self> {
         match word {
             "s" | "sec" | "secs" | "second" | "seconds" => Some(Self::S),
@@ -70,8 +70,9 @@ impl TimeUnit {
         }
     }
 
-    /// Unit of times with these `mean` and `usual` steps, in the unit: the one that makes `rate_hz` of one, or the
-    /// largest that makes rates that a recording can have of both, or of one.
+    /// Returns the unit of times whose steps are `mean` and `usual` in this unit. It is the unit in which one of the
+    /// steps gives `rate_hz`. If no rate is given, it is the largest unit in which both steps, or else one, give a rate
+    /// that a recording can have.
     pub(super) fn of_steps(mean: f64, usual: f64, rate_hz: Option<f64>) -> Option<Self> {
         let is_right = |rate: f64| match rate_hz {
             Some(asked) => (rate / asked - 1.0).abs() < NEAR_RATE,
@@ -91,14 +92,14 @@ pub(super) struct TimeColumn {
     pub index: usize,
     /// Name of the column.
     pub name: String,
-    /// Unit of the times by the column's name.
+    /// Unit of the times, if the column's name states it.
     pub unit: Option<TimeUnit>,
 }
 
 impl TimeColumn {
-    /// The column of this `index` and `name`, if it is one of times.
+    /// Returns the column with this `index` and `name`, if it is a column of times.
     ///
-    /// All words of such a name stand for a time or its unit, as in `Time [ms]`, `timestamp_us` or `timeMs`.
+    /// Every word of such a name stands for a time or its unit, as in `Time [ms]`, `timestamp_us` or `timeMs`.
     pub fn named(index: usize, name: &str) -> Option<Self> {
         let lower = name.to_lowercase();
         let words = lower.split(|c: char| !c.is_alphanumeric());
@@ -112,7 +113,7 @@ impl TimeColumn {
             if TIMES.contains(&word) {
                 is_time = true;
             } else if let Some(own) = TimeUnit::of_word(word) {
-                // A letter alone may be anything.
+                // A single letter may mean anything.
                 is_time |= own != TimeUnit::S || word.len() > 1;
                 unit = Some(own);
             } else {
@@ -124,7 +125,7 @@ impl TimeColumn {
         is_time.then_some(Self { index, name, unit })
     }
 
-    /// The one of `columns` that gives the rate: the first with a unit, or else the first.
+    /// Returns the column that determines the rate: the first with a unit, or otherwise the first.
     pub fn best(columns: &[Self]) -> Option<&Self> {
         let with_unit = columns.iter().find(|column| column.unit.is_some());
         with_unit.or(columns.first())
@@ -187,7 +188,7 @@ mod tests {
                 "{step} {rate_hz:?}"
             );
         }
-        // A queue that is read at once has a short usual step, or none.
+        // A queue that is read at once has a short usual step, or a step of zero.
         assert_eq!(TimeUnit::of_steps(0.5, 0.005, None), Some(TimeUnit::Ms));
         assert_eq!(TimeUnit::of_steps(0.2, 0.0, None), Some(TimeUnit::Ms));
     }

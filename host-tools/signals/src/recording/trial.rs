@@ -12,13 +12,13 @@ use super::time_unit::TimeUnit;
 /// Length of a trial of the paper's protocol, s.
 pub const TRIAL_DURATION_S: f64 = 2.0;
 
-/// Speed that stands for a recording whose speed is not known, mm/s.
+/// Speed that is assumed for a recording whose speed is not known, mm/s.
 pub const NOMINAL_SPEED_MM_S: f64 = 100.0;
 
-/// Force that stands for a recording whose force is not known, N.
+/// Force that is assumed for a recording whose force is not known, N.
 pub const NOMINAL_FORCE_N: f64 = 1.0;
 
-/// Returns what is wrong with the name of a texture that is to be listed, as a list and a library would find.
+/// Returns what is wrong with a texture's name, according to the rules of lists and libraries; `None` if it is valid.
 pub fn texture_fault(name: &str) -> Option<String> {
     if name.trim().is_empty() {
         Some("must not be empty".into())
@@ -43,31 +43,32 @@ pub struct Trial {
     pub texture: String,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
-    /// Tangential speed before it was moved to a nominal one, mm/s, if it was.
+    /// Tangential speed, mm/s, before it was moved to a nominal value; `None` if it was not moved.
     pub measured_speed_mm_s: Option<f64>,
     /// Normal force, N.
     pub force_n: f64,
-    /// Acceleration of a sample of 1, the full scale of a WAV file's integers, m/s². If not given, that of the file's
-    /// header, or 1.
+    /// Acceleration of a sample of 1, the full scale of a WAV file's integers, m/s². If not given, the scale in the
+    /// file's header is used, or 1.
     pub scale_m_s2: Option<f64>,
     /// Start of the used part, s.
     pub start_s: f64,
-    /// Longest duration of the used part, s; to the end of the file if not given.
+    /// Longest duration of the used part, s; if not given, the part extends to the end of the file.
     pub duration_s: Option<f64>,
-    /// Sample rate of a CSV file without times that can be used, Hz.
+    /// Sample rate of a CSV file whose times are missing or cannot be used, Hz.
     pub sample_rate_hz: Option<f64>,
-    /// Unit of a CSV file's times; by their name or by their steps if not given.
+    /// Unit of a CSV file's times; if not given, it is determined from the column's name or from the steps.
     pub time_unit: Option<TimeUnit>,
-    /// True if a CSV file's samples are even, whatever their times say; none if nothing is said of it.
+    /// True if a CSV file's samples are evenly spaced, regardless of their times; `None` if nothing states it.
     pub has_even_times: Option<bool>,
     /// Origin of the samples: recorded or simulated.
     pub provenance: Provenance,
-    /// Samples in memory, which are read in place of the file.
+    /// Samples in memory, which are used instead of the file.
     pub held: Option<Arc<HeldSamples>>,
 }
 
 impl Trial {
-    /// The whole recording `file` of `texture` at a speed, mm/s, and a force, N, in m/s².
+    /// Returns the trial that consists of the whole recording `file` of `texture` at a speed, mm/s, and a force, N, in
+    /// m/s².
     pub fn of(
         file: impl Into<PathBuf>,
         texture: impl Into<String>,
@@ -91,17 +92,17 @@ impl Trial {
         }
     }
 
-    /// Speed at which lines pass, mm/s: the measured one, if the trial has one.
+    /// Speed at which spectral lines are computed, mm/s: the measured speed, if the trial has one.
     pub fn line_speed_mm_s(&self) -> f64 {
         self.measured_speed_mm_s.unwrap_or(self.speed_mm_s)
     }
 
-    /// Returns whether both speed and force are above zero. Anywhere else the stylus is silent.
+    /// Returns whether both speed and force are above zero. Otherwise the stylus is silent.
     pub fn is_in_motion_and_contact(&self) -> bool {
         self.speed_mm_s > 0.0 && self.force_n > 0.0
     }
 
-    /// Returns whether it has the noise of the rig in motion alone, without a surface.
+    /// Returns whether the trial contains only the noise of the rig in motion, without contact with a surface.
     pub fn is_of_the_rig(&self) -> bool {
         self.speed_mm_s > 0.0 && self.force_n <= 0.0
     }

@@ -1,39 +1,40 @@
-//! Samples at uneven times, brought to even ones.
+//! Converts samples at uneven times to even times.
 
-/// Samples around a time that tell its value: a polynomial of the fifth degree goes through them. Of a tone at an
-/// eighth of the sample rate it leaves 0.1 % as error.
+/// Number of samples around a time from which its value is interpolated: a polynomial of the fifth degree passes
+/// through them. For a tone at an eighth of the sample rate, the error is 0.1 %.
 const POINTS: usize = 6;
 
-/// Steps of which the usual one is told, at most, and so is their unevenness: as many tell it, and no more memory is
-/// taken.
+/// Largest number of steps from which the usual step and the unevenness are determined. More would only take more
+/// memory.
 const MOST_STEPS: usize = 4096;
 
-/// Largest unevenness of steps that are meant to be even, as a share of the usual one.
+/// Largest unevenness of steps that are meant to be even, as a fraction of the usual step.
 pub(super) const EVEN: f64 = 0.05;
 
-/// Largest deviation of a single step from the usual one, as a share of it, where steps are meant to be even.
+/// Largest deviation of a single step from the usual step, as a fraction of it, for steps that are meant to be even.
 pub(super) const LARGEST_DEVIATION: f64 = 0.5;
 
-/// Largest step where steps are uneven, over the usual unevenness, and over the usual step in any case.
+/// Largest deviation of an uneven step, relative to the usual unevenness, and largest ratio of any step to the usual
+/// step.
 const LARGEST_STEP: (f64, f64) = (4.0, 8.0);
 
-/// Distance from even times beyond which samples are moved, as a share of a step.
+/// Deviation from even times, as a fraction of a step, above which samples are moved.
 const LEAST_MOVE: f64 = 0.05;
 
-/// Most decimals of a time that are its clock's, and not those of its sum.
+/// Largest number of decimals of a time that come from its clock. Further decimals are round-off of a sum.
 const MOST_DECIMALS: usize = 9;
 
 /// The steps of a file's times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Steps {
-    /// Median, s.
+    /// Median of the steps, s.
     pub usual_s: f64,
-    /// Largest deviation from it that nine of ten steps have, as a share of it.
+    /// Relative deviation from the median that nine of ten steps do not exceed.
     pub unevenness: f64,
 }
 
 impl Steps {
-    /// The steps of at least two `times`, s.
+    /// Computes the steps of at least two `times`, s.
     pub fn of(times: &[f64]) -> Self {
         let stride = times.len().div_ceil(MOST_STEPS);
         let steps = times.windows(2).step_by(stride);
@@ -53,13 +54,14 @@ impl Steps {
         }
     }
 
-    /// Returns whether `step_s` is one of even steps.
+    /// Returns whether `step_s` is possible for even steps.
     pub fn hold_even(&self, step_s: f64) -> bool {
-        // Not a number is no step.
+        // The comparison is false for a NaN.
         step_s > 0.0 && (step_s / self.usual_s - 1.0).abs() <= LARGEST_DEVIATION
     }
 
-    /// Returns whether `step_s` is one of these: no gap, no step back, and no short step where all are even.
+    /// Returns whether `step_s` is one of these steps: not a gap, not a step back, and not a short step if all steps
+    /// are even.
     pub fn hold(&self, step_s: f64) -> bool {
         if self.unevenness < EVEN {
             return self.hold_even(step_s);
@@ -71,7 +73,8 @@ impl Steps {
     }
 }
 
-/// Returns whether samples at `times`, s, are at even times but for the digits that the times are written with.
+/// Returns whether samples at `times`, s, are evenly spaced, within the precision of the digits with which the times
+/// are written.
 pub(super) fn are_even(times: &[f64]) -> bool {
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return true;
@@ -92,13 +95,13 @@ pub(super) fn are_even(times: &[f64]) -> bool {
     farthest <= digit_s + LEAST_MOVE * step
 }
 
-/// Samples of `channels`, taken at `times`, which rise, as they are at every 1/`rate_hz` from the first time on. Exact
-/// for polynomials of the fifth degree (Lagrange's interpolation through the six nearest samples).
+/// Interpolates samples of `channels`, taken at ascending `times`, at every 1/`rate_hz` from the first time on. It is
+/// exact for polynomials of the fifth degree (Lagrange's interpolation through the six nearest samples).
 pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<Vec<f64>> {
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return channels.to_vec();
     };
-    // Round-off of the product does not cost the sample at the last time.
+    // The small term prevents round-off of the product from losing the sample at the last time.
     let count = ((last - first) * rate_hz + 1e-6) as usize + 1;
     let points = POINTS.min(times.len());
     let mut evened = vec![Vec::with_capacity(count); channels.len()];
@@ -132,7 +135,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Steps of 0.13 and 0.21 ms, as an accelerometer's that is read in turn with others.
+        /// Steps of 0.13 and 0.21 ms, like those of an accelerometer that is read in turn with other sensors.
         #[test]
         fn a_tone_at_uneven_times_comes_out_as_at_even_ones(
             hz in 20.0..1000.0f64,

@@ -1,4 +1,4 @@
-//! Units of samples, as headers of files and people write them.
+//! Units of samples, as they are written in headers of files and by users.
 
 use regex_lite::Regex;
 use serde::{Deserialize, Serialize};
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 use crate::support::csv_table::comment;
 use crate::support::number::positive;
 
-/// Integers, whose acceleration no sample tells.
+/// Kind of integers whose acceleration nothing states.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Integers {
-    /// Shares of a full scale, as in a WAV file.
+    /// Fractions of a full scale, as in a WAV file.
     OfFullScale,
     /// Steps of a converter, as in a table.
     Counts,
@@ -18,7 +18,7 @@ pub enum Integers {
 /// Standard acceleration of gravity, m/s² (exact by definition, CGPM 1901).
 pub const GRAVITY_M_S2: f64 = 9.80665;
 
-/// Deviation of gravity in units of itself, by offsets and gains of cheap sensors, which read 0.93 to 1.10.
+/// Relative deviation of a measured gravity, caused by offsets and gains of cheap sensors, which read 0.93 to 1.10 g.
 pub const GRAVITY_TOLERANCE: f64 = 0.1;
 
 /// A unit that a header or an option can name.
@@ -26,16 +26,16 @@ pub const GRAVITY_TOLERANCE: f64 = 0.1;
 pub(super) enum Unit {
     /// An acceleration, m/s².
     Acceleration(f64),
-    /// A voltage, V, of which a sensitivity makes an acceleration.
+    /// A voltage, V, from which a sensitivity gives an acceleration.
     Voltage(f64),
-    /// Steps of a converter, of which a sensitivity makes an acceleration.
+    /// Steps of a converter, from which a sensitivity gives an acceleration.
     Count,
-    /// A quantity that is no acceleration.
+    /// A quantity that is not an acceleration.
     Other,
 }
 
 impl Unit {
-    /// Parses a unit, such as `g`, `m/s²`, `mm/s^2`, `LSB` or `g/256`; none if it is unknown.
+    /// Parses a unit, such as `g`, `m/s²`, `mm/s^2`, `LSB` or `g/256`; `None` if it is unknown.
     pub fn parse(text: &str) -> Option<Self> {
         if let Some((unit, count)) = text.rsplit_once('/')
             && let Ok(count) = count.trim().parse::<f64>()
@@ -51,7 +51,8 @@ impl Unit {
     }
 }
 
-/// `text` in lower case, without the signs that mean nothing: `m/s²`, `m·s⁻²`, `m/(s^2)` and `mps2` become few forms.
+/// Returns `text` in lower case, without characters that carry no meaning. So `m/s²`, `m·s⁻²`, `m/(s^2)` and `mps2`
+/// become only a few forms.
 fn plain(text: &str) -> String {
     let text = text.trim().to_lowercase().replace("per", "/");
     let kept = text.chars().filter_map(|sign| match sign {
@@ -65,7 +66,7 @@ fn plain(text: &str) -> String {
     text.replace("sec", "s").replace("squared", "2")
 }
 
-/// The unit of a plain name.
+/// Returns the unit of a name in plain form.
 fn named(plain: &str) -> Option<Unit> {
     use Unit::{Acceleration, Count, Other, Voltage};
     let metres = |prefix: f64| Some(Acceleration(prefix));
@@ -101,7 +102,7 @@ fn named(plain: &str) -> Option<Unit> {
     })
 }
 
-/// Parses an acceleration of a sample of 1, m/s²: a number, or a unit of acceleration.
+/// Parses the acceleration of a sample of 1, m/s²: a number, or a unit of acceleration.
 ///
 /// # Errors
 /// What the text must be, in words.
@@ -117,7 +118,7 @@ pub fn scale(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Returns whether the `fields` of a line below the names are units, in brackets or not.
+/// Returns whether the `fields` of a line below the names are units, with or without brackets.
 pub(super) fn is_row<'f>(mut fields: impl Iterator<Item = &'f str>) -> bool {
     const TIMES: [&str; 8] = ["s", "sec", "seconds", "ms", "us", "ns", "hh:mm:ss", ""];
     fields.all(|field| {
@@ -126,7 +127,7 @@ pub(super) fn is_row<'f>(mut fields: impl Iterator<Item = &'f str>) -> bool {
     })
 }
 
-/// A unit without the brackets around it.
+/// Returns a unit without the brackets around it.
 pub(super) fn bare(field: &str) -> &str {
     let inside = ["()", "[]"]
         .iter()
@@ -134,22 +135,22 @@ pub(super) fn bare(field: &str) -> &str {
     inside.unwrap_or(field).trim()
 }
 
-/// Units of a file's columns of samples, by its header.
+/// Units of a file's columns of samples, as its header states them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Stated {
-    /// Acceleration of a sample of 1 in each column, m/s², if the header tells it.
+    /// Acceleration of a sample of 1 in each column, m/s², if the header states it.
     pub scales_m_s2: Option<Vec<f64>>,
     /// The units, as the header writes them; empty if it names none.
     pub units: String,
-    /// The first unit of which the header tells no acceleration.
+    /// The first unit for which the header states no acceleration.
     pub unscaled: Option<Unit>,
 }
 
-/// Largest deviation of a scale that was given from that of the header, as a share, at which both are one: 9.81 is g.
+/// Largest relative deviation of a given scale from that of the header at which they count as the same: 9.81 means g.
 const SAME_SCALE: f64 = 0.01;
 
 impl Stated {
-    /// Acceleration of a sample of 1 on each of `axes`, m/s²: as it was `given`, or by the header, or 1.
+    /// Returns the acceleration of a sample of 1 on each of `axes`, m/s²: as `given`, or from the header, or 1.
     pub fn scales_for(&self, given: Option<f64>, axes: usize) -> Vec<f64> {
         match (given, &self.scales_m_s2) {
             (Some(scale), _) => vec![scale; axes],
@@ -158,12 +159,12 @@ impl Stated {
         }
     }
 
-    /// Counts, if the header says so, and not what they are.
+    /// Returns counts, if the header states that samples are counts, but not their acceleration.
     pub fn counts(&self) -> Option<Integers> {
         (self.unscaled == Some(Unit::Count)).then_some(Integers::Counts)
     }
 
-    /// The conversion by the header's units, in words.
+    /// Returns the conversion by the header's units, in words.
     pub fn conversion(&self, given: Option<f64>) -> Option<String> {
         let scales = self.scales_m_s2.as_ref().filter(|_| given.is_none())?;
         let is_other = scales
@@ -172,7 +173,7 @@ impl Stated {
         is_other.then(|| format!("converted from {} to m/s², by the header", self.units))
     }
 
-    /// The contradiction of the header's units to a scale that was `given`, or what they leave open, in words.
+    /// Returns, in words, how the header's units contradict a `given` scale, or what they leave open.
     pub fn doubt(&self, given: Option<f64>) -> Option<String> {
         let units = &self.units;
         match (given, &self.scales_m_s2) {
@@ -190,7 +191,7 @@ impl Stated {
                      m/s²"
                 )),
                 Unit::Other => Some(format!("the header says {units}, which is no acceleration")),
-                // Integers without a scale have a note of their own.
+                // Integers without a scale have a separate note.
                 Unit::Acceleration(_) | Unit::Count => None,
             },
             _ => None,
@@ -198,14 +199,14 @@ impl Stated {
     }
 }
 
-/// Returns what `names` of columns and the `comments` above them say of the columns' units.
+/// Returns what `names` of columns and the `comments` above them state about the columns' units.
 ///
-/// A column without a unit has that of the others. Comments count where no name has a unit.
+/// A column without a unit has the unit of the others. Comments are used only if no name has a unit.
 pub(super) fn stated(names: &[String], comments: &str) -> Stated {
     let in_names: Vec<Option<(Unit, String)>> = names.iter().map(|name| in_name(name)).collect();
     let mut texts = names.iter().map(String::as_str).chain([comments]);
     let sensitivity = texts.find_map(Sensitivity::found_in);
-    // A lone v is rather a direction than volts.
+    // A single v is more likely a direction than volts.
     let is_direction = |text: &str| names.len() == 1 && names[0].ends_with("_v") && text == "v";
     let first = in_names.iter().flatten().next().cloned();
     let first = first
@@ -229,7 +230,7 @@ pub(super) fn stated(names: &[String], comments: &str) -> Stated {
     }
 }
 
-/// Acceleration of one `unit`, m/s², if it has one.
+/// Returns the acceleration of one `unit`, m/s², if it is known.
 fn m_s2_of(unit: Unit, sensitivity: Option<&Sensitivity>) -> Option<f64> {
     let of_one = |of: Unit| sensitivity.filter(|own| own.of == of).map(|own| own.m_s2);
     match unit {
@@ -240,11 +241,11 @@ fn m_s2_of(unit: Unit, sensitivity: Option<&Sensitivity>) -> Option<f64> {
     }
 }
 
-/// The unit that a column's name holds, with its text: in brackets, or as its last words.
+/// Returns the unit that a column's name contains, with its text: in brackets, or as its last words.
 pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
     let (inside, outside) = brackets(name);
     let of_text = |text: &str| Some((Unit::parse(text)?, text.trim().to_owned()));
-    // A sensitivity may follow: `mV, 100 mV/g`.
+    // A sensitivity may follow the unit: `mV, 100 mV/g`.
     let of_bracket =
         |text: &String| of_text(text).or_else(|| text.split([',', ';', '@']).find_map(of_text));
     inside.iter().find_map(of_bracket).or_else(|| {
@@ -258,8 +259,8 @@ pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
     })
 }
 
-/// The unit that the last words of a name are. Places, such as `tip_mm`, are none, and only powers have a separator in
-/// them.
+/// Returns the unit that the last words of a name denote. Positions, such as `tip_mm`, do not count, and only units
+/// with powers may contain a separator.
 fn last_words(words: &str) -> Option<(Unit, String)> {
     let unit = Unit::parse(words)?;
     let is_power = ["2", "/s/s"]
@@ -269,7 +270,7 @@ fn last_words(words: &str) -> Option<(Unit, String)> {
     is_meant.then(|| (unit, words.to_owned()))
 }
 
-/// The texts within the brackets of a name, and the name without them.
+/// Returns the texts within the brackets of a name, and the name without them.
 fn brackets(name: &str) -> (Vec<String>, String) {
     let (mut inside, mut outside, mut depth) = (Vec::new(), String::new(), 0usize);
     for sign in name.chars() {
@@ -297,7 +298,7 @@ fn brackets(name: &str) -> (Vec<String>, String) {
     (inside, outside)
 }
 
-/// The unit that comments name: `unit: g`, `acceleration in mg`.
+/// Returns the unit that comments name: `unit: g`, `acceleration in mg`.
 fn in_comments(comments: &str) -> Option<(Unit, String)> {
     comments.lines().find_map(|line| {
         let line = comment(line).unwrap_or(line).trim();
@@ -315,10 +316,10 @@ fn in_comments(comments: &str) -> Option<(Unit, String)> {
     })
 }
 
-/// Acceleration of one volt, or of one step of a converter.
+/// Acceleration per volt, or per step of a converter.
 #[derive(Clone, Debug, PartialEq)]
 struct Sensitivity {
-    /// Unit whose acceleration is told: the volt or the step.
+    /// Unit whose acceleration is stated: the volt or the step.
     of: Unit,
     /// Acceleration of that unit, m/s².
     m_s2: f64,
@@ -327,7 +328,7 @@ struct Sensitivity {
 }
 
 impl Sensitivity {
-    /// Pattern of a sensitivity: a number, a unit, and the unit that it is per.
+    /// Returns the pattern of a sensitivity: a number, a unit, and the unit by which it is divided.
     fn form() -> Option<Regex> {
         Regex::new(concat!(
             r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)[\s_]*([A-Za-zµμ]+)",
@@ -336,7 +337,7 @@ impl Sensitivity {
         .ok()
     }
 
-    /// The first sensitivity in `text`: `100 mV/g`, `0.0102 V/(m/s²)`, `256 LSB/g`, `3.9 mg/LSB`.
+    /// Returns the first sensitivity in `text`: `100 mV/g`, `0.0102 V/(m/s²)`, `256 LSB/g`, `3.9 mg/LSB`.
     fn found_in(text: &str) -> Option<Self> {
         Self::form()?.captures_iter(text).find_map(|found| {
             let number: f64 = found[1].parse().ok().filter(|number| *number > 0.0)?;
@@ -356,12 +357,12 @@ impl Sensitivity {
         })
     }
 
-    /// `text` without the sensitivity in it.
+    /// Returns `text` without the sensitivity in it.
     fn cut_from(text: &str) -> String {
         Self::found_in(text).map_or_else(|| text.to_owned(), |found| text.replace(&found.text, ""))
     }
 
-    /// The unit of samples of which only the sensitivity is told: steps, or volts with an unknown prefix.
+    /// Returns the unit of samples for which only the sensitivity is stated: steps, or volts with an unknown prefix.
     fn of_unit(&self) -> (Unit, String) {
         let unit = if self.of == Unit::Count {
             Unit::Count

@@ -18,12 +18,12 @@ use super::source::{Cut, Source};
 use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
 
-/// Said of a file that is read to its end.
+/// Remark on a file that is read to its end.
 const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or \
                           of a program that wrote to a pipe: the samples that are there are read";
 
-/// Reads the part of a WAV file within `cut`. Every sample is exact: float samples as they are, integer ones divided by
-/// their full scale.
+/// Reads the part of a WAV file within `cut`. Every sample is exact: float samples are unchanged, and integer samples
+/// are divided by their full scale.
 pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let Wave {
         samples,
@@ -85,7 +85,8 @@ fn unusable(path: &Path, failure: &WavError) -> Error {
     Error::file(path, format!("is not a readable WAV file: {failure}"))
 }
 
-/// The samples of these frames, by channel, and the number of frames read up to their end.
+/// Returns the samples of the `wanted` frames, by channel, and the number of frames that were read up to the end of
+/// these.
 fn decoded(
     path: &Path,
     format: &mut WavReader<'_>,
@@ -148,7 +149,7 @@ mod tests {
         duration_s: f64::INFINITY,
     };
 
-    /// A file of two channels.
+    /// A file with two channels.
     fn right() -> Vec<u8> {
         let samples = (0..4000).map(|n| (f64::from(n) * 0.37).sin());
         float_wav(2, 5000, samples).unwrap()
@@ -215,7 +216,7 @@ mod tests {
                 header[data..].copy_from_slice(&bytes.to_le_bytes());
                 header[4..8].copy_from_slice(&(data as u32 + bytes - 4).to_le_bytes());
                 std::fs::write(&path, &header).unwrap();
-                // Zeros that take no place on the disk.
+                // Zeros that take no space on the disk.
                 let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
                 file.set_len(header.len() as u64 + u64::from(bytes))
                     .unwrap();
@@ -255,7 +256,7 @@ mod tests {
             assert_eq!(found.channels, expected.channels);
             assert!(found.remarks.is_empty());
         }
-        // An empty recording stays one, whatever follows it.
+        // An empty recording stays empty, whatever follows it.
         let file = right();
         let data = data_of(&file);
         let empty = [&file[..data], b"data\0\0\0\0", &list].concat();

@@ -1,14 +1,14 @@
-//! Times of a counter that starts again at 0, as those of microcontrollers do.
+//! Times from a counter that wraps to 0, as in microcontrollers.
 
 use super::uneven::Steps;
 
-/// Bits of counters, such as Arduino's `micros()`, which starts again after 71.6 minutes, or a timer's register.
+/// Numbers of bits of counters: Arduino's `micros()`, which wraps after 71.6 minutes, or a timer's register.
 const COUNTER_BITS: [i32; 2] = [16, 32];
 
-/// Largest step over the usual one across a start, so that a few samples may be missing there.
+/// Largest ratio of the step across a wrap to the usual step, so that a few samples may be missing there.
 const LARGEST_STEP: f64 = 8.0;
 
-/// Makes `times` go on where their counter starts again, and returns that in words. Other times stay as they are.
+/// Makes `times` continue where their counter wraps, and returns a remark about it. Other times stay the same.
 pub(super) fn unwrap(times: &mut [f64]) -> Option<String> {
     if times.len() < 3 || times.windows(2).all(|pair| pair[1] >= pair[0]) {
         return None;
@@ -49,7 +49,7 @@ mod tests {
             bits in prop::sample::select(vec![16, 32]),
         ) {
             let place = |row: usize| row as u64 + if row > lost { 2 } else { 0 };
-            // A counter that runs over within a few steps does not tell them apart.
+            // A counter that wraps within a few steps does not distinguish them.
             let step = step.min((1 << bits) / 16);
             let expected: Vec<f64> = (0..rows).map(|row| (begin % (1 << bits) + place(row) * step) as f64).collect();
             let mut times: Vec<f64> = expected.iter().map(|time| time % f64::from(bits).exp2()).collect();

@@ -13,8 +13,8 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// The contact of a tip of `tip_radius_mm` on a surface of effective modulus `effective_modulus_mpa`, pressed by
-    /// `force_n`; none if the force is not above zero.
+    /// Returns the contact of a tip of `tip_radius_mm` on a surface of effective modulus `effective_modulus_mpa`,
+    /// pressed by `force_n`; `None` if the force is not above zero.
     ///
     /// a = (3FR / 4E*)^{1/3}, k = 2E*a (Johnson 1985, eq. 4.22 and the derivative of 4.23).
     pub fn hertz(tip_radius_mm: f64, effective_modulus_mpa: f64, force_n: f64) -> Option<Self> {
@@ -39,13 +39,13 @@ impl Contact {
         self.stiffness_n_per_um
     }
 
-    /// Gain from a profile of `wavenumber_rad_per_mm` to the mean height under the contact, weighted by the pressure:
-    /// 3(sin u - u cos u)/u³. This is the Fourier transform of the parabola that the Hertz pressure gives when it is
-    /// summed across the track. It is 1 for long waves and within ±3/u² for short ones.
+    /// Returns the gain from a profile of `wavenumber_rad_per_mm` to the mean height under the contact, weighted by the
+    /// pressure: 3(sin u - u cos u)/u³. The Hertz pressure, integrated across the track, is a parabola along the track;
+    /// this is its Fourier transform. The gain is 1 for long waves and within ±3/u² for short ones.
     pub fn patch_response(&self, wavenumber_rad_per_mm: f64) -> f64 {
         let u = wavenumber_rad_per_mm * self.radius_mm;
         if u < 0.05 {
-            // The quotient suffers cancellation here. The next term of the series is u⁶/15120 < 2e-12.
+            // The quotient suffers from cancellation here. The next term of the series is u⁶/15120 < 2e-12.
             let square = u * u;
             return 1.0 - square / 10.0 + square * square / 280.0;
         }
@@ -70,14 +70,14 @@ pub struct Response {
 }
 
 impl ToolResponse {
-    /// The tool with these modes.
+    /// Creates the tool with these modes.
     pub fn new(modes: &[Mode]) -> Self {
         Self {
             modes: modes.to_vec(),
         }
     }
 
-    /// The response at `frequency_hz`, which must be above zero, in the convention e^{+iωt}.
+    /// Returns the response at `frequency_hz`, which must be above zero, in the convention e^{+iωt}.
     pub fn at(&self, frequency_hz: f64) -> Response {
         let omega = TAU * frequency_hz;
         let mut response = Response {
@@ -104,7 +104,8 @@ impl ToolResponse {
 }
 
 impl Response {
-    /// Dynamic force per micrometre of mean height under the contact, N/µm: k / (1 + kG) with k(1 + iη) for k.
+    /// Returns the dynamic force per micrometre of mean height under the contact, N/µm: k / (1 + kG), with the complex
+    /// stiffness k(1 + iη) in place of k.
     pub fn force_per_height(&self, contact: &Contact, loss_factor: Option<f64>) -> Complex<f64> {
         let stiffness =
             Complex::new(1.0, loss_factor.unwrap_or(0.0)) * contact.stiffness_n_per_um();
@@ -121,7 +122,7 @@ mod tests {
         let contact = Contact::hertz(1.5, 300.0, 1.0).unwrap();
         let a = contact.radius_mm();
         for wavenumber in [1e-3, 0.2, 0.04 / a, 0.06 / a, 1.0 / a, 4.0 / a, 20.0 / a] {
-            // Midpoint rule over the square that holds the contact, on the pressure itself.
+            // Reference: the midpoint rule over the square around the contact, applied to the pressure itself.
             let cells = 800;
             let (mut weighted, mut total) = (0.0, 0.0);
             for row in 0..cells {

@@ -1,12 +1,13 @@
 //! The content of a rig file: the rig, the strips on its drum, the trials, and the effects of measuring.
 //!
-//! The description has plain values, as in the TOML text. [`RigFile`](super::RigFile) holds one that has been checked.
+//! The description contains plain values, as in the TOML text. A [`RigFile`](super::RigFile) contains a description
+//! that has been checked.
 
 use serde::Deserialize;
 
 use crate::recording::GRAVITY_M_S2;
 
-/// A rig, what is on its drum, and the trials to record.
+/// A rig, the textures on its drum, and the trials to record.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigDescription {
@@ -18,7 +19,7 @@ pub struct RigDescription {
     pub drum: Drum,
     /// The tool and the hand that holds it; required if a texture has a profile.
     pub tool: Option<Tool>,
-    /// The textures, each in a subfolder of its name.
+    /// The textures, each recorded in a subfolder with its name.
     #[serde(rename = "texture")]
     pub textures: Vec<Texture>,
     /// Effects of measuring; none if not given.
@@ -36,7 +37,7 @@ pub struct Recording {
     pub duration_s: f64,
     /// Surface speeds of the drum, mm/s, ascending.
     pub speeds_mm_s: Vec<f64>,
-    /// Normal forces, N, ascending; 0 is without contact.
+    /// Normal forces, N, ascending; 0 means no contact.
     pub forces_n: Vec<f64>,
 }
 
@@ -61,9 +62,9 @@ pub struct Drum {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wander {
-    /// RMS of the speed's deviation over the speed.
+    /// RMS of the speed's deviation, as a fraction of the speed.
     pub rms: f64,
-    /// Time over which the deviation stays correlated (to e^{-1/2}), s.
+    /// Correlation time of the deviation, after which the correlation is e^{-1/2}, s.
     pub correlation_s: f64,
 }
 
@@ -86,10 +87,10 @@ pub struct Mode {
     pub frequency_hz: f64,
     /// Fraction of critical damping.
     pub damping_ratio: f64,
-    /// Acceleration at the accelerometer well above resonance per normal force at the tip, (m/s²)/N, on x, y, z.
+    /// Acceleration at the accelerometer, well above resonance, per normal force at the tip, (m/s²)/N, on x, y, z.
     pub participation_m_s2_per_n: [f64; 3],
-    /// Acceleration at the tip well above resonance per normal force at the tip, along the normal, (m/s²)/N: one over
-    /// the modal mass at the tip. If not given, the tip does not move in this mode.
+    /// Acceleration at the tip along the normal, well above resonance, per normal force at the tip, (m/s²)/N. It is the
+    /// inverse of the modal mass at the tip. If not given, the tip does not move in this mode.
     pub tip_participation_m_s2_per_n: Option<f64>,
 }
 
@@ -125,7 +126,7 @@ pub struct Weave {
     pub wavelength_mm: f64,
     /// Amplitude (half of peak to peak) of the fundamental, µm.
     pub amplitude_um: f64,
-    /// Amplitudes of the second, third ... harmonic as fractions of the fundamental's; may be negative.
+    /// Amplitudes of the second, third ... harmonic as fractions of the fundamental's amplitude; may be negative.
     #[serde(default)]
     pub harmonics: Vec<f64>,
     /// Variation of the spacing; none if not given.
@@ -138,7 +139,7 @@ pub struct Weave {
 pub struct Jitter {
     /// RMS phase of the fundamental, rad.
     pub rms_rad: f64,
-    /// Distance over which the phase stays correlated (to e^{-1/2}), mm.
+    /// Correlation length of the phase, after which the correlation is e^{-1/2}, mm.
     pub correlation_mm: f64,
 }
 
@@ -148,7 +149,7 @@ pub struct Jitter {
 pub struct Roughness {
     /// RMS height over all wavelengths, µm.
     pub rms_um: f64,
-    /// Hurst exponent, above 0 and at most 1; larger is smoother.
+    /// Hurst exponent, above 0 and at most 1. A larger exponent gives a smoother surface.
     pub hurst: f64,
     /// Wavelength above which the power spectrum is flat, mm.
     pub roll_off_mm: f64,
@@ -156,7 +157,7 @@ pub struct Roughness {
     pub shortest_mm: f64,
 }
 
-/// Effects of measuring, each computed only if it is given.
+/// Effects of measuring. Each is computed only if it is given.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measurement {
@@ -172,7 +173,7 @@ pub struct Measurement {
     pub clipping: Option<Clipping>,
 }
 
-/// Physiological tremor: Gaussian, its power even over a narrow band, along one fixed direction.
+/// Physiological tremor: Gaussian, with its power spread evenly over a narrow band, along one fixed direction.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tremor {
@@ -214,7 +215,7 @@ pub struct Noise {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Clipping {
-    /// Largest magnitude, in standard gravities; 5, the range of the paper's accelerometer, if not given.
+    /// Largest magnitude, in standard gravities. If not given, it is 5, the range of the paper's accelerometer.
     #[serde(default = "Clipping::paper_range_g")]
     pub range_g: f64,
 }

@@ -1,4 +1,4 @@
-//! A rig file: its text, and its description after checks whose faults name the field.
+//! A rig file: its text, and its description after checks. Errors of the checks name the field.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use super::profile::{highest_roughness_term, highest_weave_term};
 use crate::support::error::Result;
 use crate::support::toml_field::{Checked, Field, from_toml};
 
-/// The copy of the rig file.
+/// Name of the copy of the rig file in a set.
 pub(super) const RIG: &str = "rig.toml";
 
-/// A rig file that was read and checked. It can only be made from its text, which it keeps.
+/// A rig file that was read and checked. It can only be created from its text, which it keeps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigFile {
     description: RigDescription,
@@ -21,11 +21,11 @@ pub struct RigFile {
 }
 
 impl RigFile {
-    /// Reads a rig from TOML `text`; `path` is only named in errors.
+    /// Reads a rig from TOML `text`; `path` is used only in errors.
     ///
     /// # Errors
-    /// [`Error::Line`](crate::support::error::Error::Line): text that is not TOML, a field that is unknown, missing, or
-    /// of the wrong type, or a value out of its range, with the line and the field.
+    /// [`Error::Line`](crate::support::error::Error::Line), with the line and the field: text that is not TOML, a field
+    /// that is unknown, missing, or of the wrong type, or a value outside its range.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
         let description: RigDescription = from_toml(path, text)?;
         check(&description).map_err(|fault| fault.field.error(path, text, fault.problem))?;
@@ -35,13 +35,14 @@ impl RigFile {
         })
     }
 
-    /// The paper's protocol, 15 speeds by 8 forces by 4 textures, with surfaces and a tool of our own choosing.
+    /// Returns the rig of the paper's protocol, 15 speeds by 8 forces by 4 textures, with surfaces and a tool that were
+    /// chosen for this project.
     pub fn paper() -> Self {
         Self::from_toml(Path::new("rigs/paper-rig.toml"), PAPER_RIG)
             .expect("the rig file that comes with the program is sound; a test reads it")
     }
 
-    /// The rig of the demo: of the paper's textures paper, vinyl and denim, and a plate with scratches.
+    /// Returns the rig of the demo. It has the paper's textures paper, vinyl and denim, and a plate with scratches.
     pub fn demo() -> Self {
         Self::from_toml(Path::new("rigs/demo-rig.toml"), DEMO_RIG)
             .expect("the rig file that comes with the program is sound; a test reads it")
@@ -52,7 +53,7 @@ impl RigFile {
         &self.description
     }
 
-    /// The text that it was read from, comments included.
+    /// The text from which the rig was read, including comments.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -63,22 +64,22 @@ const DEMO_RIG: &str = include_str!("../../../rigs/demo-rig.toml");
 
 /// Longest trial, s.
 const MAX_DURATION_S: f64 = 600.0;
-/// Most weaves of a texture, harmonics of a weave, modes of a tool.
+/// Largest number of weaves of a texture, harmonics of a weave, or modes of a tool.
 const MAX_PARTS: usize = 64;
-/// Most periods of a profile's shortest wave on the drum; they take 16 MiB of terms.
+/// Largest number of periods of a profile's shortest wave on the drum. Their terms take 16 MiB.
 const MAX_TERMS: f64 = 1_048_576.0;
 
-/// Requires that the value of a key is above zero and at most `high`, which NaN is not.
+/// Requires that the value of a key is above zero and at most `high`; NaN is refused.
 fn positive(field: &Field, key: &'static str, value: f64, high: f64) -> Checked {
     field.key(key).over(value, 0.0, high)
 }
 
-/// Requires that each value of a key is from `low` to `high`, which NaN is not.
+/// Requires that each value of a key is from `low` to `high`; NaN is refused.
 fn each(field: &Field, key: &'static str, values: &[f64], [low, high]: [f64; 2]) -> Checked {
     field.key(key).each_within(values, low, high)
 }
 
-/// Checks every value of `rig`, and that they go together.
+/// Checks every value of `rig`, and that the values are compatible.
 ///
 /// # Errors
 /// The first fault, with its field.
@@ -211,7 +212,7 @@ fn check_fineness(field: &Field, terms: f64, circumference_mm: f64) -> Checked {
     field.require(terms <= MAX_TERMS, problem)
 }
 
-/// Checks that a profile has a tool to feel it, and that the Hertz contact stays smaller than the tip.
+/// Checks that there is a tool if the texture has a profile, and that the Hertz contact stays smaller than the tip.
 fn check_contact(field: &Field, texture: &Texture, rig: &RigDescription) -> Checked {
     let Some(tool) = &rig.tool else {
         return field.require(!texture.has_profile(), || {

@@ -59,8 +59,8 @@ fn add_along(samples: &mut [Vec<f64>; 3], movement: &[f64], direction: [f64; 3])
     }
 }
 
-/// A Gaussian movement of expected RMS 1 with its power spread evenly over the band: a sum of sines of random
-/// frequency.
+/// Returns a Gaussian movement of expected RMS 1 whose power is spread evenly over the band: a sum of sines of random
+/// frequencies.
 fn tremor_movement(
     tremor: &Tremor,
     sample_rate_hz: f64,
@@ -106,7 +106,7 @@ fn add_noise(noise: &Noise, key: StreamKey, samples: &mut [Vec<f64>; 3]) {
     }
 }
 
-/// The purpose of a stream, hashed to 64 bits (FNV-1a: Fowler, Noll, Vo).
+/// The key of a random stream: what it is used for, hashed to 64 bits (FNV-1a: Fowler, Noll, Vo).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StreamKey(u64);
 
@@ -115,7 +115,7 @@ impl StreamKey {
         Self(0xCBF2_9CE4_8422_2325).bytes(&seed.to_le_bytes())
     }
 
-    /// Adds a text. The byte 0xFF ends it, because UTF-8 never contains that byte.
+    /// Adds a text. It is terminated by the byte 0xFF, which UTF-8 never contains.
     pub(super) fn text(self, text: &str) -> Self {
         self.bytes(text.as_bytes()).bytes(&[0xFF])
     }
@@ -128,7 +128,7 @@ impl StreamKey {
         self.bytes(&(index as u64).to_le_bytes())
     }
 
-    /// The stream of `effect`.
+    /// Returns the stream of `effect`.
     pub(super) fn stream(self, effect: &str) -> Pcg64 {
         Pcg64::seed_from_u64(self.text(effect).0)
     }

@@ -1,4 +1,4 @@
-//! A simulated set on disk: one WAV file per trial, and the table of trials. Each of them says that it is simulated.
+//! A simulated set on disk: one WAV file per trial, and the table of trials. Each file says that it is simulated.
 
 use std::io::Write;
 use std::path::Path;
@@ -15,11 +15,11 @@ use crate::support::number::counted;
 use crate::support::output::OutputFolder;
 use crate::support::{atomic_file, progress};
 
-/// The note that the set is simulated; written before any recording.
+/// Name of the file that states that the set is simulated. It is written before any recording.
 const MARKER: &str = "SIMULATED.txt";
 /// The marker's first words.
 const MARKER_START: &str = "SIMULATED. Nothing in this folder was measured.";
-/// The table of trials; written after everything else.
+/// Name of the table of trials. It is written after everything else.
 const TRIALS: &str = "trials.csv";
 /// Prefix of the name of every recording.
 const RECORDING_PREFIX: &str = "simulated_";
@@ -27,7 +27,7 @@ const RECORDING_PREFIX: &str = "simulated_";
 /// Summary of the files of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// Number of trials, each in a file of its own.
+    /// Number of trials, each in its own file.
     pub trials: usize,
     /// Samples of a trial on each axis.
     pub samples_per_trial: usize,
@@ -42,8 +42,8 @@ pub struct Summary {
 pub struct TextureSummary {
     /// Name of the texture.
     pub name: String,
-    /// Lowest and highest RMS of the trials in contact (force above zero) over the three axes together, m/s²; none if
-    /// no trial is in contact.
+    /// Lowest and highest RMS, over the three axes together, of the trials in contact (force above zero), m/s²; `None`
+    /// if no trial is in contact.
     pub rms_range_m_s2: Option<(f64, f64)>,
     /// Number of samples that the sensor's range cut off.
     pub clipped_samples: u64,
@@ -75,15 +75,15 @@ impl fmt::Display for Summary {
 
 /// Runs every trial of `rig` with `seed` and writes them to the folder `out`.
 ///
-/// Each trial is a WAV file `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav` of 3 channels (x, y, z), 32-bit float, m/s².
-/// Beside them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`. The same rig and seed give
-/// the same bytes for any number of threads.
+/// Each trial is a WAV file `TEXTURE/simulated_SPEEDmm_s_FORCEN.wav` of 3 channels (x, y, z), 32-bit float, m/s². The
+/// folder also contains `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`. The same rig and seed
+/// give the same bytes for any number of threads.
 ///
-/// The folder is written whole or not at all. An earlier simulated set in `out` is replaced at the end, with
-/// `overwrite`.
+/// The folder is written whole or not at all. With `overwrite`, an earlier simulated set in `out` is replaced at the
+/// end.
 ///
 /// # Errors
-/// A folder that holds other files, or cannot be written.
+/// The folder contains other files, or cannot be written.
 pub fn simulate_to_folder(
     rig: &RigFile,
     seed: u64,
@@ -94,14 +94,15 @@ pub fn simulate_to_folder(
     folder.fill(|folder| simulate(rig, seed, folder.path()))
 }
 
-/// As [`simulate_to_folder`], to an empty folder.
+/// Like [`simulate_to_folder`], for an empty folder.
 fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     let description = rig.description();
     let notice = notice(rig, seed);
     atomic_file::write(&out.join(MARKER), notice.as_bytes())?;
     for texture in &description.textures {
         let folder = out.join(&texture.name);
-        // Not those above it: an interrupt has taken the set's folder away then.
+        // Missing parent folders are not created: if an interrupt has removed the set's folder, it must not be created
+        // again.
         fs::create_dir(&folder).map_err(Error::io("create", &folder))?;
     }
 
@@ -137,10 +138,10 @@ fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     })
 }
 
-/// A trial's row of the table, kept after its samples are written.
+/// The row of a trial in the table, kept after its samples are written.
 struct Row {
     texture: String,
-    /// Path of the file, relative to the set's folder, with `/` between the parts.
+    /// Path of the file relative to the set's folder, with `/` between folders.
     file: String,
     speed_mm_s: f64,
     force_n: f64,
@@ -184,7 +185,7 @@ impl Row {
     }
 }
 
-/// Origin of the set, for the recordings and the table of trials.
+/// Returns the origin of the set, for the recordings and the table of trials.
 fn provenance(description: &RigDescription, seed: u64) -> String {
     format!(
         "SIMULATED by the rig simulator, nothing here was measured; rig {:?}, seed {seed}",
@@ -251,7 +252,7 @@ fn summarise(description: &RigDescription, rows: &[Row]) -> Vec<TextureSummary> 
         .collect()
 }
 
-/// A number with at least one decimal: `1.0`, `0.2`, `0.25`.
+/// Returns a number with at least one decimal: `1.0`, `0.2`, `0.25`.
 fn with_a_decimal(value: f64) -> String {
     let text = value.to_string();
     if text.contains('.') {
@@ -261,7 +262,8 @@ fn with_a_decimal(value: f64) -> String {
     }
 }
 
-/// A trial as a WAV file. A chunk of its own holds `comment`, so that the file says SIMULATED outside its folder, too.
+/// Returns a trial as a WAV file. An extra chunk contains `comment`, so that the file says SIMULATED outside its
+/// folder, too.
 fn wav_bytes(trial: &Trial, sample_rate_hz: u32, comment: &str) -> hound::Result<Vec<u8>> {
     let [x, y, z] = &trial.samples_m_s2;
     let samples = (0..x.len()).flat_map(|n| [x[n], y[n], z[n]]);

@@ -13,12 +13,13 @@ use crate::dsp::fourier::{self, Complex};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     circumference_mm: f64,
-    /// `coefficients[n]` is cₙ of h(x) = Re Σ cₙ e^{2πi n x / L}, µm; empty for a profile without any height.
+    /// `coefficients[n]` is cₙ of h(x) = Re Σ cₙ e^{2πi n x / L}, µm. The list is empty for a flat profile.
     coefficients: Vec<Complex<f64>>,
 }
 
 impl Profile {
-    /// Profile of `texture` on `drum`. The same seed and texture give the same profile on any rig.
+    /// Computes the profile of `texture` on `drum`. The same seed and texture give the same profile on any rig with
+    /// this drum.
     pub fn new(drum: &Drum, texture: &Texture, seed: u64) -> Self {
         let circumference_mm = drum.circumference_mm;
         let key = StreamKey::new(seed).text(&texture.name);
@@ -42,7 +43,7 @@ impl Profile {
         self.coefficients.is_empty()
     }
 
-    /// Terms of the series, µm; the n-th has n periods on the drum, the 0-th is zero.
+    /// Terms of the series, µm. The n-th term has n periods on the drum; the 0-th is zero.
     pub fn coefficients_um(&self) -> &[Complex<f64>] {
         &self.coefficients
     }
@@ -64,17 +65,18 @@ impl Profile {
     }
 }
 
-/// Periods of a wavelength on the drum: the nearest whole number, at least one.
+/// Returns the number of periods of a wavelength on the drum: the nearest whole number, at least one.
 pub(super) fn periods(circumference_mm: f64, wavelength_mm: f64) -> f64 {
     (circumference_mm / wavelength_mm).round().max(1.0)
 }
 
-/// Highest term of a weave, including the sidebands of its jitter.
+/// Returns the index of the highest term of a weave, including the sidebands of its jitter.
 pub(super) fn highest_weave_term(weave: &Weave, circumference_mm: f64) -> f64 {
     let harmonics = (weave.harmonics.len() + 1) as f64;
     let line = harmonics * periods(circumference_mm, weave.wavelength_mm);
     match &weave.jitter {
-        // Twice Carson's bandwidth of a phase modulation, (1 + peak phase) times its highest frequency.
+        // The width of a sideband is twice Carson's bandwidth of a phase modulation, which is (1 + peak phase) times
+        // its highest frequency.
         Some(jitter) => {
             let peak_rad = 4.0 * harmonics * jitter.rms_rad;
             (line + 2.0 * (1.0 + peak_rad) * jitter_terms(jitter, circumference_mm)).ceil()
@@ -83,12 +85,13 @@ pub(super) fn highest_weave_term(weave: &Weave, circumference_mm: f64) -> f64 {
     }
 }
 
-/// Highest term of a roughness.
+/// Returns the index of the highest term of a roughness.
 pub(super) fn highest_roughness_term(roughness: &Roughness, circumference_mm: f64) -> f64 {
     (circumference_mm / roughness.shortest_mm).floor()
 }
 
-/// Number of terms of a jitter's phase: its Gaussian spectrum exp(-q²ℓ²/2) is down to 4e-6 of its maximum at qℓ = 5.
+/// Returns the number of terms of a jitter's phase. Its Gaussian spectrum exp(-q²ℓ²/2) falls to 4e-6 of its maximum at
+/// qℓ = 5.
 fn jitter_terms(jitter: &Jitter, circumference_mm: f64) -> f64 {
     (5.0 * circumference_mm / (TAU * jitter.correlation_mm)).ceil()
 }
@@ -119,8 +122,8 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
         }
         return terms;
     };
-    // The phase varies along the drum, so the profile is computed in space and transformed, on a grid twice as fine as
-    // the highest sideband needs.
+    // The phase varies along the drum, so the profile is computed over position and then transformed. The grid is twice
+    // as fine as the highest sideband requires.
     let length = (4 * (highest + 1)).next_power_of_two();
     let mut phase_spectrum = vec![Complex::default(); length / 2 + 1];
     let wander = jitter_spectrum(jitter, circumference_mm, key);
@@ -142,7 +145,7 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
     terms
 }
 
-/// Spectrum of the jitter's phase, scaled for an inverse transform without a factor.
+/// Returns the spectrum of the jitter's phase, scaled for an inverse transform without a factor.
 fn jitter_spectrum(jitter: &Jitter, circumference_mm: f64, key: StreamKey) -> Vec<Complex<f64>> {
     let terms = jitter_terms(jitter, circumference_mm) as usize;
     gaussian_terms(terms, jitter.rms_rad, key, "weave jitter", |n| {
@@ -150,7 +153,7 @@ fn jitter_spectrum(jitter: &Jitter, circumference_mm: f64, key: StreamKey) -> Ve
         (-0.5 * q_l * q_l).exp()
     })
     .into_iter()
-    // The bin and its mirror image have half of the term's amplitude each.
+    // The bin and its mirror image each have half of the term's amplitude.
     .map(|term| term * 0.5)
     .collect()
 }
@@ -167,7 +170,8 @@ fn roughness_terms(
     })
 }
 
-/// Terms 0 to `highest` of a Gaussian field of expected RMS `rms`, with power in proportion to `power(n)`.
+/// Returns the terms 0 to `highest` of a Gaussian field of expected RMS `rms`, whose power is proportional to
+/// `power(n)`.
 fn gaussian_terms(
     highest: usize,
     rms: f64,
@@ -281,7 +285,7 @@ mod tests {
                 .sum::<f64>()
                 / from as f64
         };
-        // From one octave to another three octaves up: 8^{-(1+2H)}.
+        // Between two octaves that are three octaves apart, the power changes by the factor 8^{-(1+2H)}.
         let slope = (mean_power(6400) / mean_power(800)).log(8.0);
         assert!((slope + 2.4).abs() < 0.1, "{slope}");
         let plateau =

@@ -1,8 +1,8 @@
 //! Exact values of a Fourier series at uniformly spaced points, by the chirp z-transform (Bluestein 1970; Rabiner,
 //! Schafer and Rader 1969).
 //!
-//! A trial's samples lie v/fs apart on a track of period L, and v/fs seldom divides L. The substitution
-//! ni = (n² + i² - (i-n)²)/2 turns Σ cₙ W^{ni} into one convolution by FFT, so that no interpolation is needed.
+//! A trial's samples are v/fs apart on a track of period L, and L is seldom a multiple of v/fs. The substitution ni =
+//! (n² + i² - (i-n)²)/2 turns Σ cₙ W^{ni} into one convolution by FFT, so that no interpolation is needed.
 
 use std::f64::consts::TAU;
 
@@ -19,7 +19,7 @@ pub(super) struct UniformSampler {
 }
 
 impl UniformSampler {
-    /// An evaluator of `terms` terms at `samples` points that lie `step_cycles` periods of the series apart.
+    /// Creates an evaluator of `terms` terms at `samples` points, which are `step_cycles` periods of the series apart.
     pub(super) fn new(terms: usize, samples: usize, step_cycles: f64) -> Self {
         let chirp: Vec<_> = (0..=terms.max(samples))
             .map(|j| {
@@ -47,7 +47,8 @@ impl UniformSampler {
         }
     }
 
-    /// Re Σ_{n≥1} cₙ e^{2πi n i·step} for i = 0, 1 ...; `coefficients[n]` is cₙ and `coefficients[0]` is not used.
+    /// Returns Re Σ_{n≥1} cₙ e^{2πi n i·step} for i = 0, 1 ...; `coefficients[n]` is cₙ and `coefficients[0]` is not
+    /// used.
     pub(super) fn real_part(&self, coefficients: &[Complex<f64>]) -> Vec<f64> {
         let length = fast_length(self.terms + self.samples);
         let mut parts = [vec![0.0; length], vec![0.0; length]];
@@ -74,7 +75,7 @@ impl UniformSampler {
     }
 }
 
-/// The least even length from `least` on that is a power of two, or three times one.
+/// Returns the least even length of at least `least` that is a power of two, or three times a power of two.
 fn fast_length(least: usize) -> usize {
     let least = least.max(4);
     let power = least.next_power_of_two();

@@ -17,7 +17,7 @@ use super::*;
 use crate::dsp::fourier::{self, Complex};
 use test_helpers::near;
 
-/// Speeds, forces and drum that most rigs here have.
+/// Speeds, forces and drum of most rigs in these tests.
 const PROTOCOL: &str = r#"
 name = "test"
 [recording]
@@ -92,7 +92,7 @@ fn rig(parts: &[&str]) -> RigFile {
     RigFile::from_toml(Path::new("test.toml"), &parts.concat()).unwrap()
 }
 
-/// Every trial of the first texture.
+/// All trials of the first texture.
 fn trials(parts: &[&str], seed: u64) -> Vec<Trial> {
     let rig = rig(parts);
     let recording = &rig.description().recording;
@@ -132,7 +132,7 @@ fn without_an_effect_or_a_force_samples_are_exact_zeros() {
 
 #[test]
 fn a_wave_beyond_half_the_sample_rate_leaves_nothing_rather_than_an_alias() {
-    // 0.1 mm: 200 Hz at 20 mm/s, and 3000 Hz at 300.
+    // A wavelength of 0.1 mm gives 200 Hz at 20 mm/s, and 3000 Hz at 300 mm/s.
     let fine = WEAVE.replace("0.6", "0.1").replace("[0.5, -0.3]", "[]");
     let all = trials(&[PROTOCOL, TOOL, STRIP, &fine], 1);
     let level = |speed_mm_s: f64| {
@@ -147,14 +147,14 @@ fn a_wave_beyond_half_the_sample_rate_leaves_nothing_rather_than_an_alias() {
 /// Displacement (m) and speed (m/s) of each mode, or their derivatives.
 type State = Vec<[f64; 2]>;
 
-/// `state` after so long at the rates `by`.
+/// `state` after the time `step` at the rates `by`.
 fn moved(state: &State, by: &State, step: f64) -> State {
     let pairs = state.iter().zip(by);
     let moved = |(state, by): (&[f64; 2], &[f64; 2])| [0, 1].map(|i| state[i] + step * by[i]);
     pairs.map(moved).collect()
 }
 
-/// The height, µm, that a tip feels at a place, mm.
+/// The height, µm, averaged over the contact, at a position, mm.
 fn felt_um(rig: &RigFile, profile: &Profile, contact: &Contact) -> impl Fn(f64) -> f64 {
     let circumference_mm = rig.description().drum.circumference_mm;
     let terms = profile.coefficients_um().iter().enumerate();
@@ -170,8 +170,8 @@ fn felt_um(rig: &RigFile, profile: &Profile, contact: &Contact) -> impl Fn(f64) 
     }
 }
 
-/// The oracle: the modes' equations of motion integrated in time (Runge-Kutta, fourth order) with the contact spring
-/// pushing on them, in place of the frequency domain.
+/// The reference: the modes' equations of motion, driven by the contact spring, integrated over time (Runge-Kutta,
+/// fourth order) instead of solved in the frequency domain.
 fn integrated(
     rig: &RigFile,
     profile: &Profile,
@@ -234,7 +234,7 @@ fn samples_are_those_of_the_equations_of_motion() {
         let contact = Contact::hertz(1.5, 1000.0, force_n).unwrap();
         let expected = integrated(&rig, strip.profile(), &contact, speed_mm_s, start_mm);
         let scale = trial.rms_m_s2();
-        // By 0.3 s the start has died away: 90 Hz at 0.3 of critical damping.
+        // By 0.3 s the initial transient has decayed: 90 Hz at 0.3 of critical damping.
         for (i, expected) in expected.iter().enumerate().skip(1500) {
             for (axis, expected) in trial.samples_m_s2.iter().zip(expected) {
                 near(axis[i], *expected, 1e-4 * scale);
@@ -250,14 +250,14 @@ fn each_effect_adds_the_same_whatever_else_the_scene_names() {
     let alone = |part| trials(&[&still[..], &[part]].concat(), 5);
     let vibration = trials(&vibrating, 5);
     let [tremor, hum, offset, noise] = [TREMOR, HUM, OFFSET, NOISE].map(alone);
-    // Named in another order than the one in which they are added.
+    // Named in an order that differs from the order in which they are added.
     let all = trials(&[&vibrating[..], &[NOISE, HUM, OFFSET, TREMOR]].concat(), 5);
     let without_noise = trials(&[&vibrating[..], &[HUM, OFFSET, TREMOR]].concat(), 5);
     for trial in 0..all.len() {
         for axis in 0..3 {
             let of = |trials: &[Trial], i: usize| trials[trial].samples_m_s2[axis][i];
             for i in 0..10_000 {
-                // Bit for bit: every part is the same number, and they are added in one order.
+                // Equal to the bit, because every effect gives the same numbers, and they are added in the same order.
                 let quiet = of(&vibration, i) + of(&tremor, i) + of(&hum, i) + of(&offset, i);
                 assert_eq!(of(&without_noise, i), quiet);
                 assert_eq!(of(&all, i), quiet + of(&noise, i));
@@ -383,7 +383,7 @@ fn a_trial_does_not_depend_on_the_others_of_its_scene() {
     assert_eq!(Strip::new(&behind, 1, 9).trial(1, 2), whole[6]);
 }
 
-/// Every file of a folder, by its path in it.
+/// All files of a folder, by their relative paths.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -462,7 +462,7 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
         assert_eq!(samples, expected.collect::<Vec<_>>());
         let bytes = fs::read(folder.path().join(file)).unwrap();
         assert!(String::from_utf8_lossy(&bytes).contains("SIMULATED by the rig simulator"));
-        // The RIFF header counts the comment in.
+        // The length in the RIFF header includes the comment.
         let length = u32::from_le_bytes(bytes[4..8].try_into().unwrap());
         assert_eq!(length as usize + 8, bytes.len());
     }
@@ -507,7 +507,7 @@ fn the_demos_rig_is_the_papers_with_scratches_in_the_place_of_organza() {
     assert_eq!(demo.textures[1].name, "scratched");
     demo.textures[1] = paper.description().textures[1].clone();
     demo.name = paper.description().name.clone();
-    // It has no trial, no speed and no tremor that a fit would warn of.
+    // It contains no trial, no speed and no tremor about which a fit would warn.
     let recording = &demo.recording;
     assert!(recording.forces_n[0] > 0.0 && recording.speeds_mm_s[0] >= 40.0);
     assert!(demo.measurement.tremor.is_none());

@@ -1,4 +1,4 @@
-//! One trial: a tip on a surface that passes by at one speed under one force.
+//! One trial: a tip on a surface that passes at one speed under one force.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,7 +14,8 @@ use super::profile::Profile;
 use super::series::UniformSampler;
 use crate::dsp::fourier::Complex;
 
-/// One texture on the drum with one seed: its profile, and the response per speed that turns the profile into samples.
+/// One texture on the drum with one seed: its profile, and for each speed the response that turns the profile into
+/// samples.
 ///
 /// Trials of a strip do not depend on the other textures of the rig.
 pub struct Strip<'a> {
@@ -22,7 +23,8 @@ pub struct Strip<'a> {
     texture: &'a Texture,
     key: StreamKey,
     profile: Profile,
-    /// Passes, one per speed; empty if nothing is felt: a flat surface, no tool, or no force above zero.
+    /// Responses, one per speed. The list is empty if there is no vibration: the surface is flat, there is no tool, or
+    /// no force is above zero.
     passes: Vec<Pass>,
 }
 
@@ -42,7 +44,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// RMS about the mean, over the three axes together, m/s².
+    /// Returns the RMS about the mean, over the three axes together, m/s².
     pub fn rms_m_s2(&self) -> f64 {
         let power: f64 = self
             .samples_m_s2
@@ -62,7 +64,7 @@ impl Trial {
 
 /// The response that turns a profile into samples at one speed.
 struct Pass {
-    /// Share of the drum that passes per sample.
+    /// Fraction of the drum's circumference that passes per sample.
     step_cycles: f64,
     sampler: UniformSampler,
     /// Wavenumber of each term of the profile, and the tool's response at its frequency.
@@ -75,7 +77,7 @@ struct TermResponse {
 }
 
 impl<'a> Strip<'a> {
-    /// Computes the profile of the texture at position `texture` of [`RigDescription::textures`], and its passes.
+    /// Computes the profile of the texture at index `texture` of [`RigDescription::textures`], and its responses.
     /// Panics if the rig has no such texture.
     pub fn new(rig: &'a RigFile, texture: usize, seed: u64) -> Self {
         let description = rig.description();
@@ -109,8 +111,8 @@ impl<'a> Strip<'a> {
         &self.profile
     }
 
-    /// Runs the trial at positions `speed` and `force` of the rig's [`Recording`](super::Recording). The same rig and
-    /// seed give the same trial in any order.
+    /// Runs the trial with the speed and force at the indices `speed` and `force` of the rig's
+    /// [`Recording`](super::Recording). The same rig and seed give the same trial in any order.
     /// Panics if the rig has no such speed or force.
     pub fn trial(&self, speed: usize, force: usize) -> Trial {
         let recording = &self.description.recording;
@@ -178,7 +180,8 @@ impl Pass {
         }
     }
 
-    /// Steady-state acceleration of the tool on each axis at these places, in samples, m/s².
+    /// Returns the steady-state acceleration of the tool on each axis at these positions, m/s². Positions are in
+    /// samples at the nominal speed.
     fn at_places(&self, spectra: &[Vec<Complex<f64>>; 3], places: &[f64]) -> [Vec<f64>; 3] {
         let (first, points) = points(places);
         let point_cycles = self.step_cycles / POINTS_PER_SAMPLE as f64;
@@ -194,7 +197,8 @@ impl Pass {
         })
     }
 
-    /// Terms of the steady-state acceleration of the tool over the drum on each axis, m/s², from the trial's start.
+    /// Returns the terms of the steady-state acceleration of the tool over the drum on each axis, m/s², starting at the
+    /// trial's start.
     fn spectra(
         &self,
         profile: &Profile,
@@ -224,22 +228,22 @@ impl Pass {
     }
 }
 
-/// Sines that a wander consists of.
+/// Number of sines that make up a wander.
 const SINES: usize = 48;
 
-/// Points of the vibration per sample.
+/// Number of points of the vibration per sample.
 const POINTS_PER_SAMPLE: usize = 4;
 
-/// Points on each side of a place that its value is interpolated from.
+/// Number of points on each side of a position from which its value is interpolated.
 const REACH: usize = 16;
 
-/// Place at each sample, in samples of the nominal speed.
+/// Returns the position at each sample, in samples at the nominal speed.
 fn places(wander: &Wander, sample_rate_hz: f64, key: StreamKey, samples: usize) -> Vec<f64> {
     let mut random = key.stream("wander");
     let mut speed = vec![1.0; samples];
     let scale = wander.rms / (SINES as f64).sqrt();
     for _ in 0..SINES {
-        // A Gaussian correlation over time has a Gaussian spectrum.
+        // A process with a Gaussian correlation over time has a Gaussian spectrum.
         let position: f64 = random.sample(StandardNormal);
         let frequency_hz = position / (TAU * wander.correlation_s);
         let (cosine, sine): (f64, f64) =
@@ -260,7 +264,7 @@ fn places(wander: &Wander, sample_rate_hz: f64, key: StreamKey, samples: usize) 
         .collect()
 }
 
-/// First point that is needed for `places`, in points, and the number of points.
+/// Returns the index of the first point that is needed for `places`, and the number of points.
 fn points(places: &[f64]) -> (i64, usize) {
     let (low, high) = places
         .iter()
@@ -273,7 +277,7 @@ fn points(places: &[f64]) -> (i64, usize) {
     (first, (last - first + 1) as usize)
 }
 
-/// Values at `places` of a function that is known at points from `first` on.
+/// Returns the values at `places` of a function that is known at points from `first` on.
 fn read(values: &[f64], first: i64, places: &[f64]) -> Vec<f64> {
     places
         .iter()
@@ -287,7 +291,7 @@ fn read(values: &[f64], first: i64, places: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Sinc with a Hann window over [`REACH`] points on each side.
+/// Sinc function with a Hann window over [`REACH`] points on each side.
 fn windowed_sinc(x: f64) -> f64 {
     let window = 0.5 + 0.5 * (PI * x / REACH as f64).cos();
     if x.abs() < 1e-9 {

@@ -1,27 +1,30 @@
-//! What the first lines of a table tell: its separator, where it begins, and names of its columns that no header holds.
+//! What the first lines of a table determine: its separator, where it begins, and the names of columns that are not in
+//! a header row.
 
 use super::{comment, is_content, is_date};
 
 /// Separators, in the order of preference.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
-/// Most lines, comments aside, among which the first row of numbers is sought.
+/// Largest number of lines, without comments, among which the first row of numbers is sought.
 pub(super) const MOST_LINES: usize = 64;
 
-/// What the first lines of a table tell.
+/// What the first lines of a table determine.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct FirstLines {
     pub separator: char,
     /// Line, from 1, of a header that is written as a comment.
     pub commented_header: Option<u64>,
-    /// First line, from 1, that is not of a preamble.
+    /// Number, from 1, of the first line after the preamble.
     pub begin: u64,
-    /// Names of the columns, where each field begins with its column's, as Arduino's plotter has them: `x:0.1,y:0.2`.
+    /// Names of the columns, if each field begins with the name of its column, like in the output for Arduino's
+    /// plotter: `x:0.1,y:0.2`.
     pub labels: Option<Vec<String>>,
 }
 
 impl FirstLines {
-    /// Judges `lines`, each with its number, from 1. They end at the latest with [`MOST_LINES`] that are no comments.
+    /// Evaluates `lines`, each with its number, from 1. They must not contain more than [`MOST_LINES`] lines that are
+    /// not comments.
     pub fn of(lines: &[(u64, String)]) -> Self {
         let is_row = |line: &&(u64, String)| is_content(&line.1);
         let rows: Vec<&(u64, String)> = lines.iter().filter(is_row).collect();
@@ -34,7 +37,7 @@ impl FirstLines {
         }
         let text = |index: usize| rows.get(index).map_or("", |row| row.1.as_str());
         let header = text(0);
-        // A line of numbers tells more than a header, whose names may hold spaces.
+        // A row of numbers is the better evidence, because names in a header may contain spaces.
         let separator = separator_of([header, text(1.min(rows.len().saturating_sub(1)))]);
         let first = rows.first().map_or(u64::MAX, |row| row.0);
         let above = lines.iter().take_while(|line| line.0 < first).last();
@@ -50,11 +53,11 @@ impl FirstLines {
     }
 }
 
-/// Returns the line at which a table begins that has other lines above it, and its separator. Loggers write their
-/// settings there, without a sign of a comment.
+/// Returns the line at which a table begins and its separator, if there are other lines above the table. Loggers write
+/// their settings there, without marking them as comments.
 ///
-/// The table begins with the first lines that have as many fields as the first two rows of numbers have, which are more
-/// than one.
+/// The table begins with the first of the successive lines that have as many fields as the first two rows of numbers.
+/// These rows must have more than one field.
 fn after_preamble(rows: &[&(u64, String)]) -> Option<(u64, char)> {
     let numbers = rows.windows(2).enumerate().find_map(|(index, pair)| {
         let separator = separator_of([&pair[0].1, &pair[1].1]);
@@ -71,11 +74,11 @@ fn after_preamble(rows: &[&(u64, String)]) -> Option<(u64, char)> {
     (begin > 0).then(|| (rows[begin].0, separator))
 }
 
-/// Returns the separator of a table by its header and the row below, or two rows.
+/// Returns the separator of a table, determined from its header and the row below, or from two rows.
 fn separator_of([header, sample]: [&str; 2]) -> char {
     let [of_header, of_sample] = [header, sample].map(|line| SEPARATORS.map(|s| fields(line, s)));
     let first = |holds: &dyn Fn(usize) -> bool| (0..SEPARATORS.len()).find(|&index| holds(index));
-    // Both lines with as many fields, then both with some, then one.
+    // Preferred: both lines have the same number of fields; then both have several; then only one has.
     let found = first(&|index| of_header[index] > 1 && of_header[index] == of_sample[index])
         .or_else(|| first(&|index| of_header[index] > 1 && of_sample[index] > 1))
         .or_else(|| first(&|index| of_sample[index] > 1))
@@ -83,8 +86,8 @@ fn separator_of([header, sample]: [&str; 2]) -> char {
     found.map_or(',', |index| SEPARATORS[index])
 }
 
-/// Number of fields of a line; separators within quotation marks do not count, nor does a last empty field. Words are
-/// separated by any number of spaces.
+/// Returns the number of fields of a line. Separators within quotation marks do not count, and neither does an empty
+/// last field. Between words, any number of spaces is one separator.
 fn fields(line: &str, separator: char) -> usize {
     if separator == ' ' {
         return line.split_whitespace().count();
@@ -98,8 +101,8 @@ fn fields(line: &str, separator: char) -> usize {
     1 + outside.count()
 }
 
-/// Returns whether the comment `line` names the columns of `numbers`, the first row below it, in which text may stand
-/// beside numbers. A single column has no names in a comment, which would be any text.
+/// Returns whether the comment `line` names the columns of `numbers`, the first row below it, which may contain text as
+/// well as numbers. For a single column, a comment is never a name, because any text could be one.
 fn are_names(line: &str, numbers: &str, separator: char) -> bool {
     let columns = fields(numbers, separator);
     let is_name = |field: &str| {
@@ -113,7 +116,7 @@ fn are_names(line: &str, numbers: &str, separator: char) -> bool {
         && split(line, separator).all(is_name)
 }
 
-/// Returns the names of a line all of whose fields are a name, a colon and a number.
+/// Returns the names, if every field of the line consists of a name, a colon and a number.
 fn labels(line: &str, separator: char) -> Option<Vec<String>> {
     let labels = split(line, separator).map(|field| {
         let (name, number) = field.trim().split_once(':')?;
@@ -123,7 +126,7 @@ fn labels(line: &str, separator: char) -> Option<Vec<String>> {
     labels.collect()
 }
 
-/// Returns true for a number, a date or a time of day, also in quotation marks.
+/// Returns true for a number, a date or a time of day, with or without quotation marks.
 fn is_value(field: &str) -> bool {
     let field = field.trim().trim_matches('"');
     is_number(field) || is_date(field)
@@ -133,10 +136,10 @@ fn is_number(field: &str) -> bool {
     field.trim().replace(',', ".").parse::<f64>().is_ok()
 }
 
-/// The fields of a line without quotation marks, as [`fields`] counts them.
+/// Returns the fields of a line, counted like in [`fields`]. The line has no quotation marks.
 pub(super) fn split(line: &str, separator: char) -> impl Iterator<Item = &str> {
     let line = line.trim();
     let line = line.trim_end_matches(separator).split(separator);
-    // Words are separated by any number of spaces.
+    // Between words, any number of spaces is one separator.
     line.filter(move |field| separator != ' ' || !field.is_empty())
 }

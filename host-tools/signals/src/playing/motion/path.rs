@@ -10,53 +10,53 @@ use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, position_fault, speed_fault};
 
-/// Most rows of a motion: a day at 100 per second, in some 300 MB.
+/// Largest number of rows of a motion: a day at 100 per second, in about 300 MB.
 const MOST_ROWS: usize = 10_000_000;
 
-/// Longest motion whose times are not doubted, s.
+/// Longest duration, s, at which the times of a motion are not doubted.
 const LONGEST_S: f64 = 600.0;
 
-/// Mean step between rows, s, above which it is no sampled motion of a hand.
+/// Largest mean step between rows, s, of a motion that was sampled from a hand.
 const LONGEST_STEP_S: f64 = 0.1;
 
-/// Fewest rows that are judged by their steps, because a few are written by hand.
+/// Least number of rows for which the steps are judged, because a short table may be written by hand.
 const FEWEST_ROWS: usize = 10;
 
-/// Duration, s, and path, m, above which a motion of such steps is doubted.
+/// Duration, s, and length of the path, m, above which a motion with large steps is doubted.
 const LONG_S: f64 = 60.0;
 const LONG_M: f64 = 5.0;
 
-/// One moment of a motion that a program gives.
+/// One moment of a motion that comes from a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionRow {
-    /// Time, s, at least zero and above that of the row before.
+    /// Time, s, at least zero and above the time of the previous row.
     pub time_s: f64,
     /// Tangential speed, mm/s; the sign is the direction.
     pub speed_mm_s: f64,
     /// Normal force, N; at or below zero there is no contact.
     pub force_n: f64,
-    /// Position on the path, mm; the integral of the speed if the first row has none.
+    /// Position on the path, mm. If the first row has none, the position is the integral of the speed.
     pub position_mm: Option<f64>,
-    /// Contact with the surface; it follows from the force if the first row has none.
+    /// Contact with the surface. If the first row has none, contact follows from the force.
     pub contact: Option<bool>,
 }
 
-/// A speed and a force at every moment from 0 s on, and optionally position and contact.
+/// A speed and a force at every moment from 0 s on, optionally with position and contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionPath {
     /// The rows, at least one, in ascending order of time.
     points: Vec<Point>,
-    /// True if the file gives the position; otherwise it is the integral of the speed.
+    /// True if the rows give the position; otherwise it is the integral of the speed.
     tells_position: bool,
-    /// True if the file gives contact; otherwise it follows from the force.
+    /// True if the rows give contact; otherwise contact follows from the force.
     tells_contact: bool,
 }
 
 impl MotionPath {
-    /// A motion of constant speed, mm/s, and force, N, without end.
+    /// Returns a motion of constant speed, mm/s, and force, N, without end.
     ///
     /// # Errors
-    /// A speed or force that is not finite.
+    /// The speed or the force is not finite.
     pub fn constant(speed: MillimetresPerSecond, force: Newton) -> Result<Self> {
         Motion::new(speed, force).map_err(|error| {
             Error::Request(format!(
@@ -77,11 +77,12 @@ impl MotionPath {
         })
     }
 
-    /// A motion of `rows`, as a table has them.
+    /// Returns a motion of `rows`, which have the same content as the rows of a table.
     ///
     /// # Errors
-    /// No rows, or, with its number from 1, a row with a value that no hand has or that is not a finite number, with a
-    /// time that does not rise, or without a position or contact that the first row has.
+    /// There are no rows. Or, with the number of the row from 1: a value that no hand reaches or that is not a finite
+    /// number; a time that does not rise; or a position or contact that is missing although the first row has it, or
+    /// vice versa.
     pub fn from_rows(rows: impl IntoIterator<Item = MotionRow>) -> Result<Self> {
         let mut found: Option<Points> = None;
         for (index, row) in rows.into_iter().enumerate() {
@@ -108,16 +109,16 @@ impl MotionPath {
         }
     }
 
-    /// Returns the motion at `time_s`, linearly interpolated between rows, and held before the first and after the last
-    /// row.
+    /// Returns the motion at `time_s`, linearly interpolated between rows. Before the first and after the last row, its
+    /// values are held.
     ///
-    /// A speed that changes its sign passes through zero, as that of a hand that reverses.
+    /// A speed that changes its sign passes through zero, like the speed of a hand that reverses.
     pub fn at(&self, time_s: f64) -> Motion {
         let (speed, force) = self.values_at(time_s);
         Motion::new(speed, force).expect("values between finite ones are finite")
     }
 
-    /// Returns the signed speed and the force at `time_s`, interpolated as by [`MotionPath::at`]; both are finite.
+    /// Returns the signed speed and the force at `time_s`, interpolated like in [`MotionPath::at`]; both are finite.
     pub fn values_at(&self, time_s: f64) -> (MillimetresPerSecond, Newton) {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         let (speed_mm_s, force_n) = match (after.checked_sub(1), self.points.get(after)) {
@@ -140,8 +141,8 @@ impl MotionPath {
 
     /// Returns the position on the path at `time_s`, in mm.
     ///
-    /// A position in the file is interpolated linearly between rows, and held at both ends. Without one the position is
-    /// the integral of the speed of [`MotionPath::values_at`], from 0 mm at 0 s.
+    /// A position given by the rows is interpolated linearly between rows, and held at both ends. If the rows give
+    /// none, the position is the integral of the speed of [`MotionPath::values_at`], from 0 mm at 0 s.
     pub fn position_mm_at(&self, time_s: f64) -> f64 {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         let first = &self.points[0];
@@ -163,7 +164,7 @@ impl MotionPath {
         }
     }
 
-    /// Returns the contact of the last row up to `time_s`, or `None` if the file does not give contact.
+    /// Returns the contact of the last row up to `time_s`, or `None` if the rows do not give contact.
     pub fn contact_at(&self, time_s: f64) -> Option<bool> {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         self.tells_contact
@@ -173,7 +174,7 @@ impl MotionPath {
     /// Returns the time of the last row of the motion that was read from `file`, in s.
     ///
     /// # Errors
-    /// A motion of one row at 0 s, which has no end.
+    /// The motion is one row at 0 s, which has no end.
     pub fn end_s(&self, file: &Path) -> Result<f64> {
         let end_s = self.duration_s();
         if end_s > 0.0 {
@@ -183,7 +184,7 @@ impl MotionPath {
         Err(Error::file(file, problem))
     }
 
-    /// Returns true if there is a moment with a speed and with a force above zero, at which a texture is heard.
+    /// Returns true if at some moment the speed is not zero and the force is above zero, so that a texture is audible.
     pub fn sounds(&self) -> bool {
         let moves = |point: &Point| point.speed_mm_s != 0.0;
         let presses = |point: &Point| point.force_n > 0.0;
@@ -201,8 +202,9 @@ impl MotionPath {
             })
     }
 
-    /// Says, with the remedy, if the times are hardly those of a hand in s: the motion lasts longer than ten minutes,
-    /// or its rows are far apart and it lasts longer than a minute or leads over more than metres.
+    /// Returns a doubt, with the remedy, if the times are unlikely to be those of a hand in seconds. This is so if the
+    /// motion lasts longer than ten minutes, or if its rows are far apart and it either lasts longer than a minute or
+    /// has a path of more than 5 m.
     pub fn doubt_of_times(&self) -> Option<String> {
         let duration_s = self.duration_s();
         let steps = self.points.windows(2);
@@ -225,10 +227,10 @@ impl MotionPath {
     }
 }
 
-/// The point of `row`.
+/// Returns the point of `row`.
 ///
 /// # Errors
-/// The problem of a value, in words.
+/// What is wrong with a value, in words.
 fn checked(row: &MotionRow) -> std::result::Result<Point, String> {
     let position_mm = row.position_mm.unwrap_or(0.0);
     let faults = [
@@ -245,7 +247,7 @@ fn checked(row: &MotionRow) -> std::result::Result<Point, String> {
         time_s: row.time_s,
         speed_mm_s: row.speed_mm_s as f32,
         force_n: row.force_n as f32,
-        // Single precision, as that of a table.
+        // Single precision, like the values of a table.
         position_mm: f64::from(position_mm as f32),
         contact: row.contact.unwrap_or(false),
     })
@@ -262,7 +264,7 @@ pub(super) struct Points {
 }
 
 impl Points {
-    /// No rows yet.
+    /// Creates an empty list of rows.
     pub fn new(tells_position: bool, tells_contact: bool) -> Self {
         Self {
             rows: Vec::new(),
@@ -271,10 +273,10 @@ impl Points {
         }
     }
 
-    /// Adds a row, with the integral of the speed as its position if rows give none.
+    /// Adds a row. If the rows give no position, its position is the integral of the speed.
     ///
     /// # Errors
-    /// A time that is negative, not a number, or not above the last one, in words.
+    /// In words: the time is negative, not finite, or not above the last time; or there are too many rows.
     pub fn push(&mut self, mut point: Point) -> std::result::Result<(), String> {
         let time_s = point.time_s;
         if !time_s.is_finite() || time_s < 0.0 {
@@ -315,19 +317,20 @@ pub(super) struct Point {
     /// Tangential speed, mm/s; the sign is the direction along the surface.
     pub speed_mm_s: f32,
     pub force_n: f32,
-    /// Position in the file, or the integral of the speed, mm.
+    /// Position given by the row, or the integral of the speed, mm.
     pub position_mm: f64,
     pub contact: bool,
 }
 
 impl Point {
-    /// Returns the distance from here to `next`, whatever its direction, in mm: by the mean of both speeds.
+    /// Returns the distance from here to `next`, regardless of direction, in mm, computed from the mean of both speeds.
     fn distance_mm(&self, next: &Self) -> f64 {
         let speeds = f64::from(self.speed_mm_s).abs() + f64::from(next.speed_mm_s).abs();
         0.5 * speeds * (next.time_s - self.time_s)
     }
 
-    /// Returns the path from here until `time_s`, at most the time of `next`, in mm: the integral of a linear speed.
+    /// Returns the signed path from here until `time_s`, which is at most the time of `next`, in mm: the integral of a
+    /// linear speed.
     pub(super) fn path_mm(&self, next: &Self, time_s: f64) -> f64 {
         let (from, to) = (f64::from(self.speed_mm_s), f64::from(next.speed_mm_s));
         let elapsed_s = time_s - self.time_s;
@@ -336,16 +339,17 @@ impl Point {
     }
 }
 
-/// Interpolates from `from`, at a fraction of 0, to `to`, at 1. Double precision holds every difference of two `f32`.
+/// Interpolates between `from`, at a fraction of 0, and `to`, at 1. Double precision can represent the difference of
+/// two `f32` values accurately enough.
 pub(super) fn interpolate(from: f32, to: f32, fraction: f64) -> f32 {
     let (from, to) = (f64::from(from), f64::from(to));
     (from + (to - from) * fraction) as f32
 }
 
-/// A hand that follows a motion: position and contact beside speed and force.
+/// A hand that follows a motion, with position and contact in addition to speed and force.
 ///
-/// If the motion does not give contact, the force does, above [`ContactThreshold::LEAST`]: a file's forces have no
-/// converter's noise, from which a stylus derives a threshold of its own.
+/// If the motion does not give contact, it follows from the force, with the threshold [`ContactThreshold::LEAST`]. A
+/// stylus derives its own threshold from the noise of its converter, which the forces of a file do not have.
 #[derive(Clone, Debug)]
 pub struct Hand<'a> {
     motion: &'a MotionPath,
@@ -353,7 +357,7 @@ pub struct Hand<'a> {
 }
 
 impl<'a> Hand<'a> {
-    /// A hand on `motion` without contact so far.
+    /// Creates a hand on `motion`, without contact so far.
     pub fn new(motion: &'a MotionPath) -> Self {
         Self {
             motion,
@@ -361,8 +365,8 @@ impl<'a> Hand<'a> {
         }
     }
 
-    /// The interaction at `time_s`. Times must ascend from call to call, because contact is detected from the force's
-    /// history if the motion does not give it.
+    /// Returns the interaction at `time_s`. Times must ascend from call to call, because contact is detected from the
+    /// history of the force if the motion does not give it.
     pub fn at(&mut self, time_s: f64) -> Interaction {
         let motion = self.motion.at(time_s);
         let touches = self.detector.touches(motion, ContactThreshold::LEAST);
@@ -376,8 +380,9 @@ impl<'a> Hand<'a> {
             .expect("a position within finite bounds is finite")
     }
 
-    /// The interaction of [`Hand::at`] for the block that is decided at `time_s` and whose last sample is `block_s`
-    /// later. Lines that are tied to position are told the position at that sample, because the motion is known ahead.
+    /// Returns the interaction of [`Hand::at`] for the block that is computed at `time_s` and whose last sample is
+    /// `block_s` later. Lines that are tied to position also receive the position at that sample, because the motion is
+    /// known in advance.
     pub fn for_block(&mut self, time_s: f64, block_s: f64) -> Interaction {
         let end_mm = self.motion.position_mm_at(time_s + block_s);
         let position = Position::from_exact_mm(end_mm);
@@ -470,7 +475,7 @@ mod tests {
                 &["time_s is in seconds", "divide milliseconds by 1000"],
             );
         }
-        // A minute and a half of rubbing, moments written by hand, a constant motion, and half a second at 1 kHz.
+        // A minute and a half of rubbing, rows written by hand, a constant motion, and half a second at 1 kHz.
         for (rows, step, speed) in [
             (9_000, 0.01, 100.0),
             (6, 20.0, 100.0),
@@ -548,7 +553,7 @@ mod tests {
             let ends = [before.or(after).unwrap(), after.or(before).unwrap()];
             let lowest = ends[0].force_n.min(ends[1].force_n);
             let highest = ends[0].force_n.max(ends[1].force_n);
-            // A `Motion` does not give its parts, but two of them compare.
+            // A `Motion` does not expose its values, but two of them can be compared.
             let fraction = if ends[0] == ends[1] { 0.0 } else {
                 (moment - ends[0].time_s) / (ends[1].time_s - ends[0].time_s)
             };

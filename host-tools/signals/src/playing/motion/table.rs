@@ -8,7 +8,7 @@ use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, position_fault, speed_fault};
 
-/// A motion: some 40 bytes per row, so that a day at 100 rows per second fits.
+/// Size limit of a motion: about 40 bytes per row, so that a day at 100 rows per second fits.
 const MOTION: Limit = Limit {
     of: "a motion",
     bytes: 512 * MIB,
@@ -21,8 +21,8 @@ impl MotionPath {
     /// Times start at zero or later and rise from row to row.
     ///
     /// # Errors
-    /// A file that cannot be read or has no rows, a missing column, or, with its line, a row of another length than the
-    /// header, a value that is not a finite number, or a time that does not rise.
+    /// The file cannot be read or has no rows, or a column is missing. Or, with the line: a row does not have as many
+    /// fields as the header, a value is not a finite number or no hand reaches it, or a time does not rise.
     pub fn from_csv(path: &Path) -> Result<Self> {
         read(path).map(Self::of)
     }

@@ -1,5 +1,6 @@
-//! A texture played on the host, to look at and to listen to: the samples are bit-equal to those of the stylus, because
-//! they come from the stylus's own kernel, with the motion taken over once per update interval as on the device.
+//! A texture played on the host, to view and to listen to. The samples are equal to those of the stylus to the bit,
+//! because they come from the stylus's own kernel, and the motion is updated once per update interval, like on the
+//! device.
 
 mod samples;
 #[cfg(test)]

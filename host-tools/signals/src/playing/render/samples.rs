@@ -8,10 +8,10 @@ use crate::playing::motion::{Hand, MotionPath};
 use crate::playing::wavefront::Wavefront;
 use crate::support::error::{Error, Result};
 
-/// Iterator over the samples of a texture or scene along a motion. It keeps the samples of one update interval.
+/// Iterator over the samples of a texture or scene along a motion. It stores the samples of one update interval.
 ///
-/// The same library, motion and seed give the same samples on every computer. They begin as those of a stylus do: at
-/// their level, and with contact.
+/// The same library, motion and seed give the same samples on every computer. As on a stylus, a texture starts at its
+/// full level, without fading in, as soon as there is contact.
 #[derive(Clone, Debug)]
 pub struct Rendering<'a> {
     player: ScenePlayer<'a, Wavefront>,
@@ -19,12 +19,13 @@ pub struct Rendering<'a> {
     clock: SampleClock,
     /// The samples up to the next update.
     block: Vec<OutputSample>,
-    /// Number of samples of `block` that were taken.
+    /// Number of samples of `block` that were returned.
     taken: usize,
 }
 
 impl<'a> Rendering<'a> {
-    /// A rendering of `seconds` of `texture`, from rest without contact, by the plan that a stylus makes of it.
+    /// Creates a rendering of `seconds` of `texture`, from rest without contact, with the plan that a stylus makes for
+    /// this texture.
     ///
     /// # Errors
     /// A duration that is not a number, is shorter than a sample, or is longer than
@@ -38,10 +39,10 @@ impl<'a> Rendering<'a> {
         Self::of_plan(Plan::of_texture(texture), motion, seconds, seed)
     }
 
-    /// A rendering of `seconds` of `plan`, from rest without contact.
+    /// Creates a rendering of `seconds` of `plan`, from rest without contact.
     ///
     /// # Errors
-    /// As [`Rendering::new`].
+    /// See [`Rendering::new`].
     pub fn of_plan(
         plan: Plan<'a>,
         motion: &'a MotionPath,
@@ -58,7 +59,7 @@ impl<'a> Rendering<'a> {
         })
     }
 
-    /// Number of samples at the kernel's full scale, up to the next update.
+    /// Returns the number of samples at the kernel's full scale, up to the next update.
     pub fn saturations(&self) -> u32 {
         self.player.saturations()
     }
@@ -68,7 +69,7 @@ impl<'a> Rendering<'a> {
         self.clock.sample_rate_hz()
     }
 
-    /// The samples that `collect` takes, in memory.
+    /// Stores the samples that `collect` returns in memory.
     pub fn rendered(mut self, collect: impl FnOnce(&mut Self) -> Vec<OutputSample>) -> Rendered {
         Rendered {
             samples: collect(&mut self),
@@ -114,7 +115,7 @@ pub struct Rendered {
 }
 
 impl Rendered {
-    /// Returns the samples in m/s², without round-off.
+    /// Returns the samples in m/s², without rounding.
     pub fn accelerations_m_s2(&self) -> Vec<f64> {
         self.samples
             .iter()
@@ -123,13 +124,13 @@ impl Rendered {
     }
 }
 
-/// Converts a sample to m/s², without round-off because double precision holds every sample.
+/// Converts a sample to m/s², without rounding because double precision represents every sample exactly.
 pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
     f64::from(sample.0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
 }
 
-/// Renders `seconds` of `texture` along `motion` into memory; [`render_wav`](super::render_wav) suits more than
-/// minutes.
+/// Renders `seconds` of `texture` along `motion` into memory. For more than a few minutes, use
+/// [`render_wav`](super::render_wav).
 ///
 /// # Errors
 /// A duration that [`Rendering::new`] refuses.
@@ -145,8 +146,8 @@ pub fn render(
 /// Longest rendering, s: one day.
 pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
 
-/// Iterator over the samples of a rendering: the time, s, at which the motion is to be taken over before the sample, or
-/// none between two updates.
+/// Iterator over the samples of a rendering. Its items are the times, s, at which the motion must be read before the
+/// sample, or `None` between two updates.
 ///
 /// An update is due every [`update_interval_samples`], as on the device.
 #[derive(Clone, Debug)]
@@ -157,7 +158,7 @@ pub struct SampleClock {
 }
 
 impl SampleClock {
-    /// A clock over `seconds`, from the first sample.
+    /// Creates a clock over `seconds`, from the first sample.
     ///
     /// # Errors
     /// A duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
@@ -180,7 +181,7 @@ impl SampleClock {
         f64::from(self.block_samples() - 1) / f64::from(self.sample_rate_hz)
     }
 
-    /// Samples of a block.
+    /// Number of samples of a block.
     pub fn block_samples(&self) -> u32 {
         update_interval_samples(self.sample_rate_hz)
     }
@@ -264,7 +265,7 @@ mod tests {
         }
     }
 
-    /// A hand held still in the air above a surface: its force is noise below the threshold.
+    /// A hand that moves in the air above a surface, with a force of noise below the threshold, and a hand at rest.
     #[test]
     fn a_hand_without_contact_or_at_rest_feels_nothing() {
         let library = library(5000);

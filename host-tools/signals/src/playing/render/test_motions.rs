@@ -1,4 +1,4 @@
-//! Motions that tests of this crate share, over the grid of [`test_helpers::library`].
+//! Motions that several tests of this crate use, over the grid of [`test_helpers::library`].
 
 use model_format::{MillimetresPerSecond, Newton};
 

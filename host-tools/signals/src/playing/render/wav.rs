@@ -1,4 +1,4 @@
-//! Samples as a mono WAV file, whole or not at all.
+//! Samples as a mono WAV file, which is written whole or not at all.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -69,8 +69,8 @@ pub struct WavSummary {
     pub clipped: u64,
 }
 
-/// Writes samples as a mono WAV file, whole or not at all, without keeping them in memory. Equal arguments give equal
-/// bytes.
+/// Writes samples as a mono WAV file, whole or not at all, without keeping them in memory. The same arguments give the
+/// same bytes.
 ///
 /// # Errors
 /// A full scale that is not positive, more samples than the file's length fields can count, or a file that cannot be
@@ -121,7 +121,7 @@ pub fn write_floats_wav(
     )
 }
 
-/// Writes each of `samples` by `write`, and returns their number.
+/// Writes each of `samples` with `write`, and returns their number.
 fn write_each<Sample>(
     path: &Path,
     sample_rate_hz: u32,
@@ -165,7 +165,8 @@ pub struct RenderSummary {
 /// Renders `seconds` of `texture` along `motion` into a WAV file of any length, with a progress bar.
 ///
 /// # Errors
-/// The errors of [`Rendering::new`] and of [`write_wav`]. An earlier file then stays, and no new one is left.
+/// The errors of [`Rendering::new`] and of [`write_wav`]. After an error, an earlier file stays, and no new file is
+/// left.
 pub fn render_wav(
     texture: Texture<'_>,
     motion: &MotionPath,

@@ -1,9 +1,10 @@
-//! The wavefront in vectors of AVX2: four samples in a vector, up to four vectors in a pass.
+//! The wavefront with AVX2 vectors: four samples per vector, and up to four vectors per pass.
 //!
-//! A lane of 64 bits holds a sample: its forward signal in the lower half, and in the upper half the backward signal
-//! that its last stage made. The products of 32 bits read lower halves alone. Neighbouring samples are in neighbouring
-//! vectors, so that the signal that goes from one to the next changes its lane once per round and not in each step.
-//! Four vectors are as many as the registers hold, and enough to fill the time that one step waits for the step before.
+//! Each lane of 64 bits holds one sample: the lower half holds its forward signal, and the upper half the backward
+//! signal that its last stage computed. The multiplications of 32 bits read only lower halves. Neighbouring samples are
+//! in neighbouring vectors, so that the signal that passes from one sample to the next changes its lane once per round
+//! and not in each step. Four vectors are as many as the registers can hold, and enough to fill the time in which one
+//! step waits for the previous step.
 
 use core::arch::x86_64::__m256i;
 
@@ -12,13 +13,13 @@ use pulp::x86::V3;
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::Rotation;
 
-/// Samples in a vector.
+/// Number of samples per vector.
 const LANES: usize = 4;
 
-/// Half of full scale: what is beyond saturates when it is doubled.
+/// Half of full scale. Values beyond it saturate when they are doubled.
 const HALF_SCALE: i32 = 1 << 30;
 
-/// Runs a closure with the instructions of `simd` in all that is inlined into it.
+/// Runs a closure and compiles everything that is inlined into it with the instructions of `simd`.
 #[inline(always)]
 fn dispatched<Output>(simd: V3, work: impl FnOnce(V3) -> Output) -> Output {
     simd.vectorize(
@@ -29,7 +30,7 @@ fn dispatched<Output>(simd: V3, work: impl FnOnce(V3) -> Output) -> Output {
 
 /// See [`Arithmetic::rotate_block`].
 pub fn rotate_block(simd: V3, rotations: &[Rotation], backward: &mut [i32], samples: &mut [i32]) {
-    // A single sample has nobody to run beside.
+    // A single sample has no neighbour with which it could be processed in parallel.
     if rotations.is_empty() || samples.len() < 2 {
         return Portable::rotate_block(rotations, backward, samples);
     }
@@ -46,7 +47,7 @@ pub fn rotate_block(simd: V3, rotations: &[Rotation], backward: &mut [i32], samp
     }
 }
 
-/// Passes `samples` through in passes of `V` vectors, of which each is two stages behind the one before.
+/// Passes `samples` through the lattice in passes of `V` vectors. Each sample is two stages behind the previous one.
 fn passes<const V: usize, const SPACING: usize>(
     simd: V3,
     rotations: &[Rotation],
@@ -75,17 +76,18 @@ struct Lattice<'a, const SPACING: usize> {
 }
 
 impl<const SPACING: usize> Lattice<'_, SPACING> {
-    /// Passes `samples` through, at most four for each of the `V` vectors.
+    /// Passes `samples` through the lattice, at most four for each of the `V` vectors.
     ///
-    /// In step t, sample j is at stage M - 1 - t + 2j, counted from 0. Samples wait above the last stage, and end below
-    /// the first, where there is nothing but zeros.
+    /// In step t, sample j is at stage M - 1 - t + 2j, counted from 0, where M is the number of stages. Samples that
+    /// have not begun are above the last stage, and samples that have ended are below the first. The rotations there
+    /// are zero.
     #[inline(always)]
     fn pass<const V: usize>(self, simd: V3, backward: &mut [i32], samples: &mut [i32]) {
         let step = Step::new(simd);
         let behind = 2 * (samples.len() as isize - 1);
         let last = self.stages - 1;
         let mut lanes = [simd.avx._mm256_set1_epi32(0); V];
-        // Samples begin.
+        // Samples begin one after the other.
         let begun = behind.min(last);
         for stage in (last - begun + 1..=last).rev() {
             let at = last - stage;
@@ -96,7 +98,7 @@ impl<const SPACING: usize> Lattice<'_, SPACING> {
             let shifted = step.backward(&lanes, below);
             step.rotate(&mut lanes, &shifted, self.rotations, stage);
         }
-        // All are on their way: the last sample leaves its backward signals for the next pass.
+        // All samples are within the lattice. The last sample leaves its backward signals for the next pass.
         if behind < last {
             step.begin(&mut lanes, behind / 2, samples);
         }
@@ -106,7 +108,7 @@ impl<const SPACING: usize> Lattice<'_, SPACING> {
             step.rotate(&mut lanes, &shifted, self.rotations, stage);
             backward[(stage + behind + 1) as usize] = lane_of(&lanes, samples.len() - 1)[1];
         }
-        // Samples end, and in a short lattice some have yet to begin.
+        // Samples end one after the other. In a short lattice, some have not begun yet.
         let mut output = 0;
         for stage in (-behind..=0).rev() {
             let at = last - stage;
@@ -117,7 +119,7 @@ impl<const SPACING: usize> Lattice<'_, SPACING> {
             let mut shifted = step.backward(&lanes, below);
             let at_first_stage = (stage % 2 == 0).then_some((-stage / 2) as usize);
             if let Some(number) = at_first_stage.filter(|&number| number > 0) {
-                // The backward signal below the first stage is the output of the sample before.
+                // The backward signal below the first stage is the output of the previous sample.
                 step.put_lower_half(&mut shifted, number, output);
             }
             step.rotate(&mut lanes, &shifted, self.rotations, stage);
@@ -133,7 +135,7 @@ impl<const SPACING: usize> Lattice<'_, SPACING> {
     }
 }
 
-/// The constants of a step.
+/// The constants that every step uses.
 #[derive(Clone, Copy)]
 struct Step {
     simd: V3,
@@ -158,8 +160,8 @@ impl Step {
         }
     }
 
-    /// The backward signals that the samples are to read, in lower halves: that of the sample before, and `below` for
-    /// the first.
+    /// Returns the backward signals that the samples read, in lower halves: for each sample the signal from the
+    /// previous sample, and `below` for the first sample.
     #[inline(always)]
     fn backward<const V: usize>(self, lanes: &[__m256i; V], below: i32) -> [__m256i; V] {
         let Self { simd, .. } = self;
@@ -173,7 +175,7 @@ impl Step {
         backward
     }
 
-    /// One stage of each sample, the first at `stage`; see [`stylus_kernel::arithmetic::rotated`].
+    /// Computes one stage of each sample, with the first sample at `stage`; see [`stylus_kernel::arithmetic::rotated`].
     #[inline(always)]
     fn rotate<const V: usize, const SPACING: usize>(
         self,
@@ -202,10 +204,10 @@ impl Step {
         }
     }
 
-    /// Twice the upper halves of sums, truncated toward zero and saturated.
+    /// Returns the doubled upper halves of sums, truncated toward zero and saturated.
     ///
-    /// Truncation adds one to what is negative, so that all that is below -2³⁰ - 1 saturates. 2·2³⁰ - 1 is the positive
-    /// full scale, and a comparison that holds is -1.
+    /// Truncation adds one to negative values, so that all values below -2³⁰ - 1 saturate. 2·2³⁰ - 1 is the positive
+    /// full scale. A comparison that is true yields -1.
     #[inline(always)]
     fn doubled_toward_zero(self, high: __m256i) -> __m256i {
         let avx2 = self.simd.avx2;
@@ -218,7 +220,7 @@ impl Step {
         avx2._mm256_add_epi32(avx2._mm256_add_epi32(clamped, clamped), correction)
     }
 
-    /// Lets sample `number` begin, if there is one.
+    /// Starts sample `number`, if there is one.
     #[inline(always)]
     fn begin<const V: usize>(self, lanes: &mut [__m256i; V], number: isize, samples: &[i32]) {
         let number = number as usize;
@@ -227,7 +229,7 @@ impl Step {
         }
     }
 
-    /// Puts `word` into the lower half of the lane of sample `number`.
+    /// Writes `word` into the lower half of the lane of sample `number`.
     #[inline(always)]
     fn put_lower_half<const V: usize>(self, lanes: &mut [__m256i; V], number: usize, word: i32) {
         const NONE: i32 = i32::MIN;
@@ -248,11 +250,11 @@ impl Step {
     }
 }
 
-/// Both halves of the lane of sample `number`, the lower one first.
+/// Returns both halves of the lane of sample `number`, the lower half first.
 #[inline(always)]
 fn lane_of<const V: usize>(lanes: &[__m256i; V], number: usize) -> [i32; 2] {
     let mut lane = [0; 2];
-    // Indices that are known when this is compiled leave the vectors in registers.
+    // Indices that are known at compile time keep the vectors in registers.
     for (index, &vector) in lanes.iter().enumerate() {
         if index == number % V {
             let halves: [[i32; 2]; LANES] = pulp::cast(vector);
@@ -262,30 +264,31 @@ fn lane_of<const V: usize>(lanes: &[__m256i; V], number: usize) -> [i32; 2] {
     lane
 }
 
-/// Most samples in a pass.
+/// Largest number of samples per pass.
 pub const MAX_SAMPLES: usize = 16;
 
-/// Stages that are there above the last and below the first, so that lanes which have yet to begin, or are done, read
-/// zeros: a sample is two stages behind the one before.
+/// Number of additional stages above the last stage and below the first, so that lanes that have not begun, or have
+/// ended, read zeros. Each sample is two stages behind the previous one.
 const MARGIN: usize = 2 * MAX_SAMPLES;
 
-/// Entries of all planes, rounded up to whole ones with as many lanes as are read at once.
+/// Number of entries of all planes, rounded up so that the planes have equal lengths and every read of several lanes
+/// stays within the array.
 const ENTRIES: usize = (MAX_ORDER + 2 * MARGIN + 2 * MAX_SAMPLES).next_multiple_of(64);
 
 /// Rotations in `SPACING` planes. A plane holds every `SPACING`-th stage, so that neighbouring entries load into
 /// neighbouring lanes.
 ///
-/// An entry is cos θ in its lower half and sin θ in its upper one. Stages that are not there rotate nothing: both are
-/// zero, and so is all that comes of them.
+/// An entry holds cos θ in its lower half and sin θ in its upper half. Stages outside the lattice have zeros in both
+/// halves, so their results are zero.
 pub struct SpacedRotations<const SPACING: usize> {
     entries: [u64; ENTRIES],
 }
 
 impl<const SPACING: usize> SpacedRotations<SPACING> {
-    /// Entries of a plane.
+    /// Number of entries per plane.
     const PLANE: usize = ENTRIES / SPACING;
 
-    /// `rotations` in planes; at most [`MAX_ORDER`].
+    /// Arranges `rotations` in planes; there may be at most [`MAX_ORDER`].
     pub fn new(rotations: &[Rotation]) -> Self {
         let mut entries = [0; ENTRIES];
         for (place, rotation) in (MARGIN..).zip(rotations) {
@@ -296,8 +299,8 @@ impl<const SPACING: usize> SpacedRotations<SPACING> {
         Self { entries }
     }
 
-    /// The entries of `stage` and of every `SPACING`-th one above it, `COUNT` in all. Stages count from the first, and
-    /// may be as far outside as [`MARGIN`].
+    /// Returns the entries of `stage` and of every `SPACING`-th stage above it, `COUNT` in total. Stages are counted
+    /// from the first, and may be outside the lattice by up to [`MARGIN`].
     #[inline(always)]
     pub fn at_stage<const COUNT: usize>(&self, stage: isize) -> [u64; COUNT] {
         let place = stage.wrapping_add_unsigned(MARGIN).cast_unsigned();

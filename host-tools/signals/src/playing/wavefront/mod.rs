@@ -1,10 +1,10 @@
-//! The kernel's arithmetic on a host: several samples of a lattice in one pass over its stages, in the processor's
-//! vectors, with the bits of the kernel's own [`Portable`].
+//! The kernel's arithmetic on a host. It passes several samples through the stages of a lattice at once, in the
+//! processor's vectors, and gives the same bits as the kernel's own [`Portable`].
 //!
-//! A stage of a lattice needs the stage before of the same sample, and the stage below of the sample before. So the
-//! stages of one sample cannot go side by side, but samples can: each is two stages behind the one before, and finds
-//! the backward signal that it needs in its neighbour's lane of the step before. This order of work is known as a
-//! wavefront. No sum changes, so that no bit does.
+//! A stage of a lattice needs the result of the previous stage for the same sample, and the result of the stage below
+//! for the previous sample. So the stages of one sample cannot be computed in parallel, but several samples can: each
+//! sample is two stages behind the previous one, and finds the backward signal that it needs in its neighbour's lane,
+//! from the step before. This order of computation is known as a wavefront. No sum changes, so no bit changes.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -14,15 +14,15 @@ mod tests;
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::Rotation;
 
-/// The arithmetic of the fastest instructions that this processor has; [`Portable`]'s if it has none of those known
-/// here.
+/// The arithmetic with the fastest instructions that this processor has and that are supported here; otherwise that of
+/// [`Portable`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Wavefront;
 
-/// Sets of instructions that have their own arithmetic.
+/// Instruction sets that have their own arithmetic.
 #[derive(Clone, Copy, Debug)]
 enum Level {
-    /// None: the kernel's portable arithmetic.
+    /// No special instructions: the kernel's portable arithmetic.
     Scalar,
     /// AVX2 on x86-64.
     #[cfg(target_arch = "x86_64")]
@@ -39,7 +39,7 @@ impl Level {
         Self::Scalar
     }
 
-    /// All levels of this processor, the slowest first.
+    /// All levels of this processor, from the slowest to the fastest.
     #[cfg(test)]
     fn all() -> Vec<Self> {
         match Self::best() {

@@ -1,4 +1,4 @@
-//! Every level against the kernel's own arithmetic.
+//! Compares every level with the kernel's own arithmetic.
 
 use model_format::limits::MAX_ORDER;
 use proptest::collection::vec;
@@ -8,7 +8,7 @@ use stylus_kernel::rotation::{Rotation, THETA_QUARTER_TURN};
 
 use super::Level;
 
-/// A signal of any size, with the extremes, which saturate, more often than by chance.
+/// A signal of any size. The extremes, which saturate, occur more often than by chance.
 fn signal() -> impl Strategy<Value = i32> {
     prop_oneof![4 => any::<i32>(), 2 => -100..100i32, 2 => Just(i32::MIN), 2 => Just(i32::MAX)]
 }
@@ -28,7 +28,7 @@ fn order() -> impl Strategy<Value = usize> {
     prop_oneof![0usize..40, 0..=MAX_ORDER, Just(MAX_ORDER)]
 }
 
-/// The outputs and the state after them, one sample after the other.
+/// The outputs and the state after them, computed one sample after the other.
 fn one_by_one(rotations: &[Rotation], backward: &[i32], samples: &[i32]) -> (Vec<i32>, Vec<i32>) {
     let mut backward = backward.to_vec();
     let outputs = samples.iter().map(|&sample| {
@@ -67,7 +67,8 @@ proptest! {
     }
 }
 
-/// Every width of a pass in every short lattice, in which samples begin while others end, and saturation at each end.
+/// Covers every width of a pass in every short lattice, in which samples begin while others end, with saturation at
+/// each end.
 #[test]
 fn all_short_lattices_and_all_short_blocks_give_the_bits_of_single_samples() {
     for order in 0..=70 {

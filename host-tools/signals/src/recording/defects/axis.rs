@@ -1,30 +1,30 @@
-//! Measures of an axis by which several defects are found, each taken once.
+//! Measures of an axis that are used to find several defects, each computed once.
 
 use crate::dsp::sums::{extremes, steps, variance};
 use crate::dsp::wide;
 
-/// Samples that are measured at once, in vector registers.
+/// Number of samples that are measured in parallel, in vector registers.
 const LANES: usize = 8;
 
-/// Samples among which those at a limit are looked for only if there are any.
+/// Number of samples per block. A block is searched for samples at a limit only if it contains some.
 const BLOCK: usize = 64;
 
-/// The samples of an axis, finite ones, with their measures.
+/// The samples of an axis, all finite, with their measures.
 pub(super) struct Axis<'a> {
     /// The samples.
     pub samples: &'a [f64],
-    /// Lowest sample; the largest number of none.
+    /// Lowest sample; `f64::MAX` if there are no samples.
     pub low: f64,
-    /// Highest sample; the smallest number of none.
+    /// Highest sample; `f64::MIN` if there are no samples.
     pub high: f64,
-    /// Difference up to which two samples count as equal at a limit, because round-off of a gain or an offset leaves a
+    /// Difference up to which two samples count as equal at a limit, because round-off from a gain or an offset makes a
     /// clipped top not exactly flat.
     pub tolerance: f64,
-    /// Indices of the samples within the tolerance of the lowest or the highest, ascending.
+    /// Indices, ascending, of the samples that are within the tolerance of the lowest or the highest.
     pub at_limits: Vec<usize>,
-    /// Least step between neighbours that is not zero; infinity without one.
+    /// Smallest step between neighbours that is not zero; infinity if there is none.
     pub least_step: f64,
-    /// Number of neighbours that are not equal.
+    /// Number of pairs of neighbours that are not equal.
     pub changes: usize,
     /// RMS about the mean.
     pub deviation: f64,
@@ -49,7 +49,7 @@ impl<'a> Axis<'a> {
     }
 }
 
-/// Indices of the samples that are at most `low` or at least `high`, ascending.
+/// Returns the indices, ascending, of the samples that are at most `low` or at least `high`.
 fn beyond(samples: &[f64], low: f64, high: f64) -> Vec<usize> {
     let is_beyond = |x: f64| x <= low || x >= high;
     wide(
@@ -69,7 +69,7 @@ fn beyond(samples: &[f64], low: f64, high: f64) -> Vec<usize> {
     )
 }
 
-/// Number of neighbours that are not equal.
+/// Returns the number of pairs of neighbours that are not equal.
 fn changes(samples: &[f64]) -> usize {
     wide(
         #[inline(always)]
@@ -81,7 +81,7 @@ fn changes(samples: &[f64]) -> usize {
     )
 }
 
-/// A sixth of the magnitude of the fourth difference around each sample but the first and the last two.
+/// Returns a sixth of the magnitude of the fourth difference around each sample, except the first two and the last two.
 pub(super) fn fourth_differences(samples: &[f64]) -> Vec<f64> {
     wide(
         #[inline(always)]
@@ -92,7 +92,7 @@ pub(super) fn fourth_differences(samples: &[f64]) -> Vec<f64> {
     )
 }
 
-/// The largest of [`fourth_differences`]; 0 of none.
+/// Returns the largest of [`fourth_differences`]; 0 if there are none.
 pub(super) fn largest_fourth_difference(samples: &[f64]) -> f64 {
     wide(
         #[inline(always)]
@@ -121,8 +121,8 @@ fn fourth_difference(w: &[f64]) -> f64 {
     (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs()
 }
 
-/// Returns the ratio of the power of `axis` about its mean to that of the round-off of its steps, a twelfth of their
-/// square, in dB; infinite for a constant.
+/// Returns the ratio, in dB, of the power of `axis` about its mean to the round-off power of its steps, which is a
+/// twelfth of the squared step; infinity for a constant.
 pub(super) fn snr_db(axis: &Axis<'_>) -> f64 {
     let step = axis.least_step;
     if step.is_finite() {
@@ -138,7 +138,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The oracles go over the samples one by one.
+        /// Reference: loops over the single samples.
         #[test]
         fn measures_are_those_of_their_definitions(
             values in prop::collection::vec(prop_oneof![-1e3f64..1e3, Just(1e3), Just(-1e3), Just(0.0)], 0..300),

@@ -1,8 +1,9 @@
-//! Bursts of wild samples on one axis: a sensor's queue that slipped, a cable that was knocked.
+//! Bursts of corrupted samples on one axis, for example because a sensor's queue slipped or a cable was knocked.
 //!
-//! Bursts hide below the peaks of a recording, but not from a linear predictor of the axis. A contact also excites the
-//! other axes, rings on through the filter that predicts, and comes again. A burst does none of this: the other axes
-//! stay calm, all around it is as predictable as ever once its samples are left out, and its samples are white.
+//! Bursts are hidden below the peaks of a recording, but a linear predictor of the axis reveals them. A contact also
+//! excites the other axes, rings through the filter that the predictor models, and occurs again. A burst does none of
+//! this: the other axes stay calm; the surroundings are as predictable as usual when its samples are left out; and its
+//! samples are white.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -13,65 +14,67 @@ use crate::dsp::sums::{dot, energy, mean, sliding, upper_median};
 /// Order of the predictor.
 const ORDER: usize = 16;
 
-/// Samples over which the energy of the prediction error is taken.
+/// Number of samples over which the energy of the prediction error is summed.
 const WINDOW: usize = 8;
 
-/// Shortest burst, samples: fewer wild samples are spikes.
+/// Shortest burst, samples. Fewer corrupted samples are spikes.
 const SHORTEST: usize = 4;
 
 /// Longest burst, samples.
 const LONGEST: usize = 25;
 
-/// Most bursts of an axis.
+/// Largest number of bursts on an axis.
 const MOST: usize = 10;
 
-/// Samples of which only the highest energy is a candidate.
+/// Number of samples per block; only the highest energy in a block is a candidate.
 const BLOCK: usize = 64;
 
-/// Ratio to the median from which on a window's energy is an event; white noise reaches it once in 3000 windows.
+/// Ratio to the median above which a window's energy is an event. White noise reaches this ratio once in 3000 windows.
 const EVENT: f64 = 6.0;
 
-/// Samples on either side that ring in a contact, and their power about the mean, in units of the axis's.
+/// Number of samples on either side that ring in a contact, and their least mean power in this case, relative to the
+/// power of the axis about its mean.
 const SHOULDER: usize = 32;
 const LOUD_SHOULDER: f64 = 9.0;
 
-/// Most samples without a large error within a burst.
+/// Largest number of successive samples without a large error within a burst.
 const PAUSE: usize = 6;
 
-/// Least ratio of a burst's energy to that of the next event, and least product of this ratio with [`Left::whiteness`].
+/// Least ratio of a burst's energy to that of the next event, and least product of this ratio and [`Left::whiteness`].
 #[derive(Clone, Copy)]
 struct Bounds {
     ratio: f64,
     evidence: f64,
 }
 
-/// Bounds where other axes are witnesses. The evidence for natural events of four samples or more stays below 3 in 500
-/// simulated trials and in one real recording; shorter ones reach 6.
+/// Bounds if other axes are witnesses. The evidence for natural events of four samples or more stays below 3 in 500
+/// simulated trials and in one real recording. For shorter events it reaches 6.
 const WITNESSED: Bounds = Bounds {
     ratio: 6.0,
     evidence: 12.0,
 };
 
-/// Bounds of an axis alone. The evidence for natural events stays below 6 in 24 real takes, but for one take that
-/// begins with a cut (43).
+/// Bounds for an axis without witnesses. The evidence for natural events stays below 6 in 24 real takes, except in one
+/// take that begins with a cut (43).
 const ALONE: Bounds = Bounds {
     ratio: 10.0,
     evidence: 50.0,
 };
 
-/// Least RMS of a witness, as a share of the axis's: noise of a dead axis witnesses nothing.
+/// Least RMS of a witness, as a fraction of the axis's RMS, because the noise of a dead axis is not evidence.
 const WITNESS_SHARE: f64 = 0.03;
 
-/// Wild samples on one axis.
+/// Corrupted samples on one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Burst {
-    /// Axis, counted from one.
+    /// Number of the axis, from one.
     pub axis: usize,
     /// Start, s.
     pub start_s: f64,
     /// Duration, s.
     pub seconds: f64,
-    /// Ratio of the burst's prediction error to the largest elsewhere on the axis, as RMS over 8 samples.
+    /// Ratio of the burst's prediction error to the largest prediction error elsewhere on the axis, both as RMS over 8
+    /// samples.
     pub ratio: f64,
 }
 
@@ -112,13 +115,14 @@ pub(super) fn bursts(axes: &[Axis<'_>], rate_hz: f64) -> Vec<Burst> {
     found
 }
 
-/// Samples that are left out so that the rest is as predictable as elsewhere.
+/// Samples that are left out, so that the remaining samples are as predictable as elsewhere.
 struct Left {
     /// Index of the first sample that is left out.
     first: usize,
     /// Number of samples that are left out.
     count: usize,
-    /// Energy of the prediction error over what white samples as large would have on average.
+    /// Ratio of the energy of the prediction error to the mean energy that white samples of the same magnitude would
+    /// cause.
     whiteness: f64,
 }
 
@@ -127,16 +131,16 @@ struct Errors<'a> {
     axis: &'a Axis<'a>,
     /// Coefficients of the predictor: 1, a(1) .. a(p).
     predictor: Vec<f64>,
-    /// Errors of the samples from the p-th on.
+    /// Prediction errors of the samples from the p-th on.
     of_samples: Vec<f64>,
-    /// Energy of the errors in windows, one at each sample.
+    /// Energy of the errors in the window that begins at each sample.
     energy: Vec<f64>,
     /// Median of the energy.
     median: f64,
 }
 
 impl<'a> Errors<'a> {
-    /// Returns the errors of `axis`; `None` of one that is constant or too short.
+    /// Returns the errors of `axis`; `None` if it is constant or too short.
     fn of(axis: &'a Axis<'a>) -> Option<Self> {
         let samples = axis.samples;
         if axis.deviation <= 0.0 || samples.len() < 10 * BLOCK {
@@ -169,7 +173,7 @@ impl<'a> Errors<'a> {
         self.predictor.len() - 1
     }
 
-    /// One value per window, true if an event is near.
+    /// Returns, for each window, true if an event is near.
     fn near_events(&self) -> Vec<bool> {
         let mut near = vec![false; self.energy.len()];
         let end = near.len();
@@ -181,8 +185,8 @@ impl<'a> Errors<'a> {
         near
     }
 
-    /// Windows that exceed all others by `ratio` where no witness has an event, with their energies, and the largest
-    /// energy of the others.
+    /// Returns the windows without an event of a witness whose energy exceeds that of all other such windows by
+    /// `ratio`, with their energies, and the largest energy of the others.
     fn standing_out(&self, witnesses: &[&[bool]], ratio: f64) -> (Vec<(usize, f64)>, f64) {
         let is_lone = |at: usize| !witnesses.iter().any(|events| events.get(at) == Some(&true));
         let mut blocks: Vec<(usize, f64)> = self
@@ -196,7 +200,7 @@ impl<'a> Errors<'a> {
                 })
             })
             .collect();
-        // The ends have no surroundings that could be judged.
+        // The ends have no surroundings by which they could be judged.
         let last = blocks.len() - 1;
         for end in [0, last - 1, last] {
             blocks[end].1 = 0.0;
@@ -209,7 +213,7 @@ impl<'a> Errors<'a> {
             let near = largest.saturating_sub(1)..=(largest + 1).min(last);
             blocks[near].iter_mut().for_each(|block| block.1 = 0.0);
         }
-        // Where an axis is rarely alone, its few events show nothing.
+        // If the axis rarely has events without a witness, these few show nothing.
         let rest = |count: usize| strongest[count].1.max(EVENT * self.median);
         let stands_out = |&count: &usize| strongest[count - 1].1 >= ratio * rest(count);
         let count = (1..strongest.len()).rev().find(stands_out).unwrap_or(0);
@@ -218,8 +222,8 @@ impl<'a> Errors<'a> {
         (strongest, rest)
     }
 
-    /// The samples to leave out around the window `at` so that no energy is above `rest`; `None` if these are too few
-    /// or too many for a burst, or if what is around them is loud.
+    /// Returns the samples that must be left out around the window `at` so that no energy is above `rest`; `None` if
+    /// they are too few or too many for a burst, or if their surroundings are loud.
     fn left_out(&self, at: usize, rest: f64) -> Option<Left> {
         let errors = &self.of_samples;
         let is_large = |index: &usize| 2.0 * errors[*index] * errors[*index] > rest;
@@ -241,7 +245,7 @@ impl<'a> Errors<'a> {
                 return None;
             }
         }
-        // An error lasts for as long as the burst is in the predictor.
+        // An error lasts as long as the burst is within the reach of the predictor.
         let least = (last + 1 - first).saturating_sub(self.order()).max(1);
         let (count, whiteness) = (least..=LONGEST)
             .find_map(|count| Some((count, self.whiteness(first, count, rest)?)))?;
@@ -253,10 +257,11 @@ impl<'a> Errors<'a> {
         (count >= SHORTEST && self.is_calm_around(&left)).then_some(left)
     }
 
-    /// The whiteness of `count` samples from that of error `first` on, if no energy is above `rest` without them.
+    /// Returns the whiteness of `count` samples that cause errors from the index `first` on; `None` if an energy is
+    /// still above `rest` without these samples.
     ///
-    /// Leaving them out leaves the errors e - a∗d, where d, what is wrong with the samples, minimises their energy
-    /// (Janssen, Veldhuis, Vries, IEEE ASSP 34, 1986). White d have on average the energy Σa² Σd².
+    /// When they are left out, the errors become e - a∗d, where d, the deviation of the samples, is chosen for the
+    /// least energy (Janssen, Veldhuis, Vries, IEEE ASSP 34, 1986). White d have on average the energy Σa² Σd².
     fn whiteness(&self, first: usize, count: usize, rest: f64) -> Option<f64> {
         let (a, p) = (&self.predictor, self.order());
         let errors = self.of_samples.get(first..first + count + p)?;
@@ -280,7 +285,7 @@ impl<'a> Errors<'a> {
         is_calm.then(|| energy(errors) / (energy(a) * wrong.norm_squared()))
     }
 
-    /// Returns whether the samples on either side are no louder than elsewhere.
+    /// Returns whether the samples on either side are not loud.
     fn is_calm_around(&self, left: &Left) -> bool {
         let samples = self.axis.samples;
         let middle = mean(samples);
@@ -317,7 +322,7 @@ mod tests {
         ring.collect()
     }
 
-    /// Noise on three axes, each weaker than the one before.
+    /// Noise on three axes, each weaker than the previous one.
     fn texture(seed: u64) -> [Vec<f64>; 3] {
         [1.0, 0.4, 0.2].map(|gain| {
             let seed = 3 * seed + (10.0 * gain) as u64;
@@ -326,7 +331,7 @@ mod tests {
         })
     }
 
-    /// Makes `count` samples from `at` on wild: uniform, up to `strength` times the RMS.
+    /// Corrupts `count` samples from `at` on: uniform random values of up to `strength` times the RMS.
     fn make_wild(axis: &mut [f64], at: usize, count: usize, strength: f64) {
         let most = strength * (energy(axis) / axis.len() as f64).sqrt();
         let mut random = rand_pcg::Pcg64::seed_from_u64(at as u64);
@@ -337,7 +342,7 @@ mod tests {
         Defects::of(axes, RATE_HZ).bursts
     }
 
-    /// Returns whether `burst`, or a margin of 8 samples around it, has all of `count` samples from `at` on.
+    /// Returns whether `burst`, with a margin of 8 samples, covers the `count` samples from `at` on.
     fn covers(burst: &Burst, at: usize, count: usize) -> bool {
         let first = (burst.start_s * RATE_HZ).round() as usize;
         let end = first + (burst.seconds * RATE_HZ).round() as usize;
@@ -401,7 +406,7 @@ mod tests {
             };
             assert_eq!(found(&[click(&x), click(&y)]), [], "{strength}");
         }
-        // Heavy tails: every sample is an event.
+        // With heavy tails, every sample is an event.
         for seed in 0..8 {
             let cubes: Vec<f64> = noise(seed, 20_000).iter().map(|e| e.powi(3)).collect();
             assert_eq!(found(&[ringing(&cubes)]), []);

@@ -4,22 +4,22 @@ use std::ops::Range;
 
 use super::axis::Axis;
 
-/// Smallest number of clipped samples that counts, because one sample is no evidence in a short recording.
+/// Least number of clipped samples that counts, because a single sample is not evidence in a short recording.
 const MIN_CLIPPED_SAMPLES: usize = 8;
 
 /// Least number of equal extreme samples in a row that are clipped: an unclipped signal reaches its extreme once, or
 /// twice at the top of a slow wave.
 const LEAST_RUN: usize = 3;
 
-/// Returns the share of clipped samples on the worst axis.
+/// Returns the fraction of clipped samples on the worst axis.
 ///
 /// `axes` must have the recording's own sample rate, because resampling rounds flat tops.
 pub(super) fn clipped_share(axes: &[Axis<'_>]) -> f64 {
     axes.iter().map(clipped_share_of).fold(0.0, f64::max)
 }
 
-/// Returns the share of samples at the highest or lowest value, if they are in runs of [`LEAST_RUN`] or more. A signal
-/// of only one or two values does not count as clipped.
+/// Returns the fraction of samples at the highest or lowest value, if there are enough runs of [`LEAST_RUN`] or more
+/// such samples. A signal that has only one or two different values does not count as clipped.
 fn clipped_share_of(axis: &Axis<'_>) -> f64 {
     let (samples, outside) = (axis.samples, axis.at_limits.len());
     if axis.low >= axis.high || outside < MIN_CLIPPED_SAMPLES || outside == samples.len() {
@@ -46,15 +46,15 @@ pub struct Clip {
 }
 
 /// Returns the runs of [`LEAST_RUN`] or more equal samples at the highest or lowest value of `axis`, in the order of
-/// time; none if the signal has one or two values only. Few runs do not make a recording clipped, but none of them is a
-/// surface's.
+/// time; none if the signal has only one or two different values. A few runs do not make a recording clipped, but no
+/// run comes from a surface.
 pub(super) fn clips(axis: &Axis<'_>, rate_hz: f64) -> Vec<Clip> {
     let samples = axis.samples;
     if axis.low >= axis.high || axis.at_limits.len() == samples.len() {
         return Vec::new();
     }
     let equal = |at: usize| (samples[at] - samples[at + 1]).abs() <= axis.tolerance;
-    // A run that begins elsewhere is none, so that only samples at a limit are looked at.
+    // A run that begins away from the limits cannot be at a limit, so only samples at a limit are examined.
     let starts = axis.at_limits.iter().copied();
     let starts = starts.filter(|&at| at == 0 || !equal(at - 1));
     let runs = starts.map(|start| {

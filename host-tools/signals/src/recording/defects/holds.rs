@@ -1,20 +1,21 @@
-//! Stretches in which a value does not change: a converter that stands still, or samples that were lost.
+//! Stretches in which a value does not change, because a converter stood still or samples were lost.
 
 use super::axis::Axis;
 
-/// Shortest hold, s. Shorter ones take less than 0.1 dB from the level of a recording even if there are ten per second.
+/// Shortest hold, s. Shorter holds reduce the level of a recording by less than 0.1 dB even if there are ten per
+/// second.
 const LEAST_S: f64 = 2e-3;
 
-/// Fewest samples of a hold, whatever the rate.
+/// Least number of samples of a hold, at any sample rate.
 const LEAST_SAMPLES: usize = 6;
 
-/// Holds of this length or more are silence, which the levels show; s.
+/// Duration, s, from which on a hold counts as silence, which the measures of the level detect.
 const SILENCE_S: f64 = 0.1;
 
-/// Number of samples on either side from which the chance of equal neighbours is estimated.
+/// Number of samples on either side from which the probability of equal neighbours is estimated.
 const SURROUNDINGS: usize = 64;
 
-/// Largest expected number of natural runs of a hold's length in a whole recording.
+/// Largest expected number of natural runs, of a hold's length, in a whole recording.
 const LARGEST_CHANCE: f64 = 1e-3;
 
 /// A stretch in which the value does not change.
@@ -24,12 +25,12 @@ pub struct Hold {
     pub start_s: f64,
     /// Duration, s.
     pub seconds: f64,
-    /// True if the value is zero: samples that were lost, not a converter that stands still.
+    /// True if the value is zero, which means that samples were lost rather than that a converter stood still.
     pub is_zero: bool,
 }
 
 impl Hold {
-    /// Returns whether `next`, which starts later, overlaps it; and extends it then.
+    /// Returns whether `next`, which starts later, overlaps this hold; if so, extends this hold over it.
     pub(super) fn joins(&mut self, next: &Self) -> bool {
         let overlaps = next.start_s <= self.start_s + self.seconds;
         if overlaps {
@@ -41,17 +42,16 @@ impl Hold {
     }
 }
 
-/// Returns the holds of `axis` that are too long to be a natural run of equal values.
+/// Returns the holds of `axis` that are too long to be natural runs of equal values.
 ///
-/// Quiet parts of a recording with coarse steps have runs of equal values, too. Where the share p of neighbours is
-/// equal, a run of L samples is expected N p^(L-1) times in N samples. A run at the highest or lowest value is
-/// clipping.
+/// Quiet parts of a recording with coarse steps also have runs of equal values. If a fraction p of neighbours is equal,
+/// a run of L samples is expected N p^(L-1) times in N samples. A run at the highest or lowest value is clipping.
 pub(super) fn holds(axis: &Axis<'_>, rate_hz: f64) -> Vec<Hold> {
     let (low, high) = (axis.low, axis.high);
     let least = ((LEAST_S * rate_hz).round() as usize).max(LEAST_SAMPLES);
     let most = (SILENCE_S * rate_hz) as usize;
     let mut found = Vec::new();
-    // Most recordings have too few equal neighbours for any run of this length.
+    // Most recordings have too few equal neighbours for a run of this length.
     if axis.samples.len() < axis.changes + least {
         return found;
     }
@@ -80,7 +80,7 @@ fn is_unnatural(axis: &[f64], first: usize, end: usize) -> bool {
     let after = &axis[end..(end + SURROUNDINGS).min(axis.len())];
     let share = |part: &[f64]| {
         let equal = part.windows(2).filter(|pair| pair[0] == pair[1]).count();
-        // Laplace's rule of succession: what did not occur among so few is not impossible.
+        // Laplace's rule of succession, because an event that did not occur among few samples is not impossible.
         (equal + 1) as f64 / (part.len() + 1) as f64
     };
     let p = share(before).max(share(after));

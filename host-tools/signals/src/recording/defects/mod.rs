@@ -1,6 +1,7 @@
-//! Defects of a recording that its samples show at the file's own rate only, because resampling smears them.
+//! Defects of a recording that are visible only at the file's own sample rate, because resampling smears them.
 //!
-//! Invariant: samples in, findings out; times are in seconds from the first sample. Nothing here judges: triage does.
+//! Invariant: samples in, findings out; times are in seconds from the first sample. Nothing here decides on a
+//! recording; triage does.
 
 mod axis;
 mod bursts;
@@ -20,7 +21,7 @@ pub use spikes::Spike;
 pub struct Truncation {
     /// Frames that the header declares.
     pub declared: u64,
-    /// Frames that the file holds.
+    /// Frames that the file contains.
     pub held: u64,
 }
 
@@ -33,44 +34,44 @@ pub struct Gap {
     pub seconds: f64,
 }
 
-/// Faults of the times of a file's samples.
+/// Faults in the times of a file's samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timing {
-    /// The unit that was taken for theirs, because it makes a rate that a recording can have.
+    /// The unit that was assumed for the times, because it gives a rate that a recording can have.
     pub guessed_unit: Option<TimeUnit>,
-    /// Number of rows that were taken out, because they repeat others.
+    /// Number of rows that were removed because they repeat other rows.
     pub joined_rows: usize,
-    /// Number of single samples that were missing and are interpolated.
+    /// Number of single samples that were missing and were interpolated.
     pub lost: usize,
-    /// Number of samples, with those that were missing.
+    /// Number of samples, including those that were missing.
     pub samples: usize,
-    /// Gaps, in the order of time.
+    /// Gaps, in order of time.
     pub gaps: Vec<Gap>,
-    /// Usual number of samples of a bunch, if they come in bunches.
+    /// Usual number of samples in a bunch, if the times come in bunches.
     pub bunch: Option<usize>,
 }
 
 /// Findings at the file's own rate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Defects {
-    /// Share of clipped samples on the worst axis.
+    /// Fraction of clipped samples on the worst axis.
     pub clipped_share: f64,
-    /// Stretches at the highest or lowest value, of all axes.
+    /// Stretches of clipped samples, of all axes.
     pub clips: Vec<Clip>,
-    /// Stretches in which the value does not change, of all axes, in the order of time.
+    /// Stretches in which the value does not change, of all axes, in order of time.
     pub holds: Vec<Hold>,
-    /// Single samples far off their neighbours, of all axes, in the order of time.
+    /// Single samples that deviate strongly from their neighbours, of all axes, in order of time.
     pub spikes: Vec<Spike>,
-    /// Wild samples on one axis that are none of the above, in the order of the axes.
+    /// Corrupted samples on one axis that are none of the above, in order of the axes.
     pub bursts: Vec<Burst>,
-    /// The rate at which a sensor's values were read, Hz, if that was above its own, so that they are held.
+    /// The rate at which a sensor's values were read, Hz, if it was above the sensor's own rate, so that values are
+    /// held.
     pub read_at_hz: Option<f64>,
-    /// Ratio of the signal's power to that of the round-off of its steps, on the best axis, dB; infinite for a
-    /// constant.
+    /// Ratio of the signal's power to the round-off power of its steps, on the best axis, dB; infinity for a constant.
     pub quantisation_snr_db: f64,
-    /// Lengths, if the file ends before its header says.
+    /// Lengths, if the file ends before the length that its header states.
     pub truncation: Option<Truncation>,
-    /// Faults of the times.
+    /// Faults in the times.
     pub timing: Timing,
 }
 
@@ -83,7 +84,7 @@ impl Defects {
             .flat_map(|axis| holds::holds(axis, rate_hz))
             .collect();
         holds.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
-        // A gap of the converter is in all axes.
+        // A gap of the converter occurs on all axes.
         holds.dedup_by(|next, first| first.joins(next));
         let mut spikes: Vec<Spike> = axes
             .iter()

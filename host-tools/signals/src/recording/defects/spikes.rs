@@ -1,36 +1,37 @@
-//! Single samples far off their neighbours: a bit that fell over, a contact that was lost.
+//! Single samples that deviate strongly from their neighbours, for example because of a bit error or a lost contact.
 
 use super::axis::{Axis, fourth_differences, largest_fourth_difference};
 
-/// Number of samples on either side that a spike stands out from.
+/// Number of samples on either side above which a spike must stand out.
 pub(super) const REACH: usize = 48;
 
 /// Number of samples on either side that a spike itself disturbs.
 const OWN: usize = 5;
 
-/// Ratio of a spike's fourth difference to the largest around it.
+/// Least ratio of a spike's fourth difference to the largest fourth difference around it.
 ///
-/// Impulses of real contacts reach 12.8 at 5 kHz, and 10 at 44.1 kHz. At 20, one spike is some 60 standard deviations
-/// high and adds about a third to the energy of 2 s at 5 kHz; one of half that height adds 0.4 dB.
+/// Impulses of real contacts reach 12.8 at 5 kHz, and 10 at 44.1 kHz. At a ratio of 20, one spike is about 60 standard
+/// deviations high and adds about a third to the energy of 2 s at 5 kHz. A spike of half that height adds 0.4 dB.
 const RATIO: f64 = 20.0;
 
-/// Least background, as a share of the axis's standard deviation, because a spike in a quiet part matters less.
+/// Lower bound of the background, as a fraction of the axis's standard deviation, because a spike in a quiet part
+/// matters less.
 const BACKGROUND_SHARE: f64 = 0.05;
 
-/// A sample far off its neighbours.
+/// A sample that deviates strongly from its neighbours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spike {
     /// Time, s.
     pub time_s: f64,
-    /// Ratio of its fourth difference to the largest around it.
+    /// Ratio of the spike's fourth difference to the largest fourth difference around it.
     pub ratio: f64,
 }
 
-/// Returns the spikes of `axis`. The fourth difference tells a single sample from anything that the ones before and
-/// after take part in.
+/// Returns the spikes of `axis`. The fourth difference distinguishes a single sample from movements that also include
+/// the samples before and after it.
 pub(super) fn spikes(axis: &Axis<'_>, rate_hz: f64) -> Vec<Spike> {
     let least = BACKGROUND_SHARE * axis.deviation;
-    // Few recordings have any difference that large, and the others are done with here.
+    // Few recordings have such a large difference; all others are finished here.
     if largest_fourth_difference(axis.samples) <= RATIO * least {
         return Vec::new();
     }

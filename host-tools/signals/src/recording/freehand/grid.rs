@@ -1,18 +1,18 @@
-//! The grid that segments are assigned to: given, or proposed from the recordings.
+//! The grid to which segments are assigned: given, or proposed from the recordings.
 
 use super::read::Freehand;
 
-/// Speed below which a hand rests, mm/s.
+/// Speed below which a hand counts as resting, mm/s.
 pub const LEAST_SPEED_MM_S: f64 = 5.0;
 
-/// Force below which a tool is in the air, N.
+/// Force below which a tool counts as being in the air, N.
 pub const LEAST_FORCE_N: f64 = 0.05;
 
-/// Largest number of lines of a proposed grid: the paper's 15 speeds, and about its 8 forces.
+/// Largest number of lines per axis of a proposed grid: the paper's 15 speeds, and slightly more than its 8 forces.
 const SPEEDS: f64 = 15.0;
 const FORCES: f64 = 10.0;
 
-/// Share of the samples in motion and contact that a proposed grid leaves out at either end.
+/// Fraction of the samples in motion and contact that a proposed grid leaves out at each end.
 const LEFT_OUT: f64 = 0.02;
 
 /// Axis of a grid with evenly spaced values.
@@ -39,7 +39,7 @@ impl GridAxis {
 }
 
 impl std::fmt::Display for GridAxis {
-    /// Writes it as it is parsed: `20:300:20`.
+    /// Writes the axis in the form in which it is parsed: `20:300:20`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}:{}:{}", self.lowest, self.highest, self.step)
     }
@@ -65,10 +65,10 @@ impl std::str::FromStr for GridAxis {
     }
 }
 
-/// Returns speeds and forces of a grid that holds nearly all of the motion in contact of `recordings`; `None` if there
-/// is none.
+/// Returns the speeds and forces of a grid that covers nearly all of the motion in contact in `recordings`; `None` if
+/// there is no such motion.
 ///
-/// Steps are 1, 2 or 5 times a power of ten, and lines are their multiples, because such values are easy to name.
+/// Steps are 1, 2 or 5 times a power of ten, and lines are multiples of the step, because such values are easy to name.
 pub fn proposed_grid(recordings: &[Freehand]) -> Option<(GridAxis, GridAxis)> {
     let (mut speeds, mut forces) = (Vec::new(), Vec::new());
     for recording in recordings {
@@ -83,7 +83,7 @@ pub fn proposed_grid(recordings: &[Freehand]) -> Option<(GridAxis, GridAxis)> {
     Some((proposed(speeds, SPEEDS)?, proposed(forces, FORCES)?))
 }
 
-/// Axis of at most `lines` lines, or one more, for `values` above zero.
+/// Returns an axis of at most `lines` lines, or one more, for `values` above zero.
 fn proposed(mut values: Vec<f64>, lines: f64) -> Option<GridAxis> {
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
@@ -94,7 +94,7 @@ fn proposed(mut values: Vec<f64>, lines: f64) -> Option<GridAxis> {
     let factor = [1.0, 2.0, 5.0, 10.0]
         .into_iter()
         .find(|factor| factor * power >= exact * (1.0 - 1e-9))?;
-    // Powers of ten below one are not exact; the decimals that a user writes are.
+    // Powers of ten below one are not exact, so values are rounded to the decimals that a user would write.
     let rounded = |value: f64| (value * 1e6).round() / 1e6;
     let step = rounded(factor * power);
     Some(GridAxis {

@@ -1,17 +1,18 @@
-//! Recordings of a free hand: accelerations with the speed and force at each sample, cut into segments of nearly steady
-//! motion, which are assigned to the nodes of a grid.
+//! Recordings of a free hand: accelerations with the speed and force at each sample. They are cut into segments of
+//! nearly steady motion, which are assigned to the nodes of a grid.
 //!
 //! Successive blocks of 20 ms form a segment as long as speed and force each stay within a band around the middle of
 //! their range ([`Tolerance`]). A segment that is long enough is a trial at its *median* speed and force. It belongs to
-//! the grid's node nearest to them, if that is within half a step. A node with too little data is left out and
-//! reported.
+//! the nearest node of the grid, if its median speed and force are within half a step of this node. A node with too
+//! little data is left out and reported.
 //!
-//! Values that no hand and no sensor can have (10⁵ N) are outliers. They are reported with their line, and no segment
-//! includes a block with one. A file with more than one outlier per ten samples is refused, because its columns or
-//! units are then likely to be wrong.
+//! Values that no hand and no sensor can produce (10⁵ N) are outliers. They are reported with their line, and no
+//! segment includes a block with an outlier. A file with more than one outlier per ten samples is refused, because its
+//! columns or units are then likely to be wrong.
 //!
-//! A block breaks a segment, and is counted, if the direction of motion changes in it or if the speed jumps in it by
-//! more than a hand can, as an encoder does that loses a count. Segments end where the direction changes.
+//! A block ends a segment, and is counted, if within it the direction of motion changes, or the speed jumps by more
+//! than a hand can cause (such as when an encoder loses a count). Segments also end where the direction changes between
+//! blocks.
 
 mod grid;
 mod read;

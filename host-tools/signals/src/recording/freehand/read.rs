@@ -1,4 +1,4 @@
-//! CSV files of a free hand's recording, with its motion.
+//! CSV files of a free hand's recording with its motion.
 
 use std::io::Read;
 use std::path::Path;
@@ -19,11 +19,11 @@ const TIME: &str = "time_s";
 const SPEED: &str = "speed_mm_s";
 const FORCE: &str = "force_n";
 
-/// Largest magnitude of an acceleration, as the stylus plays it; a value beyond it is an outlier, as are motions that
-/// no hand has.
+/// Largest magnitude of an acceleration that the stylus can play. A larger value is an outlier, and so are motions that
+/// no hand can perform.
 const MAX_ACCELERATION_M_S2: f64 = 2048.0;
 
-/// Largest share of samples with an outlier; a file with a larger share is refused.
+/// Largest fraction of samples with an outlier; a file with more is refused.
 const MAX_OUTLIER_SHARE: f64 = 0.1;
 
 /// Largest number of outliers that are reported one by one.
@@ -38,7 +38,7 @@ pub struct Freehand {
     pub axes: Vec<Vec<f64>>,
     /// Magnitude of the tangential speed, mm/s.
     pub speed_mm_s: Vec<f64>,
-    /// True for each sample with a negative speed in the file: the other direction.
+    /// True for each sample whose speed is negative in the file, which means the other direction.
     pub is_backward: Vec<bool>,
     /// Normal force, N; a value below zero means no contact.
     pub force_n: Vec<f64>,
@@ -46,14 +46,14 @@ pub struct Freehand {
     pub is_outlier: Vec<bool>,
     /// The first outliers, at most 20.
     pub outliers: Vec<Outlier>,
-    /// True if the file declares itself as simulated.
+    /// True if the file states that it is simulated.
     pub is_simulated: bool,
-    /// Conversions of units, and doubts about them, a line each.
+    /// Conversions of units, and doubts about them, one line each.
     pub remarks: Vec<String>,
 }
 
 impl Freehand {
-    /// Notes on units and outliers of the recording in the file at `path`, one line each.
+    /// Returns notes on units and outliers of the recording in the file at `path`, one line each.
     pub fn notes(&self, path: &Path) -> Vec<String> {
         let path = path.display();
         let remarks = self
@@ -74,7 +74,7 @@ impl Freehand {
         notes
     }
 
-    /// Appends a row, whose accelerations are in units of `scales_m_s2`. `names` has the names of the row's columns.
+    /// Appends a row, whose accelerations are in units of `scales_m_s2`. `names` are the names of the row's columns.
     fn push(
         &mut self,
         row: &Row<'_, '_>,
@@ -114,7 +114,7 @@ impl Freehand {
     }
 }
 
-/// A value that no hand and no sensor can have.
+/// A value that no hand and no sensor can produce.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outlier {
     /// Line of the value in the file, from 1.
@@ -131,13 +131,13 @@ fn says_simulated(text: &str) -> bool {
     comments.any(|comment| comment.trim_start().starts_with("SIMULATED"))
 }
 
-/// Length of a file's top, where a comment may say that it is SIMULATED.
+/// Length of the beginning of a file in which a comment may state that it is SIMULATED, bytes.
 const TOP_BYTES: u64 = 4096;
 
-/// Returns true if the recording at `path` is text that says at its top that it is SIMULATED.
+/// Returns true if the recording at `path` is text that states at its beginning that it is SIMULATED.
 ///
 /// # Errors
-/// What is no regular file, or cannot be read.
+/// The file is not a regular file, or cannot be read.
 pub fn is_simulated(path: &Path) -> Result<bool> {
     let mut top = Vec::new();
     let read = (RECORDING.open(path)?)
@@ -148,15 +148,16 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
-/// `scale_m_s2`, or else of the header, or m/s². Beside named accelerations, other columns are left out.
+/// `scale_m_s2`. If it is not given, they are in the unit of the header, or m/s². If accelerations are named, other
+/// columns are left out.
 ///
 /// A column of times, such as `time_s` or `time_ms`, is necessary unless `rate_hz` is given. Comments begin with `#`; a
 /// comment at the top that begins with SIMULATED marks the file as simulated.
 ///
 /// # Errors
-/// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
+/// The file cannot be read or lacks one of these columns, a field is not a number, or there are too many outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Result<Freehand> {
-    // Regular files alone, because a recording is read again for its kind.
+    // Only regular files are accepted, because a recording is read again to determine its kind.
     TABLE.open(path)?;
     let table = CsvTable::read(path, TABLE)?;
     let header = table.header()?;
@@ -236,7 +237,7 @@ impl Columns {
             header.needed(SPEED, &expected)?,
             header.needed(FORCE, &expected)?,
         );
-        // It has one column of this name.
+        // Checks that there is only one column of this name.
         header.column(TIME)?;
         let names = header.names().enumerate();
         let times: Vec<TimeColumn> =

@@ -14,10 +14,10 @@ use crate::support::number::counted;
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.02;
 
-/// Largest deviation of a quantity from the middle of its range within a segment: the larger of the two bounds.
+/// Largest deviation of a quantity from the middle of its range within a segment. The larger of the two bounds applies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Bound as a share of the middle.
+    /// Bound as a fraction of the middle.
     pub share: f64,
     /// Bound in the quantity's unit.
     pub least: f64,
@@ -29,13 +29,14 @@ impl Tolerance {
     }
 }
 
-/// Largest jump of the speed from one sample to the next, mm/s, as a share of the block's median, and as a multiple of
-/// its median step: what exceeds all three is no motion. A hand accelerates by 50 m/s² at most, 10 mm/s in 0.2 ms.
+/// Bounds of a jump of the speed from one sample to the next: in mm/s, as a fraction of the block's median speed, and
+/// as a multiple of its median step. A change that exceeds all three is not a motion. A hand accelerates by at most 50
+/// m/s², which is 10 mm/s in 0.2 ms.
 const JUMP_MM_S: f64 = 50.0;
 const JUMP_SHARE: f64 = 0.5;
 const JUMP_STEPS: f64 = 8.0;
 
-/// Largest share of a block's samples in the other direction.
+/// Largest fraction of a block's samples that may have the other direction.
 const MINORITY: f64 = 0.1;
 
 /// Options of a segmentation.
@@ -58,11 +59,11 @@ pub struct Options {
 /// A part of a recording in which the motion is nearly steady.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Segment {
-    /// Index of the recording.
+    /// Index of the recording that contains the segment.
     pub recording: usize,
     /// First sample.
     pub first: usize,
-    /// Sample after the last one.
+    /// Index after the last sample.
     pub end: usize,
     /// Median speed, mm/s.
     pub median_speed_mm_s: f64,
@@ -70,7 +71,7 @@ pub struct Segment {
     pub median_force_n: f64,
 }
 
-/// A segment with its node.
+/// A segment with the node to which it belongs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Placed {
     /// The segment.
@@ -88,27 +89,28 @@ pub struct Segmentation {
     pub placed: Vec<Placed>,
     /// Segments in motion and contact that are not within half a step of any node.
     pub off_grid: Vec<Segment>,
-    /// Nodes with too little data: speed, mm/s, force, N, and total duration of the segments, s.
+    /// Nodes with too little data: speed, mm/s, force, N, and total duration of the node's segments, s.
     pub too_little: Vec<(f64, f64, f64)>,
     /// Number of changes of direction, at which segments end.
     pub reversals: usize,
-    /// Blocks in which the speed jumps: recording, and time of the block's start, s.
+    /// Blocks in which the speed jumps: index of the recording, and time at which the block starts, s.
     pub jumps: Vec<(usize, f64)>,
-    /// Share of the time in motion and contact that is within segments.
+    /// Fraction of the time in motion and contact that is within segments.
     pub steady_share: f64,
 }
 
-/// Number of pieces off the grid that are named one by one.
+/// Largest number of segments off the grid that are reported individually.
 const NAMED: usize = 10;
 
-/// Share of the motion below which it is worth a word how little is steady.
+/// Steady fraction of the motion below which a note states that little is steady.
 const LITTLE: f64 = 0.5;
 
 impl Options {
-    /// Options for these recordings: the grid's axes that are given, or proposed, and the tolerance as a share.
+    /// Returns the options for these recordings: the axes of the grid that are given, or else proposed, and the
+    /// relative tolerance.
     ///
     /// # Errors
-    /// No motion in contact, so that no grid can be proposed.
+    /// There is no motion in contact, so that no grid can be proposed.
     pub fn of(
         recordings: &[Freehand],
         (speeds, forces): (Option<GridAxis>, Option<GridAxis>),
@@ -128,7 +130,8 @@ impl Options {
                 ));
             }
         };
-        // At the lowest speeds and forces a share is too strict; a quarter of the grid's step counts as steady there.
+        // At the lowest speeds and forces a relative tolerance is too strict. There, deviations of up to a quarter of
+        // the grid's step count as steady.
         let tolerance = |axis: &GridAxis| Tolerance {
             share: tolerance,
             least: 0.25 * axis.step,
@@ -145,10 +148,10 @@ impl Options {
 }
 
 impl Segmentation {
-    /// Checks that there is a piece.
+    /// Checks that there is a segment.
     ///
     /// # Errors
-    /// There is none.
+    /// There is no segment.
     pub fn check(&self) -> Result<()> {
         if self.placed.is_empty() {
             return Err(Error::Request(
@@ -160,7 +163,7 @@ impl Segmentation {
         Ok(())
     }
 
-    /// Notes on what is left out, one line each.
+    /// Returns notes on what is left out, one line each.
     pub fn left_out(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if self.reversals > 0 {
@@ -227,7 +230,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
                 off_grid.push(segment);
                 continue;
             };
-            // The bits of positive numbers have the order of the numbers.
+            // The bits of positive numbers are ordered like the numbers.
             let node = (speed_mm_s.to_bits(), force_n.to_bits());
             *seconds.entry(node).or_insert(0.0) += length_s;
             nodes.entry(node).or_default().push(Placed {
@@ -264,7 +267,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     }
 }
 
-/// Returns true for a tool that moves on the surface: speed and force of at least half the grid's lowest values.
+/// Returns true if the tool moves on the surface: speed and force are at least half of the grid's lowest values.
 fn is_moving(speed_mm_s: f64, force_n: f64, options: &Options) -> bool {
     speed_mm_s >= 0.5 * options.speeds.lowest && force_n >= 0.5 * options.forces.lowest
 }
@@ -281,17 +284,17 @@ fn moving_s(recording: &Freehand, options: &Options) -> f64 {
 /// Motion in a block of [`BLOCK_S`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Block {
-    /// Mean speed, mm/s, and force, N, in one direction.
+    /// Mean speed, mm/s, and mean force, N, of a motion in one direction.
     Motion {
         speed_mm_s: f64,
         force_n: f64,
         is_backward: bool,
     },
-    /// A value that no hand and no sensor can have.
+    /// The block contains a value that no hand and no sensor can produce.
     Outlier,
-    /// Both directions.
+    /// The block contains motion in both directions.
     Reversal,
-    /// A jump of the speed.
+    /// The block contains a jump of the speed.
     Jump,
 }
 
@@ -299,7 +302,7 @@ fn block_length(recording: &Freehand) -> usize {
     ((BLOCK_S * recording.rate_hz).round() as usize).max(1)
 }
 
-/// Times at which blocks begin in which the speed jumps, s.
+/// Returns the times, s, at which the blocks begin in which the speed jumps.
 fn jump_times_s(blocks: &[Block]) -> impl Iterator<Item = f64> {
     let starts = blocks
         .iter()
@@ -308,8 +311,8 @@ fn jump_times_s(blocks: &[Block]) -> impl Iterator<Item = f64> {
     starts.map(|(block, _)| block as f64 * BLOCK_S)
 }
 
-/// Returns the stretches of `recording`, each of at least `least_s`, in which the tool moves in contact: in one
-/// direction, without outliers and jumps of the speed.
+/// Returns the stretches of `recording`, each of at least `least_s`, in which the tool moves in contact, in one
+/// direction, and without outliers or jumps of the speed.
 pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
     let length = block_length(recording);
     let direction = |block: &Block| match *block {
@@ -332,7 +335,7 @@ pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
     runs.flatten().collect()
 }
 
-/// Returns the motion of each whole block. A hand that is slower than `rest_mm_s` does not change its direction.
+/// Returns the motion of each whole block. A change of direction at less than `rest_mm_s` does not count as a reversal.
 fn blocks(recording: &Freehand, rest_mm_s: f64) -> Vec<Block> {
     let length = block_length(recording);
     let count = recording.speed_mm_s.len() / length;
@@ -416,7 +419,7 @@ fn segments_of(
     segments
 }
 
-/// Returns the first block after the segment that starts at block `begin`.
+/// Returns the index of the first block after the segment that starts at block `begin`.
 fn steady_end(blocks: &[Block], begin: usize, options: &Options) -> usize {
     let (mut speeds, mut forces) = ((f64::MAX, f64::MIN), (f64::MAX, f64::MIN));
     let mut direction = None;
@@ -441,7 +444,7 @@ fn steady_end(blocks: &[Block], begin: usize, options: &Options) -> usize {
     blocks.len()
 }
 
-/// The median; 0 of none, as of the steps of a block of one sample.
+/// Returns the median; 0 if there are no values, such as the steps of a block of one sample.
 fn median(values: &[f64]) -> f64 {
     upper_median(values).unwrap_or(0.0)
 }

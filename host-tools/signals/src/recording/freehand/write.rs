@@ -1,4 +1,4 @@
-//! Segments of a free hand's recording as a recording set for `fit`.
+//! Writes the segments of a free hand's recording as a recording set for `fit`.
 
 use std::path::Path;
 
@@ -10,11 +10,11 @@ use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::output::OutputFolder;
 
-/// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`:
-/// all of it or nothing. An earlier result in `folder` is replaced with `overwrite`.
+/// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`.
+/// Either everything is written or nothing. With `overwrite`, an earlier result in `folder` is replaced.
 ///
 /// # Errors
-/// A folder with other files, or that cannot be written to.
+/// The folder contains other files, or cannot be written to.
 pub fn write(
     folder: &Path,
     texture: &str,

@@ -1,9 +1,9 @@
-//! The part of a trial that is compared with others.
+//! The properties of a trial that are compared with those of others.
 
 use super::copies::Sketch;
 use super::verdict::{Kind, Verdict};
 
-/// A trial, as far as it is compared with others.
+/// The properties of a trial that are compared with those of others.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared<'a> {
     /// Name of the trial's texture.
@@ -12,13 +12,13 @@ pub struct Compared<'a> {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Third-octave bands that the recording knows: centre, Hz, ascending, and level, dB.
+    /// Third-octave bands in which the recording is valid: centre, Hz, ascending, and level, dB.
     pub bands_db: &'a [(f64, f64)],
-    /// True at rest or without contact, where slow motion is all that there is to record.
+    /// True at rest or without contact, where there is only slow motion to record.
     pub is_idle: bool,
     /// RMS, m/s².
     pub rms_m_s2: f64,
-    /// A line at a mains frequency, Hz.
+    /// Frequency of a line at a mains frequency, Hz, if there is one.
     pub mains_line_hz: Option<f64>,
     /// Sketch of the trial's signal.
     pub sketch: &'a Sketch,

@@ -1,32 +1,34 @@
-//! Copies among recordings: equal ones, and those that were scaled.
+//! Copies among recordings: equal ones, and scaled ones.
 //!
-//! Two takes of one surface are uncorrelated, and a copy correlates by 1 with its original. The correlation of two
-//! signals is estimated from a sketch of each: sums of its samples with random signs, the same signs for all signals
-//! (a random projection as in Achlioptas, 2003, doi:10.1016/S0022-0000(03)00025-4). Signals are differenced twice
-//! before, because the strong low frequencies of a drum that retraces its track are alike in every turn.
+//! Two takes of a surface are uncorrelated, and a copy has a correlation of 1 with its original. The correlation of two
+//! signals is estimated from a sketch of each: sums of its samples with random signs, which are the same for all
+//! signals (a random projection as in Achlioptas, 2003, doi:10.1016/S0022-0000(03)00025-4). Before that, signals are
+//! differenced twice, because the strong low frequencies of a drum that retraces its track are the same in every turn.
 
 use serde::{Deserialize, Serialize};
 
 use crate::dsp::wide;
 
-/// Number of sums of a sketch: bits of a hash, one per sum.
+/// Number of sums in a sketch: one for each bit of a hash.
 const SUMS: usize = 64;
 
-/// Largest mean square of the differences of the sums of two copies, both of unit energy: a correlation of 0.9995.
+/// Largest mean square of the differences between the sums of two copies, both of unit energy. It corresponds to a
+/// correlation of 0.9995.
 ///
-/// A drum retraces its track in every turn, so that two forces at one speed reach 0.999 in the simulated rig.
+/// A drum retraces its track in every turn, so trials with two forces at the same speed reach 0.999 in the simulated
+/// rig.
 const COPY_DIFFERENCE: f64 = 1e-3;
 
-/// A signal's sums with random signs, scaled to a unit energy of the signal, and that energy.
+/// A signal's sums with random signs, scaled to unit energy of the signal, and this energy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sketch {
-    /// The sums; none of a signal without energy.
+    /// The sums; empty for a signal without energy.
     sums: Vec<f32>,
     energy: f64,
 }
 
 impl Sketch {
-    /// The sketch of a signal of one axis, in any unit.
+    /// Computes the sketch of a signal of one axis, in any unit.
     pub fn of(signal: &[f64]) -> Self {
         let mut sums = [0.0; SUMS];
         let mut energy = 0.0;
@@ -67,7 +69,7 @@ impl Sketch {
     }
 }
 
-/// The step of `SplitMix64` (Steele, Lea and Flood, 2014, doi:10.1145/2660193.2660195) at `place`.
+/// Returns the output number `place` of `SplitMix64` (Steele, Lea and Flood, 2014, doi:10.1145/2660193.2660195).
 fn mixed(place: u64) -> u64 {
     let z = (place + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -75,8 +77,8 @@ fn mixed(place: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Returns for each recording the index of the earliest that it is a copy of, and the factor from that one's samples to
-/// its own.
+/// For each recording, returns the index of the earliest recording of which it is a copy, and the factor from the
+/// samples of the original to those of the copy.
 pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
     // Copies are close to each other in the order of their first sums.
     let first = |index: usize| sketches[index].sums.first().copied().unwrap_or(f32::MAX);
@@ -116,7 +118,7 @@ mod tests {
     fn other_recordings_of_one_spectrum_are_no_copies() {
         let takes: Vec<Vec<f64>> = (0..60).map(noise).collect();
         assert!(copies_of(&takes).iter().all(Option::is_none));
-        // Nor are recordings without a signal.
+        // Recordings without a signal are not copies either.
         assert_eq!(
             copies_of(&[vec![0.0; 100], vec![0.0; 100], Vec::new()]),
             [None; 3]
@@ -135,7 +137,7 @@ mod tests {
         assert!((found[2].unwrap().1 - 0.37).abs() < 1e-6);
     }
 
-    /// A drum that passes the same track again, under another force.
+    /// A drum that passes the same track again, with another force.
     #[test]
     fn a_track_that_is_retraced_is_no_copy() {
         let track = noise(7);

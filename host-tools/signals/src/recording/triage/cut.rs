@@ -1,24 +1,26 @@
-//! Parts that triage leaves out of a fit: dropouts, spikes, taps and silent parts, where enough is left without them.
+//! Parts that triage leaves out of a fit: dropouts, spikes, taps and silent parts, if enough remains without them.
 
 use super::verdict::{Kind, Span, Verdict};
 
-/// Shortest part that is kept, in samples: 0.4 s, so that the longest lag of a model, 80 ms, is a fifth of it at most.
+/// Shortest part that is kept, in samples: 0.4 s. The longest lag of a model, 80 ms, is then at most a fifth of it.
 pub const LEAST_KEPT: usize = 2000;
 
-/// Shortest part that is kept, in samples, where only dropouts are cut because no longer parts are left: 0.1 s. Nothing
-/// can stand for the samples of a dropout.
+/// Shortest part that is kept, in samples, if only dropouts are cut because too few longer parts remain: 0.1 s. Nothing
+/// can replace the samples of a dropout.
 const LEAST_BETWEEN_GAPS: usize = 500;
 
-/// Least share of a trial that must be left for anything to be cut.
+/// Least fraction of a trial that must remain; otherwise nothing is cut.
 const LEAST_SHARE: f64 = 0.5;
 
-/// Samples over which two parts are joined: 10 ms.
+/// Number of samples over which two parts are joined: 10 ms.
 const JOINT: usize = 50;
 
-/// Returns the parts of a trial of `samples` samples that a fit uses: the whole of it, or what its verdicts leave.
+/// Returns the parts of a trial of `samples` samples that a fit uses: the whole trial, or what remains after its
+/// verdicts.
 ///
-/// If the parts of [`LEAST_KEPT`] or more samples hold less than half of the trial, only dropouts are cut, from between
-/// shorter parts. Nothing is cut if that leaves less than half, too; the verdict then stands for the whole of it.
+/// If the parts of at least [`LEAST_KEPT`] samples contain less than half of the trial, only dropouts are cut, and
+/// shorter parts between them are kept. If less than half remains then, too, nothing is cut, and the verdicts apply to
+/// the whole trial.
 pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
     let gaps = verdicts
         .iter()
@@ -28,8 +30,8 @@ pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
         .unwrap_or_else(|| std::iter::once(0..samples).collect())
 }
 
-/// Parts of `samples` samples, of `least` or more each, between those that `verdicts` would cut; `None` if they hold
-/// less than half.
+/// Returns the parts of `samples` samples that lie between the spans of `verdicts`, of at least `least` samples each;
+/// `None` if together they contain less than half of the trial.
 fn between<'a>(
     verdicts: impl Iterator<Item = &'a Verdict>,
     samples: usize,
@@ -41,7 +43,7 @@ fn between<'a>(
     let mut parts = Vec::new();
     let mut from = 0;
     for cut in cuts.into_iter().chain(std::iter::once(samples..samples)) {
-        // A verdict of another file may lie beyond the end.
+        // A verdict about another version of the file may lie beyond the end.
         let end = cut.start.min(samples);
         if end >= from + least {
             parts.push(from..end);
@@ -54,9 +56,9 @@ fn between<'a>(
 
 /// Returns the `parts` of `axes`, at least one and in order, joined to one recording.
 ///
-/// Each part fades into the next over 10 ms with weights whose squares sum to one. The parts are uncorrelated, so that
-/// the power is kept; a lag takes products across a joint, whose mean is zero, as it does at the ends of a recording.
-/// The mean over the parts is taken off before, and put back.
+/// Each part fades into the next over 10 ms with weights whose squares sum to one. The parts are uncorrelated, so the
+/// power is preserved. A lag includes products across a joint, whose mean is zero, as at the ends of a recording. The
+/// mean over the parts is subtracted before joining and added again afterwards.
 pub fn kept(axes: Vec<Vec<f64>>, parts: &[Span]) -> Vec<Vec<f64>> {
     let [first, rest @ ..] = parts else {
         return axes;
@@ -67,7 +69,8 @@ pub fn kept(axes: Vec<Vec<f64>>, parts: &[Span]) -> Vec<Vec<f64>> {
     axes.into_iter().map(|axis| kept_of(&axis, parts)).collect()
 }
 
-/// Returns where `spans` of a trial are in its `parts` joined to one recording, with every joint as a span of its own.
+/// Returns the positions of `spans` of a trial after its `parts` have been joined to one recording. Every joint is
+/// returned as a span, too.
 pub fn kept_spans(spans: &[Span], parts: &[Span]) -> Vec<Span> {
     let mut moved = Vec::new();
     let mut length = 0;
@@ -133,12 +136,12 @@ mod tests {
             usable(&silent(vec![3000..3500, 4000..4500]), 10_000),
             [0..3000, 4500..10_000]
         );
-        // Too little would be left.
+        // Too little would remain.
         assert_eq!(usable(&silent(vec![500..10_000]), 10_000), [0..10_000]);
         let many = (0..100).map(|n| 100 * n..100 * n + 10).collect();
         assert_eq!(usable(&silent(many), 10_000), [0..10_000]);
         assert_eq!(usable(&[], 100), [0..100]);
-        // Cuts beyond the end take nothing.
+        // Cuts beyond the end have no effect.
         assert_eq!(
             usable(&silent(vec![11_000..12_000, 20_000..20_010]), 10_000),
             [0..10_000]
@@ -157,7 +160,7 @@ mod tests {
         assert_eq!((parts.len(), parts[1].clone()), (10, 1040..2000));
         assert_eq!(usable(&[of(Kind::Spikes, 1000)], 10_000), [0..10_000]);
         assert_eq!(usable(&[of(Kind::Dropouts, 400)], 10_000), [0..10_000]);
-        // Longer parts without all that is found go before.
+        // Longer parts, without any of the findings, have priority.
         let both = [of(Kind::Dropouts, 3000), of(Kind::Spikes, 3000)];
         assert_eq!(usable(&both, 10_000)[1], 3040..6000);
     }

@@ -1,67 +1,69 @@
 //! Verdicts on the level within a trial: parts without a signal, one event that outweighs the rest, a step.
 //!
-//! The level of real takes at one speed and force varies by 7 dB (standard deviation over 50 ms), so that only what
-//! exceeds this by far is a finding. Bounds are those of 24 real takes, whole and in parts of 2 s.
+//! The level of real takes at one speed and force varies by 7 dB (standard deviation over 50 ms), so only changes that
+//! exceed this by far are findings. The bounds come from 24 real takes, whole and in parts of 2 s.
 
 use super::verdict::{Kind, Span, Verdict};
 use crate::dsp::sums::moments_inlined;
 use crate::dsp::wide;
 use model_format::SAMPLE_RATE_HZ;
 
-/// Samples of a part for silence: 20 ms.
+/// Number of samples of a part in the search for silence: 20 ms.
 const SILENCE_PART: usize = 100;
 
-/// Level of a silent part below the loud ones, dB. Real takes have up to 60 ms below -45 dB.
+/// How far below the loud parts a silent part must be, dB. Real takes contain up to 60 ms below -45 dB.
 const SILENT_DB: f64 = 50.0;
 
-/// Fewest parts of a silence: 0.1 s.
+/// Least number of parts of a silence: 0.1 s.
 const SILENT_PARTS: usize = 5;
 
-/// Level of a steady part that is noise of the sensor alone, below the loud ones, dB.
+/// How far below the loud parts a steady part must be to count as only the sensor's noise, dB.
 const QUIET_DB: f64 = 30.0;
 
-/// Fewest parts of noise alone: 0.4 s.
+/// Least number of parts of only the sensor's noise: 0.4 s.
 const QUIET_PARTS: usize = 20;
 
-/// Largest standard deviation of the levels of noise alone, dB; that of 100 samples of white noise is 0.6 dB.
+/// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
+/// 0.6 dB.
 const QUIET_SPREAD_DB: f64 = 1.3;
 
-/// Samples of a part for taps: 10 ms, and the number of parts of an event.
+/// Number of samples of a part in the search for taps, 10 ms, and number of parts of an event.
 const TAP_PART: usize = 50;
 const TAP_PARTS: usize = 4;
 
-/// Most taps of a trial that are told from its texture.
+/// Largest number of taps in a trial that are distinguished from its texture.
 const MOST_TAPS: usize = 3;
 
-/// Samples before and after an event that are its own, too.
+/// Number of samples before and after an event that also belong to it.
 const TAP_MARGIN: usize = 100;
 
-/// Least share of a tap in the energy: its spectrum then changes the fitted one by more than 1 dB.
+/// Least fraction of the energy that a tap has. With this fraction, its spectrum changes the fitted spectrum by more
+/// than 1 dB.
 const TAP_SHARE: f64 = 0.25;
 
-/// Least ratio of a tap to the next event, dB. The strongest event of real takes is at most 8 dB above the next; the
-/// one exception, 10.6 dB, is a stroke of the tool.
+/// Least ratio of a tap's energy to that of the next event, dB. The strongest event of real takes is at most 8 dB above
+/// the next. The one exception, 10.6 dB, is an impact of the tool.
 const TAP_ABOVE_DB: f64 = 9.0;
 
-/// Samples of a part for steps: 50 ms.
+/// Number of samples of a part in the search for steps: 50 ms.
 const STEP_PART: usize = 250;
 
-/// Fewest parts on either side of a step: 0.2 s.
+/// Least number of parts on either side of a step: 0.2 s.
 const STEP_PARTS: usize = 4;
 
-/// Least share of the levels' variance that a step explains; real takes reach 0.48.
+/// Least fraction of the levels' variance that a step must explain; real takes reach 0.48.
 const STEP_SHARE: f64 = 0.6;
 
-/// Least step, dB: twice the 3 dB that a hand's own variation moves the mean of a second.
+/// Smallest step, dB. It is twice the 3 dB by which a hand's own variation changes the mean of a second.
 const STEP_DB: f64 = 6.0;
 
-/// Returns the verdicts on the level of `axes` together.
+/// Returns the verdicts on the level of all `axes` together.
 pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
     let samples = axes.first().map_or(0, Vec::len);
     let silence = silent_spans(axes, samples);
     let mut verdicts = Vec::new();
     let silent: usize = silence.iter().map(ExactSizeIterator::len).sum();
-    // Beside silence any event outweighs the rest.
+    // Next to silence, any event would outweigh the rest.
     if 2 * silent < samples {
         verdicts.extend(tap(axes));
     }
@@ -74,7 +76,7 @@ pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
     verdicts
 }
 
-/// Power about its own mean of each whole part, summed over the axes, (m/s²)².
+/// Returns the power of each whole part about its own mean, summed over the axes, (m/s²)².
 fn powers(axes: &[Vec<f64>], part: usize) -> Vec<f64> {
     let count = axes.first().map_or(0, Vec::len) / part;
     let mut powers = vec![0.0; count];
@@ -95,7 +97,7 @@ fn decibels(power: f64) -> f64 {
     10.0 * power.max(f64::MIN_POSITIVE).log10()
 }
 
-/// Runs of parts far below the loudest ones.
+/// Returns the runs of parts that are far below the loudest parts.
 fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
     let levels: Vec<f64> = powers(axes, SILENCE_PART)
         .into_iter()
@@ -106,7 +108,7 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
     }
     let mut sorted = levels.clone();
     sorted.sort_by(f64::total_cmp);
-    // A tap of 40 ms in 2 s does not move the third highest level in 100.
+    // A tap of 40 ms in 2 s covers at most three of 100 parts, and does not change this level.
     let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
     let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
     for run in runs(&levels, loud - QUIET_DB, QUIET_PARTS) {
@@ -135,7 +137,7 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
         .collect()
 }
 
-/// Runs of at least `least` levels below `bound`.
+/// Returns the runs of at least `least` levels below `bound`.
 fn runs(levels: &[f64], bound: f64, least: usize) -> Vec<Span> {
     let mut found = Vec::new();
     let mut first = 0;
@@ -151,12 +153,12 @@ fn runs(levels: &[f64], bound: f64, least: usize) -> Vec<Span> {
     found
 }
 
-/// Standard deviation.
+/// Returns the standard deviation.
 fn spread(levels: &[f64]) -> f64 {
     (squares(levels) / levels.len() as f64).sqrt()
 }
 
-/// Sum of squares about the mean.
+/// Returns the sum of the squared deviations from the mean.
 fn squares(levels: &[f64]) -> f64 {
     let mean = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
     levels
@@ -165,7 +167,7 @@ fn squares(levels: &[f64]) -> f64 {
         .sum()
 }
 
-/// The events with the most energy, if they outweigh all others.
+/// Returns the one to three events with the most energy, if they outweigh all others.
 fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
     let powers = powers(axes, TAP_PART);
     if powers.len() < 10 * TAP_PARTS {
@@ -176,7 +178,7 @@ fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
         .windows(TAP_PARTS)
         .map(|event| event.iter().sum())
         .collect();
-    // The strongest events that do not overlap, in the order of their energy.
+    // The strongest events that do not overlap, in order of their energy.
     let mut strongest: Vec<(usize, f64)> = Vec::new();
     for _ in 0..=MOST_TAPS {
         let first = (0..events.len()).max_by(|&a, &b| events[a].total_cmp(&events[b]))?;
@@ -204,7 +206,7 @@ fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
     })
 }
 
-/// The step, or the straight line, that explains most of the level's variation outside of `silence`.
+/// Returns the step or the straight line that explains most of the level's variation outside `silence`.
 fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
     let is_silent = |part: usize| {
         let (from, to) = (part * STEP_PART, (part + 1) * STEP_PART);
@@ -234,9 +236,9 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
         .enumerate()
         .map(|(index, level)| (index as f64 - 0.5 * (n - 1.0)) * level)
         .sum();
-    // Of the straight line by least squares: numbers 0 to n - 1 have squares about their mean of n (n² - 1) / 12, so
-    // that the slope is the moment over that, the explained sum the square of the moment over that, and the ramp n - 1
-    // slopes.
+    // The straight line is fitted by least squares. The squared deviations of the numbers 0 to n - 1 from their mean
+    // add up to n (n² - 1) / 12. The slope is the moment divided by this sum, the explained sum of squares is the
+    // squared moment divided by this sum, and the ramp is n - 1 slopes.
     let line = 12.0 * moment * moment / (n * (n * n - 1.0));
     let ramp_db = 12.0 * moment / (n * (n + 1.0));
     let step = all - left(&best);

@@ -1,6 +1,6 @@
 //! Verdicts on a recording before it is fitted.
 //!
-//! | verdict | found when | beside its warning |
+//! | verdict | found if | consequence besides a warning |
 //! |---|---|---|
 //! | silent | the RMS about the mean is below the silence floor | a silent node |
 //! | too-short | fewer than [`SHORT_SAMPLES`] samples | a lower order |
@@ -8,37 +8,37 @@
 //! | dropouts, stuck | one value for 2 to 100 ms, longer than a natural run of equal values; zero, or another | cut |
 //! | dropouts | gaps in the times; single samples that are missing | cut; interpolated up to 1 % |
 //! | spikes | a sample's fourth difference is 20 times that of the 48 samples on either side | cut |
-//! | bursts | 4 to 25 white samples on one axis, far off prediction, with all around them calm | cut |
-//! | repeated | values are held, in even steps | each is taken once |
-//! | coarse | the steps' round-off is less than [`COARSE_SNR_DB`] below the signal | |
-//! | truncated | the file is shorter than its header says, beyond the part that is used | |
+//! | bursts | 4 to 25 white samples on one axis are far from their prediction, and their surroundings are calm | cut |
+//! | repeated | values are held, in even steps | each value is used once |
+//! | coarse | the round-off of the steps is less than [`COARSE_SNR_DB`] below the signal | |
+//! | truncated | the file is shorter than its header states, beyond the part that is used | |
 //! | partly-silent | 0.1 s or more at 50 dB below the loud parts, or 0.4 s of steady noise at 30 dB below | cut |
 //! | tap | 40 ms with 25 % of the energy, 9 dB above the next event | cut |
 //! | level-change | a step or a ramp of 6 dB explains 60 % of the level's variance | |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`](crate::dsp::high_pass::SLOW_HZ) | |
 //! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
-//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g or of 0.9 to 1.1, header's unit, 45 dB off the median | |
+//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g or 0.9 to 1.1, header's unit, 45 dB from the median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
-//! | unlike | from some frequency on [`UNLIKE_NEIGHBOURS_DB`] off both neighbours in speed, and more than these are | |
+//! | unlike | from some frequency on, more than [`UNLIKE_NEIGHBOURS_DB`] from both neighbours in speed | |
 //! | wrong-rate | the file's sample rate is below [`LEAST_RATE_HZ`] | |
-//! | time-unit | only their steps tell that times are not in seconds | |
-//! | joined | rows repeat the row before out of step, as other sensors' do | taken out |
-//! | bunches | short steps of the times, and a long one every so many | |
+//! | time-unit | only the steps of the times show that they are not in seconds | |
+//! | joined | rows repeat the previous row out of step, like rows of other sensors | removed |
+//! | bunches | short steps of the times, with long steps at regular intervals | |
 //!
-//! A texture of one or two speeds cannot tell hum from a line of its own, so there every such line counts as hum. A
-//! sample that is not finite has no verdict: [`read`](super::read) fails on it, and the whole fit with it; so does a
-//! file that ends within the part that is used, and times that do not rise.
+//! With one or two speeds of a texture, hum cannot be distinguished from a line of the texture, so every such line
+//! counts as hum. A sample that is not finite has no verdict, because [`read`](super::read) fails on it, and with it
+//! the whole fit. The same holds for a file that ends within the part that is used, and for times that do not rise.
 //!
 //! A trial that is used in spite of a verdict other than silent marks its node as doubtful. A flagged stretch is cut if
-//! the parts left of at least 0.4 s make half of the trial; dropouts if the parts left of 0.1 s do ([`usable`]).
-//! Silent trials are not compared for copies. At rest or without contact, slow motion is no finding. The option
-//! `--drop` leaves trials out, and `--strict` refuses the set.
+//! the remaining parts of at least 0.4 s make up half of the trial. Dropouts are cut also if the remaining parts of at
+//! least 0.1 s do ([`usable`]). Silent trials are not compared for copies. At rest or without contact, slow motion is
+//! not a finding. The option `--drop` leaves trials out, and `--strict` refuses the set.
 //!
-//! Bounds come from 24 real takes of a tool on 12 surfaces, whole and in parts of 2 s, none of which is in the
-//! repository; the constants say what these reach. All measures are relative to the take itself and robust, because
-//! the level of a take varies by 7 dB and its residual has a kurtosis of 25.
+//! Bounds come from 24 real takes of a tool on 12 surfaces, whole and in parts of 2 s. None of them is in the
+//! repository; the comments of the constants state the values that they reach. All measures are relative to the take
+//! itself and robust, because the level of a take varies by 7 dB and its residual has a kurtosis of 25.
 //!
 //! Invariant: samples in (m/s² at 5 kHz, cut and scaled), verdicts out. Nothing here reads a file or drops a trial.
 

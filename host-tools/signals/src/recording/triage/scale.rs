@@ -1,4 +1,4 @@
-//! Verdicts on a unit that cannot be m/s²: by what the header says, by the level, and by gravity.
+//! Verdicts on a unit that cannot be m/s², from the information in the header, the level, and gravity.
 
 use super::verdict::{Kind, Verdict};
 use crate::dsp::sums::Moments;
@@ -8,35 +8,37 @@ use crate::recording::unit::{GRAVITY_M_S2, GRAVITY_TOLERANCE};
 /// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.
 pub const SILENCE_FLOOR_M_S2: f64 = 1e-3;
 
-/// RMS beyond which a scale is doubted, m/s²: five times gravity. Tools on rough surfaces reach some 30 m/s².
+/// RMS above which a scale is doubted, m/s²: five times gravity. Tools on rough surfaces reach about 30 m/s².
 pub const LARGE_RMS_M_S2: f64 = 50.0;
 
-/// Mean that no sensor at rest on Earth has, m/s²: gravity, and as much again for its offset.
+/// Mean that no sensor at rest on Earth shows, m/s²: gravity, and the same again for the sensor's offset.
 const LARGE_MEAN_M_S2: f64 = 2.0 * GRAVITY_M_S2;
 
-/// Largest RMS beside which a mean of one on three axes is gravity: that of tools on rough surfaces in g.
+/// Largest RMS at which a mean of about 1 on three axes is gravity in g. Tools on rough surfaces have an RMS of this
+/// order, in g.
 const GRAVITY_RMS: f64 = 1.0;
 
-/// Largest RMS beside which a mean of one on fewer axes is gravity. Tilted axes can have any mean below gravity.
+/// Largest RMS at which a mean of about 1 on fewer axes is gravity in g. Tilted axes can have any mean below gravity.
 const GRAVITY_RMS_OF_FEW: f64 = 0.3;
 
-/// Mean of three axes at rest in a unit a thousand times too small, such as mg for g, m/s².
+/// Mean, in m/s², of three axes at rest whose unit is a thousand times too small, such as mg instead of g.
 const THOUSANDTH_M_S2: f64 = 1e-3 * GRAVITY_M_S2;
 
-/// Largest RMS beside which a mean of [`THOUSANDTH_M_S2`] is gravity: a thousandth of that of tools on rough surfaces.
+/// Largest RMS at which a mean of [`THOUSANDTH_M_S2`] is gravity: a thousandth of the RMS of tools on rough surfaces.
 const THOUSANDTH_RMS_M_S2: f64 = 0.03;
 
-/// Units with the value of gravity in them, as `--scale` takes them, but for counts of powers of two per g.
+/// Units, as `--scale` accepts them, with the value of gravity in each. Counts of powers of two per g are added.
 const UNITS: [(&str, f64); 3] = [
     ("mg", 1e3),
     ("cm/s^2", 1e2 * GRAVITY_M_S2),
     ("mm/s^2", 1e3 * GRAVITY_M_S2),
 ];
 
-/// Most bits of the counts of one g.
+/// Range of the exponents of two for the counts per g.
 const COUNT_BITS: std::ops::RangeInclusive<u32> = 5..=16;
 
-/// Returns the verdicts on the unit of a trial whose axes have these `moments`, by the file's own `account` first.
+/// Returns the verdicts on the unit of a trial whose axes have these `moments`. Those that the `account` of the samples
+/// gives come first.
 pub(super) fn scale(moments: &[Moments], account: &Account) -> Vec<Verdict> {
     let doubts = account.doubts.iter().cloned();
     let words = doubts.chain(level(moments, account.has_scale));
@@ -45,7 +47,7 @@ pub(super) fn scale(moments: &[Moments], account: &Account) -> Vec<Verdict> {
         .collect()
 }
 
-/// The fault of the level or the mean, in words.
+/// Returns the fault of the level or the mean, in words.
 fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
     let rms = moments.iter().map(|axis| axis.variance).sum::<f64>().sqrt();
     let mean = moments.iter().map(|axis| axis.mean.powi(2)).sum::<f64>();
@@ -94,7 +96,7 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
     is_gravity.then(|| format!("the mean is {mean:.2}, as gravity is in g{or_tilt}"))
 }
 
-/// Units in which gravity is about `mean`, the nearest first.
+/// Returns the units in which gravity is about `mean`, the nearest first.
 fn units_of(mean: f64) -> Vec<String> {
     let counts = COUNT_BITS.map(|bits| 1u32 << bits);
     let counts = counts.map(|count| (format!("g/{count}"), f64::from(count)));
@@ -118,7 +120,7 @@ mod tests {
     use proptest::prelude::*;
     use test_helpers::holds;
 
-    /// The finding on noise of `rms` m/s² per axis about `means`, in samples of `unit` m/s².
+    /// The finding for noise of `rms` m/s² per axis about `means`, in samples of `unit_m_s2` m/s².
     fn found(means: &[f64], rms: f64, unit_m_s2: f64, has_scale: bool) -> Option<String> {
         let of = |(seed, mean): (u64, &f64)| {
             let noise = noise(seed);
@@ -180,7 +182,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any tilt of a sensor with gravity, or without, and any texture's level, are no finding in m/s².
+        /// In m/s², no tilt of a sensor, with gravity or without, and no level of a texture is a finding.
         #[test]
         fn metres_per_second_squared_have_no_finding(
             tilt in 0.0..3.1f64, turn in 0.0..6.2f64, rms in 0.02..15.0f64, gain in 0.9..1.1f64, has_gravity: bool,

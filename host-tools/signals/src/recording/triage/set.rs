@@ -1,4 +1,4 @@
-//! Verdicts that only a comparison of trials tells: hum, copies, and a scale unlike that of the others.
+//! Verdicts that require a comparison of trials: hum, copies, and a scale that differs from that of the others.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,15 @@ use super::verdict::{Kind, Verdict};
 use crate::dsp::autocorrelation::PaddedSpectrum;
 use crate::dsp::sums::upper_median;
 
-/// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
-/// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
+/// Deviation of a trial's level from the median of its texture above which its scale is doubted, dB. From the slowest
+/// and lightest trial of a grid to the fastest and heaviest, the level rises by about 40 dB. Wrong units cause a
+/// deviation of 60 dB.
 const UNLIKE_DB: f64 = 45.0;
 
-/// Fewest trials of a texture with a median that means something.
+/// Least number of trials of a texture for which the median is meaningful.
 const FEWEST_TRIALS: usize = 4;
 
-/// Returns all verdicts on each trial: its own, and those of the comparison.
+/// Returns all verdicts on each trial: its own, and those from the comparison.
 pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
     let mut verdicts: Vec<Vec<Verdict>> = trials.iter().map(own_verdicts).collect();
     let mut textures: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -32,7 +33,7 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
             verdicts[index].push(verdict);
         }
     }
-    // All silence is alike.
+    // Silent trials would all be equal.
     let loud: Vec<usize> = (0..trials.len())
         .filter(|&index| !trials[index].is_silent())
         .collect();
@@ -48,7 +49,7 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
     verdicts
 }
 
-/// The verdicts of a trial by itself, without slow motion at rest, which is all that there is to record.
+/// Returns the verdicts on a trial alone. At rest, slow motion is left out, because there is nothing else to record.
 fn own_verdicts(trial: &Compared<'_>) -> Vec<Verdict> {
     let is_explained = |verdict: &&Verdict| trial.is_idle && verdict.kind() == Kind::Wandering;
     let own = trial.verdicts.iter();
@@ -98,12 +99,13 @@ fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut 
 /// Least level of a mains line above its surroundings, dB.
 pub const HUM_RATIO_DB: f64 = 20.0;
 
-/// Mains frequencies, and the second and third harmonics: rectifiers and magnets hum at twice the frequency; Hz.
+/// Mains frequencies with their second and third harmonics, Hz. Rectifiers and magnets hum at twice the mains
+/// frequency.
 const MAINS_HZ: [f64; 6] = [50.0, 60.0, 100.0, 120.0, 150.0, 180.0];
 
 /// Returns the frequency of a mains line in the spectrum of a reduced trial, in Hz.
 ///
-/// A line of the texture can coincide with a mains frequency at one speed; [`confirmed_hum`] distinguishes the two.
+/// At one speed, a line of the texture can coincide with a mains frequency; [`confirmed_hum`] distinguishes the two.
 pub fn mains_line(spectrum: &PaddedSpectrum) -> Option<f64> {
     let bin_hz = f64::from(SAMPLE_RATE_HZ) / spectrum.transform_length as f64;
     let power = &spectrum.power;
@@ -125,10 +127,11 @@ pub fn mains_line(spectrum: &PaddedSpectrum) -> Option<f64> {
     })
 }
 
-/// Returns the confirmed mains line, in Hz, of each of a texture's trials, given as speed, mm/s, and mains line, Hz.
+/// Returns the confirmed mains line, in Hz, of each trial of a texture. Trials are given as speed, mm/s, and mains
+/// line, Hz.
 ///
-/// A line that stays at its frequency at half of the speeds or more is of the mains; another one is of the texture.
-/// With one or two speeds the two cannot be distinguished, and every line counts as hum.
+/// If there is a line at mains frequencies at half of the speeds or more, it comes from the mains; otherwise it comes
+/// from the texture. With one or two speeds the two cannot be distinguished, and every line counts as hum.
 pub fn confirmed_hum(trials: &[(f64, Option<f64>)]) -> Vec<Option<f64>> {
     let speeds = |lines_only: bool| {
         let mut speeds: Vec<f64> = trials

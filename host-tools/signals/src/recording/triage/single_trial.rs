@@ -1,4 +1,4 @@
-//! Verdicts on a trial that need no other trial.
+//! Verdicts on a trial that do not need other trials.
 
 use model_format::SAMPLE_RATE_HZ;
 
@@ -15,35 +15,37 @@ use crate::support::number::counted;
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;
 
-/// Lowest sample rate of a file that carries what skin feels, up to 1 kHz (Verrillo 1963), with a tenth for the filter
-/// of the logger, Hz.
+/// Lowest sample rate, Hz, of a file that contains what skin feels, up to 1 kHz (Verrillo 1963), with a margin of a
+/// tenth for the logger's filter.
 pub const LEAST_RATE_HZ: f64 = 2200.0;
 
-/// Share of samples at the extremes at which a recording counts as clipped.
+/// Fraction of samples at the extremes from which on a recording counts as clipped.
 pub const CLIPPED_SHARE: f64 = 1e-3;
 
-/// Share of an axis's energy explained by a straight line at which a recording counts as drifting.
+/// Fraction of an axis's energy, explained by a straight line, from which on a recording counts as drifting.
 pub const DRIFT_SHARE: f64 = 0.05;
 
-/// Least share of the energy below [`SLOW_HZ`] of a wandering trial. A fit spends its first coefficients on it then.
+/// Least fraction of the energy below [`SLOW_HZ`] in a wandering trial. A fit would then use its first coefficients for
+/// the slow motion.
 const SLOW_SHARE: f64 = 0.25;
 
-/// Samples on either side of a spike that it takes with it when the file is resampled.
+/// Number of samples on either side that a spike disturbs when the file is resampled.
 const SPIKE_REACH: usize = 20;
 
-/// Least ratio of the signal to the round-off of its steps, dB; below, round-off is heard in the quiet bands of a
-/// texture, which are some 40 dB below its strong ones.
+/// Least ratio of the signal to the round-off of its steps, dB. Below it, round-off becomes noticeable in the quiet
+/// bands of a texture, which are about 40 dB below its strong bands.
 pub const COARSE_SNR_DB: f64 = 20.0;
 
-/// Returns the verdicts that need no other trial, but for [silence](Verdict::silent), which depends on the reduction.
-/// The samples' own [`slow_share`](Samples::slow_share) is given, because it costs most and others need it, too.
+/// Returns the verdicts that do not need other trials, except [silence](Verdict::silent), which depends on the
+/// reduction. The [`slow_share`](Samples::slow_share) of the samples is an argument, because it takes the most time and
+/// is needed elsewhere, too.
 pub fn samples(samples: &Samples, slow_share: f64) -> Vec<Verdict> {
     let axes = samples.axes.as_slice();
     let mut verdicts = of_file(samples);
     let moments: Vec<Moments> = axes.iter().map(|axis| moments(axis)).collect();
     verdicts.extend(scale(&moments, &samples.account));
     let power: f64 = moments.iter().map(|axis| axis.variance).sum();
-    // What is silent has nothing else that could be judged.
+    // In a silent trial, nothing else can be judged.
     if power.sqrt() >= SILENCE_FLOOR_M_S2 {
         verdicts.extend(of_defects(samples));
         verdicts.extend(dead_axes(&moments));
@@ -58,7 +60,7 @@ pub fn samples(samples: &Samples, slow_share: f64) -> Vec<Verdict> {
     verdicts
 }
 
-/// The verdict on slow motion, which has this share of the power of all axes together.
+/// Returns the verdict on slow motion, which has the fraction `share` of the power of all axes together.
 fn wandering(axes: &[Vec<f64>], share: f64) -> Option<Verdict> {
     let is_short = axes.first().map_or(0, Vec::len) < SHORT_SAMPLES;
     (share >= SLOW_SHARE && !is_short).then(|| {
@@ -68,7 +70,7 @@ fn wandering(axes: &[Vec<f64>], share: f64) -> Option<Verdict> {
     })
 }
 
-/// Verdicts on length, rate and completeness.
+/// Returns the verdicts on length, rate and completeness.
 fn of_file(samples: &Samples) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     let count = samples.axes.first().map_or(0, Vec::len);
@@ -92,7 +94,7 @@ fn of_file(samples: &Samples) -> Vec<Verdict> {
     verdicts
 }
 
-/// Verdicts on the times of a file's samples.
+/// Returns the verdicts on the times of a file's samples.
 fn of_times(samples: &Samples) -> Vec<Verdict> {
     let (timing, length) = (
         &samples.defects.timing,
@@ -141,14 +143,15 @@ fn of_times(samples: &Samples) -> Vec<Verdict> {
     verdicts
 }
 
-/// Samples at the models' rate, of `length`, that a time of the file and a margin take.
+/// Returns the samples at the models' rate, out of `length`, that a time span of the file covers with a margin.
 fn span(start_s: f64, seconds: f64, margin: usize, length: usize) -> Span {
     let at = |time_s: f64| (time_s * f64::from(SAMPLE_RATE_HZ)) as usize;
     at(start_s).saturating_sub(margin).min(length)..(at(start_s + seconds) + margin + 1).min(length)
 }
 
-/// Returns the stretches of a trial with these `verdicts` that are no surface's, whatever a fit uses: what triage would
-/// cut, and every clipped peak, even if too few of them are there for a verdict. In the order of their starts.
+/// Returns the stretches of a trial with these `verdicts` that do not come from a surface, even if a fit uses them:
+/// those that triage would cut, and every clipped peak, even if there are too few for a verdict. They are in order of
+/// their starts.
 pub fn flaws(samples: &Samples, verdicts: &[Verdict]) -> Vec<Span> {
     let length = samples.axes.first().map_or(0, Vec::len);
     let clips = samples.defects.clips.iter();
@@ -161,7 +164,7 @@ pub fn flaws(samples: &Samples, verdicts: &[Verdict]) -> Vec<Span> {
     flaws
 }
 
-/// Verdicts on what shows at the file's own rate only.
+/// Returns the verdicts on defects that are visible only at the file's own rate.
 fn of_defects(samples: &Samples) -> Vec<Verdict> {
     let defects = &samples.defects;
     let length = samples.axes.first().map_or(0, Vec::len);
@@ -202,7 +205,7 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
     verdicts
 }
 
-/// Verdicts on spikes and bursts; `span` makes samples of a time, a duration and a margin.
+/// Returns the verdicts on spikes and bursts. `span` converts a time, a duration and a margin to samples.
 fn of_wild_samples(defects: &Defects, span: impl Fn(f64, f64, usize) -> Span) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     let (spikes, bursts) = (&defects.spikes, &defects.bursts);
@@ -236,15 +239,16 @@ fn worst(axes: &[Vec<f64>], measure: fn(&[f64]) -> f64) -> f64 {
     axes.iter().map(|axis| measure(axis)).fold(0.0, f64::max)
 }
 
-/// Length of a chunk, which the compiler keeps in vector registers.
+/// Length of a chunk that the compiler keeps in vector registers.
 const LANES: usize = 8;
 
-/// Returns the share of the energy about the mean that a straight line explains.
+/// Returns the fraction of the energy about the mean that a straight line explains.
 fn drift_share(axis: &[f64]) -> f64 {
     let n = axis.len() as f64;
     let first = axis.first().copied().unwrap_or(0.0);
     let (mut sum, mut moment) = (0.0, 0.0);
-    // One moment per chunk, because the line's rise within a chunk is negligible beside the chunk's scatter.
+    // One moment per chunk is enough, because the line's rise within a chunk is negligible compared with the chunk's
+    // scatter.
     for (index, chunk) in axis.chunks(LANES).enumerate() {
         let chunk_sum: f64 = chunk.iter().map(|x| x - first).sum();
         let middle = (index * LANES) as f64 + (chunk.len() as f64 - 1.0) / 2.0;
@@ -265,8 +269,8 @@ fn drift_share(axis: &[f64]) -> f64 {
     }
 }
 
-/// Ratio of a dead axis's RMS to the strongest one's. The cross-axis sensitivity of accelerometers is about one per
-/// cent, so that an axis 60 dB below another measures not even that.
+/// Ratio of the RMS of a dead axis to that of the strongest axis. The cross-axis sensitivity of accelerometers is about
+/// one per cent, so an axis that is 60 dB below another does not measure even that.
 const DEAD_RATIO: f64 = 1e-3;
 
 /// Returns the verdicts on dead axes of a trial whose axes have these `moments`.

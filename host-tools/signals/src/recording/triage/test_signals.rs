@@ -1,4 +1,4 @@
-//! Signals that the tests of this folder share.
+//! Signals that several tests of this folder use.
 
 use rand::{RngExt, SeedableRng};
 

@@ -1,23 +1,24 @@
-//! A trial whose spectrum is unlike those of both neighbours in speed, as if it had another filter, sensor or gain.
+//! A trial whose spectrum differs from those of both neighbours in speed, as if it had another filter, sensor or gain.
 
 use super::compared::Compared;
 use super::verdict::{Kind, Verdict};
 
-/// Least departure from both neighbours in speed, dB, where these differ by less. A level that only one of three
-/// speeds has is another filter's or gain's.
+/// Least deviation from both neighbours in speed, dB, if these differ from each other by less. A level that only one of
+/// three speeds has comes from another filter or gain.
 pub const UNLIKE_NEIGHBOURS_DB: f64 = 6.0;
 
-/// Fewest bands in a row that depart: an octave. A resonance or line that moves with speed departs in fewer.
+/// Least number of adjacent bands that deviate: an octave. A resonance or line that moves with speed deviates in fewer
+/// bands.
 const LEAST_BANDS: usize = 3;
 
-/// Frequency below which the motion of hand or rig differs from trial to trial, Hz.
+/// Frequency below which the motion of the hand or rig differs from trial to trial, Hz.
 const LOWEST_HZ: f64 = 25.0;
 
-/// Bands further below a neighbour's strongest are not felt beside it, dB.
+/// How far below a neighbour's strongest band a band is no longer felt, dB.
 const AUDIBLE_DB: f64 = 50.0;
 
-/// Returns the verdict of each of the `members`, trials of one texture, that departs from both neighbours in speed at
-/// its force, from some frequency on up, or down, or everywhere.
+/// Returns the verdicts on those `members`, trials of one texture, that deviate from both neighbours in speed at their
+/// force. The deviation extends from some frequency upwards, or downwards, or over all frequencies.
 pub(super) fn unlike_neighbours(
     trials: &[Compared<'_>],
     members: &[usize],
@@ -42,15 +43,16 @@ pub(super) fn unlike_neighbours(
     found.collect()
 }
 
-/// Range of bands in which a trial departs from both neighbours.
+/// Range of bands in which a trial deviates from both neighbours.
 struct Departure {
-    /// Centres of its lowest and highest band, Hz.
+    /// Centres of the lowest and the highest band of the range, Hz.
     hz: (f64, f64),
-    /// Least and largest level over the nearer neighbour's, dB.
+    /// Least and largest difference from the level of the nearer neighbour, dB.
     off_db: (f64, f64),
 }
 
-/// The longest range, at one end of what all three know or all of it, in which `own` departs from both neighbours.
+/// Returns the longest range in which `own` deviates from both neighbours. It begins at either end of the frequencies
+/// that all three recordings cover, or includes all of them.
 fn departure(
     own: &[(f64, f64)],
     slower: &[(f64, f64)],
@@ -65,7 +67,8 @@ fn departure(
     let strongest = |bands: &[(f64, f64)]| bands.iter().map(|b| b.1).fold(f64::MIN, f64::max);
     let audible = strongest(slower).min(strongest(faster)) - AUDIBLE_DB;
     let known = own.iter().filter(|(hz, _)| *hz >= LOWEST_HZ);
-    // Level over the nearer neighbour's; 0 where it lies between them or departs by less than they do from each other.
+    // Difference from the level of the nearer neighbour. It is 0 if the level lies between both neighbours, or deviates
+    // by less than they differ from each other.
     let off: Vec<(f64, f64)> = known
         .filter_map(|&(hz, own_db)| {
             let (slower, faster) = (level(slower, hz)?, level(faster, hz)?);
@@ -106,7 +109,8 @@ fn departure(
 mod tests {
     use super::*;
 
-    /// Bands from 25 Hz to 2 kHz of a level, dB, that falls by 1 dB per band, changed by `change` of the centre in Hz.
+    /// Bands from 25 Hz to 2 kHz whose level starts at `level_db` and falls by 1 dB per band, changed by `change`, a
+    /// function of the centre in Hz.
     fn bands(level_db: f64, change: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
         let band = |k: u32| {
             let hz = 10f64.powf(f64::from(k) / 10.0);

@@ -1,4 +1,4 @@
-//! Verdicts on trials: a name, and one line with the numbers and the remedy.
+//! Verdicts on trials: each has a name, and one line with the numbers and the remedy.
 
 use std::fmt;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use crate::support::number::counted;
 
-/// Samples from the first to before the last, at 5 kHz, from the start of the trial.
+/// Range of samples at 5 kHz, from the start of the trial. The end is not included.
 pub type Span = Range<usize>;
 
 /// Declares [`Kind`] from one row per kind: its meaning, its name, and its remedy in the imperative.
@@ -21,10 +21,10 @@ macro_rules! kinds {
         }
 
         impl Kind {
-            /// Names of all kinds, as users give them on the command line.
+            /// Names of all kinds, as users write them on the command line.
             pub const NAMES: &[&str] = &[$($name),*];
 
-            /// Name and remedy.
+            /// Returns the name and the remedy.
             fn words(self) -> (&'static str, &'static str) {
                 match self {
                     $(Self::$kind => ($name, $remedy),)*
@@ -43,49 +43,49 @@ kinds! {
     TooShort: "too-short", "record at least 0.4 s, better 2 s";
     /// Samples at the limits of the range.
     Clipped: "clipped", "record again with less gain";
-    /// Stretches of zeros: samples that were lost.
+    /// Stretches of zeros, because samples were lost.
     Dropouts: "dropouts", "record again; check the link and the disk for lost blocks";
-    /// Stretches of one value: a converter that stood still.
+    /// Stretches of one value, because a converter stood still.
     Stuck: "stuck", "record again; check the converter and its clock";
-    /// Single samples far off their neighbours.
+    /// Single samples that deviate strongly from their neighbours.
     Spikes: "spikes", "check cable and connectors, or cut it out with start_s and duration_s";
-    /// Wild samples on one axis alone.
+    /// Corrupted samples on only one axis.
     Bursts: "bursts", "check cable, connectors and the sensor's driver: a queue that slips gives such samples";
-    /// Values held: a lower sample rate than the file says.
+    /// Held values: the actual sample rate is lower than the file states.
     Repeated: "repeated", "record at the sensor's own rate, or find the original file";
     /// Steps of the converter that are too coarse for the level.
     Coarse: "coarse", "record again with more gain, or export with more digits";
-    /// A file that ends before its header says.
+    /// A file that ends before the length that its header states.
     Truncated: "truncated", "copy or record it again";
-    /// A part without a signal in a trial with one.
+    /// A part without a signal, in a trial that has a signal elsewhere.
     PartlySilent: "partly-silent", STEADY;
     /// One to three events with a large share of the energy.
     Tap: "tap", STEADY;
-    /// Another level in one part than in the rest.
+    /// A level in one part that differs from that of the rest.
     LevelChange: "level-change",
         "cut the steady part with start_s and duration_s, or record again at one speed and force";
     /// A linear trend under the vibration.
     Drifting: "drifting", "record again after the sensor has warmed up, or remove the trend";
     /// Slow motion under the vibration.
     Wandering: "wandering", "the motion of hand or rig: a fit filters it out, unless --high-pass is none";
-    /// A spectral line of the mains.
+    /// A spectral line at a mains frequency.
     Hum: "hum", "check ground and shield, and record again";
-    /// A level that no texture has: wrong units, or a wrong scale.
+    /// A level that no texture has, because of wrong units or a wrong scale.
     Scale: "scale",
         "name the unit with --scale, such as g, mm/s^2 or g/256, or give scale_m_s2 in the list; a g is 9.80665 m/s²";
     /// An axis that measures nothing.
     DeadAxis: "dead-axis", "check its cable, or choose an axis with --reduce";
-    /// A copy of an earlier trial, also one that is scaled.
+    /// A copy of an earlier trial, equal or scaled.
     Duplicate: "duplicate", "remove one of the two, or record it anew";
-    /// A spectrum that departs from those of both neighbours in speed.
+    /// A spectrum that deviates from those of both neighbours in speed.
     Unlike: "unlike", "check filter, sensor and gain of this recording, and record it again";
-    /// A sample rate too low for what skin feels.
+    /// A sample rate that is too low for what skin feels.
     WrongRate: "wrong-rate", "record at 5 kHz or more";
-    /// Times in a unit that only their steps tell.
+    /// Times whose unit follows only from their steps.
     TimeUnit: "time-unit", "give --time-unit, or the unit in the column's name, such as time_ms";
     /// Rows of other sensors, which repeat the last sample.
     Joined: "joined", "export the accelerometer's rows alone";
-    /// Times in bunches, as a queue is read.
+    /// Times in bunches, because a queue was read.
     Bunches: "bunches", "give --even-times if samples are even, and the times are those of reading a queue";
 }
 
@@ -98,7 +98,7 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// A verdict of this kind; `finding` says in words what was found.
+    /// Creates a verdict of this kind; `finding` states in words what was found.
     pub(super) fn new(kind: Kind, finding: impl Into<String>) -> Self {
         Self {
             kind,
@@ -107,7 +107,7 @@ impl Verdict {
         }
     }
 
-    /// A verdict on parts of a trial, `name` in words.
+    /// Creates a verdict on parts of a trial; `name` states in words what was found there.
     pub(super) fn on(kind: Kind, name: &str, spans: Vec<Span>) -> Self {
         let seconds = |samples: usize| samples as f64 / f64::from(SAMPLE_RATE_HZ);
         let total: usize = spans.iter().map(ExactSizeIterator::len).sum();
@@ -124,13 +124,13 @@ impl Verdict {
         }
     }
 
-    /// The same verdict with `words` appended to its finding.
+    /// Returns the same verdict with `words` appended to its finding.
     pub(super) fn with(mut self, words: &str) -> Self {
         self.finding.push_str(words);
         self
     }
 
-    /// The verdict of a trial without a signal, whose level depends on the reduction.
+    /// Returns the verdict on a trial without a signal. Its level depends on the reduction.
     pub fn silent() -> Self {
         Self::new(Kind::Silent, "silent")
     }
@@ -140,13 +140,13 @@ impl Verdict {
         self.kind
     }
 
-    /// Name of the verdict's kind, as users give it on the command line.
+    /// Name of the verdict's kind, as users write it on the command line.
     pub fn name(&self) -> &'static str {
         self.kind.words().0
     }
 
-    /// Size of the finding, larger for worse ones: the number of samples that the verdict would leave out, or the first
-    /// number in its words.
+    /// Size of the finding, larger for worse findings: the number of samples that the verdict would leave out, or the
+    /// first number in its words.
     pub fn size(&self) -> f64 {
         let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
         let mut words = self.finding.split(|c| !is_of_number(c));
@@ -173,7 +173,7 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// Serialises verdicts as lines for a reader.
+/// Serialises verdicts as lines of text.
 ///
 /// # Errors
 /// The errors of the serialiser.

@@ -3,7 +3,7 @@
 use super::*;
 use test_helpers::holds;
 
-/// A rig file with every section; the tests break one line each.
+/// A rig file with every section. Each test changes one line.
 const WHOLE: &str = r#"name = "test"
 
 [recording]
@@ -71,7 +71,7 @@ fn read(text: &str) -> Result<RigDescription> {
     RigFile::from_toml(Path::new("my.toml"), text).map(|rig| rig.description().clone())
 }
 
-/// The start of an error about a line of [`WHOLE`] that begins so.
+/// The start of an error about the line of [`WHOLE`] that begins with `start`.
 fn at_line(start: &str) -> String {
     let mut lines = WHOLE.lines();
     let line = lines.position(|line| line.trim_start().starts_with(start));
@@ -87,8 +87,8 @@ fn a_whole_rig_is_read_with_its_defaults() {
     assert_eq!(description.textures[0].roughness, None);
 }
 
-/// A line that takes the place of the last one with its key, or of the first for a key without a table, and the field
-/// that the error must name: each check once.
+/// A line, and the field that the error must name; each check occurs once. The line replaces the last line with its
+/// key, or the first line for a key outside all tables.
 const OUT_OF_RANGE: &[(&str, &str)] = &[
     ("name = \"\"", "name"),
     ("sample_rate_hz = 50000", "recording.sample_rate_hz"),
@@ -133,7 +133,7 @@ fn a_value_out_of_its_range_is_an_error_that_names_line_and_field() {
         let start = format!("my.toml, line {}: {field}", at + 1);
         assert!(message.starts_with(&start), "{bad}: {message}, not {start}");
     }
-    // A list that is too long, and none where one is needed.
+    // A list that is too long, and an empty list where at least one value is required.
     let many = format!("forces_n = {:?}", (0..65).collect::<Vec<_>>());
     let message = read(&WHOLE.replacen("forces_n = [0.0, 1.0]", &many, 1)).unwrap_err();
     assert!(
