@@ -28,7 +28,7 @@ pub const ACTIVE: Range<u32> = sectors(1, 3);
 /// The two sectors of the record of updates.
 pub const RECORDS: Range<u32> = sectors(4, 2);
 
-/// The two slots of bank 2. The one that is not active receives an update, and keeps the image before it.
+/// The two slots of bank 2. The slot that is not active receives an update, and keeps the previous image afterwards.
 pub const SLOTS: [Range<u32>; 2] = [sectors(8, 4), sectors(12, 4)];
 
 /// Offset of the bootloader's version, behind its vector table: [`VERSION_MAGIC`], then three numbers of 32 bits.
