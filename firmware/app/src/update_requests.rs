@@ -44,7 +44,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Some(updates.report(stage.now_us()))
     }
 
-    /// Serves `UpdateBeginEndpoint`. The chunks are those of an upload.
+    /// Serves `UpdateBeginEndpoint`. The image's chunks are sent as those of an upload.
     ///
     /// # Errors
     /// The device refuses the image, something is played, or the flash cannot be erased.

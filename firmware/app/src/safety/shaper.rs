@@ -6,7 +6,7 @@
 //! four steps, and by 1.3 steps RMS. Feedback of the second order leaves 0.0007 steps. That raises a third-octave band
 //! 50 dB below a texture's level of 0.02 m/s² by 2 dB.
 //!
-//! The error is that of rounding alone. What the limits cut from a code is not fed back, so nothing winds up.
+//! Only the error of rounding is fed back. What the limits cut from a code is not, so nothing winds up.
 
 use super::fixed::{CODE_BITS, round_to_step};
 

@@ -48,7 +48,7 @@ impl Copy {
         self.newest.is_none() && self.damaged == 0
     }
 
-    /// Returns true if no record was written after the one that can be read.
+    /// Returns true if a record can be read and no other one was written after it.
     pub fn is_clean(&self) -> bool {
         self.newest.is_some() && self.damaged == 0
     }

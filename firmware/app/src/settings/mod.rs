@@ -5,9 +5,9 @@
 //! A change is written to the first copy and read back, then to the second copy. It counts when both hold it. So one
 //! copy always holds the last change that was acknowledged, whenever power is lost and whichever word of a copy is
 //! lost. For the same reason a full copy is erased only while the other copy keeps what is in force. If power is lost
-//! during an erasure, any older record of the copy may remain as its last one. The record's number distinguishes it
-//! from the change before the last. A record holds all settings under one checksum. In a map of single values, a
-//! damaged value would be replaced by an older one, which may be a weaker limit.
+//! during an erasure, any older record of the copy may remain as its last one. The number of that record shows that it
+//! is not the previous change. A record holds all settings under one checksum. In a map of single values, a damaged
+//! value would be replaced by an older one, which may be a weaker limit.
 //!
 //! At the start:
 //!
@@ -164,7 +164,7 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(())
     }
 
-    /// Erases both copies and begins anew: every setting has its default and none is set.
+    /// Erases both copies and begins again: every setting has its default and none is set.
     ///
     /// # Errors
     /// The flash fails. Every setting then has its default, and none is set, until a restart.

@@ -132,7 +132,7 @@ impl<F: MappedFlash> SlotStore<F> {
         store
     }
 
-    /// The slots of `flash`, of which nothing is read before [`SlotStore::scan_once`]; none is active.
+    /// The slots of `flash`, before [`SlotStore::scan_once`] has read anything; none is active.
     pub const fn unread(flash: F) -> Self {
         const { Self::FITS };
         Self {
@@ -380,7 +380,7 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in the claimed slot, each read once, and makes them a library by writing its header.
+    /// Validates `length` bytes in the claimed slot, reading each once, and makes them a library by writing its header.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,

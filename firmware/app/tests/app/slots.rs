@@ -78,7 +78,7 @@ fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
         );
         assert_eq!(store.newest(), Some(SlotId::A));
     }
-    // Outside of the library it does no harm.
+    // Outside of the library a faulty word does no harm.
     let mut memory = memory;
     memory.set_faulty(SLOT_BYTES + second.len().next_multiple_of(32));
     assert_eq!(opened(memory).newest(), Some(SlotId::B));

@@ -14,20 +14,21 @@ use crate::budget::{self, Chance};
 /// One step of a stylus's life.
 #[derive(Clone, Copy, Debug)]
 enum Step {
-    /// A setting is set to a share of its range.
+    /// A setting is set to a fraction of its range.
     Set { setting: usize, share: u16 },
-    /// A setting is set to a share of its range, and power is lost at an operation of the flash.
+    /// A setting is set to a fraction of its range, and power is lost at an operation of the flash.
     CutSet {
         setting: usize,
         share: u16,
         at: usize,
         how: usize,
     },
-    /// A response with a share of the gain's range is stored.
+    /// A response is stored, with a gain at a fraction of the gain's range.
     Respond { share: u16 },
-    /// A response with a share of the gain's range is stored, and power is lost at an operation of the flash.
+    /// A response is stored, with a gain at a fraction of the gain's range, and power is lost at an operation of the
+    /// flash.
     CutRespond { share: u16, at: usize, how: usize },
-    /// Power is lost at an operation of the mending at a start.
+    /// Power is lost at an operation by which a start mends the copies.
     CutStart { at: usize, how: usize },
     /// A word of a copy's last record, or one a few words before, faults, flips a bit, or becomes unstable.
     Damage {
@@ -59,7 +60,7 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Number of one of [`NEARLY_FULL`], or none for blank flash.
+/// Index of one of [`NEARLY_FULL`], or none for blank flash.
 fn beginning() -> impl Strategy<Value = Option<usize>> {
     prop::option::of(0..NEARLY_FULL.len())
 }
@@ -73,8 +74,8 @@ fn is_weaker(setting: Setting, value: f32, than: f32) -> bool {
     }
 }
 
-/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as
-/// the cut left it. Without a cut, as the work left it.
+/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`. The flash is then as
+/// this left it. If there are fewer operations, the flash is as `work` left it.
 fn cut(memory: &mut Memory, at: usize, how: usize, work: impl AsyncFnOnce(&mut Store<'_, '_>)) {
     let kinds = |number| how..how + usize::from(number == at);
     *memory = cuts(memory, kinds, work).swap_remove(0);
@@ -119,7 +120,7 @@ impl Life {
         self.acknowledge(change);
     }
 
-    /// The result of `work` on the store, whose flash stays as the work leaves it.
+    /// Returns the result of `work` on the store, whose flash stays as `work` leaves it.
     fn with_store<T>(&mut self, work: impl AsyncFnOnce(&mut Store<'_, '_>) -> T) -> T {
         let mut flash = SimulatedFlash::new(self.memory.clone());
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
@@ -242,8 +243,8 @@ fn erasures(memory: &Memory) -> Vec<usize> {
 proptest! {
     #![proptest_config(budget::config(1_500))]
 
-    /// While something may be played, no limit is weaker than the last value that was acknowledged, or whose storing
-    /// was cut, whatever the power does and whichever words are lost. Loss of power alone never keeps the stylus from
+    /// While something may be played, no limit is weaker than the last value that was acknowledged or whose storing was
+    /// cut, whenever power is lost and whichever words are lost. Loss of power by itself never keeps the stylus from
     /// playing. The store can always be written again.
     #[test]
     fn no_limit_becomes_weaker_while_something_may_be_played_and_cuts_alone_never_silence(
