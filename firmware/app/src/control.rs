@@ -130,7 +130,7 @@ pub trait Device {
     /// Allows the amplifier to be on once the output is at mid-scale, or turns it off at once.
     fn set_amplifier(&mut self, on: bool);
 
-    /// Forgets the library in RAM, so that [`Device::load`] can begin. Nothing is played.
+    /// Forgets the library in RAM, so that [`Device::load`] can begin. Called while nothing is played.
     fn begin_load(&mut self);
 
     /// Does one bounded step of copying `library`, which is valid, to the RAM from which it is played, or of decoding
@@ -217,7 +217,7 @@ pub struct Control<D> {
     proposed: Option<(LinkId, Response)>,
     /// The link that began the recording.
     listener: LinkId,
-    /// True once the amplifier has been on. The coil's heat is followed from then on, and no longer assumed.
+    /// True once the amplifier may have been on. From then on the coil's heat is followed, and no longer assumed.
     is_heat_known: bool,
 }
 
@@ -253,8 +253,8 @@ impl<D: Device> Control<D> {
         control
     }
 
-    /// Sets the coil's heat to the kept one, or else to the assumed one, until the amplifier has been on. Keeps the
-    /// amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
+    /// Sets the coil's heat to the kept one, or else to the assumed one, as long as the amplifier has not been on.
+    /// Keeps the amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
     fn follow_settings(&mut self) {
         let known = self.settings_state.check_playable().is_ok();
         let safe_mode = self.player.mute().contains(MuteReason::SafeMode);
@@ -526,7 +526,7 @@ impl<D: Device> Control<D> {
         self.proposals.take(from, token, self.device.now())
     }
 
-    /// Keeps everything from being played until [`Control::end_configuration`], while settings are stored.
+    /// Prevents playing until [`Control::end_configuration`], while settings are stored.
     ///
     /// # Errors
     /// Something is played, or a library is being activated.
@@ -545,7 +545,7 @@ impl<D: Device> Control<D> {
         self.settings = settings;
         self.settings_state = state;
         self.response = response;
-        // It was checked against the previous settings.
+        // The proposed response was checked against the previous settings.
         self.proposed = None;
         self.device.set_settings(&settings);
         self.follow_settings();
@@ -553,7 +553,7 @@ impl<D: Device> Control<D> {
         self.player.end_configuration();
     }
 
-    /// Keeps everything from being played until [`Control::end_self_test`].
+    /// Prevents playing until [`Control::end_self_test`].
     ///
     /// # Errors
     /// Something is played, a library is being activated, or settings are being stored.

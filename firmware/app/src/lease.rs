@@ -1,4 +1,4 @@
-//! The lease of whoever plays, see [`LeaseStatus`].
+//! The lease of the link that plays, see [`LeaseStatus`].
 //!
 //! Hosts are distinguished only by their link, because a port is open to one program at a time. A request that a
 //! program may send without playing, such as one for the status, therefore does not renew the lease. Otherwise the next

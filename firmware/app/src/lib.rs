@@ -54,7 +54,7 @@ pub const UPDATE_INTERVAL_TICKS: u32 = stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 /// Deadline of an update: ticks from its request to the beginning of the block that its coefficients shape, 0.6 ms.
 ///
 /// The lead is short, because it delays the response to the hand. An update of two voices takes 25 000 instructions.
-/// While ticks take half of the processor, the lead leaves more than four cycles for each of them.
+/// While ticks take half of the processor, the lead leaves more than four cycles per instruction.
 pub const UPDATE_LEAD_TICKS: u32 = 3;
 
 /// Ticks per millisecond: there is one tick per sample at 5 kHz.

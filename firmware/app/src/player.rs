@@ -213,7 +213,7 @@ impl Player {
         }
     }
 
-    /// Keeps everything from being played until [`Player::end_configuration`], so that settings can be exchanged.
+    /// Prevents playing until [`Player::end_configuration`], so that settings can be exchanged.
     ///
     /// # Errors
     /// Something is played, a library is being activated, or settings are being stored already.
@@ -232,7 +232,7 @@ impl Player {
         }
     }
 
-    /// Mutes until the next start, because this one is in safe mode.
+    /// Mutes until the next start, because this start is in safe mode.
     pub fn safe_mode(&mut self) {
         self.set(MuteReason::SafeMode, true);
     }

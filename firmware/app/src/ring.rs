@@ -1,4 +1,4 @@
-//! The ring of codes between tick and converter, as numbers; the registers are the image's.
+//! The ring of codes between tick and converter, as arithmetic on places; the image sets the registers.
 //!
 //! DMA takes one code from the ring every 25 µs, and erases it to mid-scale afterwards. A tick fills a slot of
 //! [`OVERSAMPLING`] codes ahead of DMA, and behind that slot a continuation: the last code for the time of one tick,
@@ -38,7 +38,7 @@ const MARGIN: usize = 1;
 /// Number of codes of the fade.
 const FADED: usize = FADED_SLOTS * OVERSAMPLING;
 
-// What is erased and not yet written again is at least two slots.
+// At least two slots are erased and not yet written again.
 const _: () = assert!(SLOTS.is_power_of_two() && STRETCH + 1 + 2 < SLOTS);
 const _: () = assert!(OVERSAMPLING.is_power_of_two() && FADED.is_power_of_two());
 const _: () = assert!(STRETCH <= 1 + MOST_HELD_TICKS as usize);

@@ -1,4 +1,4 @@
-//! The measurements of the self test, as far as they need no register.
+//! The part of the self test's measurements that needs no registers.
 //!
 //! A measurement begins only while nothing is played, and prevents playing until it ends. It needs nothing from the
 //! host after its request. If the link is lost meanwhile, the measurement still ends, and everything is as before. The
@@ -24,7 +24,7 @@ pub trait Bench {
     /// The option bytes in use.
     fn option_bytes(&self) -> OptionByteValues;
 
-    /// Errors that the ECC of RAM and flash has found since the start.
+    /// Errors that the error-correcting codes of RAM and flash have found since the start.
     fn error_correction(&self) -> ErrorCorrectionValues;
 
     /// Levels of the encoder's lines.

@@ -160,7 +160,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 }
 
-/// Keeps everything from being played until `Control::end_self_test`.
+/// Prevents playing until `Control::end_self_test`.
 fn at_rest(stage: &impl Stage) -> Result<(), UpdateError> {
     let begun = stage.with_control(Control::begin_self_test);
     begun.map_err(|_| UpdateError::Playing)

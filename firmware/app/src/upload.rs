@@ -54,7 +54,7 @@ impl Uploader {
         })
     }
 
-    /// Begins an upload, or continues the one of the same length and checksum. Any other upload under way ends.
+    /// Begins an upload, or continues an upload of the same length and checksum. Any other upload under way ends.
     ///
     /// # Errors
     /// No library has this length; the slot holds the last library that can be read, and `begin` does not ask to

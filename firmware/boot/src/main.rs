@@ -24,7 +24,8 @@ use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, SECTOR_BYTES, VERSION_MAGIC, W
 use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
 use stylus_boot::{first, loader, supply, word};
 
-// The table of vectors: the stack, and the exceptions that can occur. All but a bus fault wait for the watchdog.
+// The table of vectors: the stack, and the exceptions that can occur. All handlers except that of a bus fault wait for
+// the watchdog.
 //
 // After the first instructions the RAM that the bootloader uses is written in units of 64 bits, because at power-on it
 // holds noise whose error-correcting code is wrong. The image later uses this RAM as its stack; nothing in it is kept
@@ -73,7 +74,7 @@ global_asm!(
     main = sym main,
 );
 
-/// The version, where the image looks for it (`map::BOOTLOADER_VERSION`).
+/// The version, at the place where the image reads it (`map::BOOTLOADER_VERSION`).
 #[unsafe(link_section = ".version")]
 #[used]
 static VERSION: [u32; 4] = [
@@ -129,8 +130,8 @@ fn show_fault(is_fault: bool) {
     GPIOB.moder().modify(|w| w.set_moder(LD3, Moder::OUTPUT));
 }
 
-/// Ends the start, with LD3 lit, because the flash does not take what the exchange needs: a sector is write-protected
-/// or worn. Power-on and the reset button try again.
+/// Ends the start, with LD3 lit, because the flash cannot be erased or programmed as the exchange needs: a sector is
+/// write-protected or worn. Power-on and the reset button try again.
 fn stay() -> ! {
     show_fault(true);
     loop {
@@ -191,7 +192,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     SCB::sys_reset()
 }
 
-/// Cycles between two looks at a bank: 4 µs at 64 MHz. An erasure takes seconds, a word 100 µs.
+/// Cycles between two reads of a bank's state: 4 µs at 64 MHz. An erasure takes seconds, a word 100 µs.
 const POLL_CYCLES: u32 = 256;
 
 /// Both banks. Offsets count from the start of the flash.

@@ -170,7 +170,7 @@ pub struct Store<F> {
     is_renewed: bool,
 }
 
-/// Failure to keep a record: no word of it read back.
+/// Failure to keep a record: it could not be read back from any word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotKept;
 
@@ -273,7 +273,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Writes the record again if a later start could read a different one: a word does not read the same each time, or
-    /// this record and the one before disagree on whether to exchange images.
+    /// this record and the previous one disagree on whether to exchange images.
     ///
     /// # Errors
     /// The flash does not keep it.
@@ -299,7 +299,7 @@ impl<F: NorFlash> Store<F> {
     /// Replaces the record.
     ///
     /// # Errors
-    /// The flash does not keep it. The record before is in force then.
+    /// The flash does not keep it. The previous record is in force then.
     pub async fn replace(&mut self, record: Record) -> Result<(), NotKept> {
         let sequence = self.sequence.wrapping_add(1);
         let word = record.word(sequence);

@@ -70,7 +70,7 @@ unsafe extern "C" {
     fn flash_word_read(source: *const u32, destination: *mut u32) -> u32;
 }
 
-/// Enables BusFault, below the tick's priority; without this a bus fault would be a HardFault.
+/// Enables BusFault, with a priority below the tick's; otherwise a bus fault would be a HardFault.
 pub fn enable_bus_fault(scb: &mut SCB) {
     // SAFETY: no critical section masks by priority.
     unsafe { scb.set_priority(SystemHandler::BusFault, 0x80) };

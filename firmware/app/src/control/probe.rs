@@ -15,8 +15,8 @@ use crate::lease::HeldBy;
 use crate::player::{Busy, Piece, Probe};
 use crate::safety::Config;
 
-/// Ticks from a request to the probe's first sample: 20 ms. 5 ms are needed, because the next poll starts the probe's
-/// plan, which then plays silence for up to two blocks.
+/// Ticks from a request to the probe's first sample: 20 ms. The next poll starts the probe's plan, which then plays
+/// silence for up to two blocks. This takes 5 ms.
 pub const LEAD_TICKS: u64 = 20 * TICKS_PER_MS as u64;
 
 impl<D: Device> Control<D> {

@@ -234,7 +234,7 @@ pub struct Timed {
     pub source: MotionSource,
     /// Speed, mm/s, with a sign if the host sent one.
     pub speed_mm_s: f32,
-    /// Position on the path, mm, finite. If `None`, the encoder's position counts.
+    /// Position on the path, mm, finite. If `None`, the position by the encoder is used.
     pub position_mm: Option<f32>,
     /// True if the tool touches. If `None`, the force decides.
     ///

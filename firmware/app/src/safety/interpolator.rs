@@ -28,7 +28,7 @@
 //! - The first filter has 22 taps. Its autocorrelation r minimises, by linear programming, the largest |H|² of all
 //!   three filters from 3 to 5 kHz, while |H| of all three stays within 0.04 dB up to 1 kHz and 0.2 dB up to 2 kHz, and
 //!   below 0.2 dB up to 3 kHz. The filter is the minimum-phase factor of r, by its cepstrum.
-//! - Taps are rounded to 2^-31. The tests compute responses and delays from the rounded ones.
+//! - Taps are rounded to 2^-31. The tests compute responses and delays from the rounded taps.
 
 use core::hint::black_box;
 
@@ -38,10 +38,10 @@ use super::fixed::{CODE_BITS, OVERSAMPLING, STEP_BITS};
 const TAP_BITS: u32 = 31;
 
 /// Lower binary digits of a sum that are dropped. The upper of the sum's two words remains, which takes no instruction
-/// to extract. Each filter therefore takes one binary digit after the point from its values.
+/// to extract. After each filter, values therefore have one binary digit fewer after the point.
 const SUM_BITS: u32 = 32;
 
-/// Binary digits that an input is shifted up before the first filter: as many as 32 bits have room for.
+/// Binary digits that an input is shifted up before the first filter: as many as fit in 32 bits.
 const HEADROOM_BITS: u32 = 2;
 
 const _: () = assert!(
@@ -90,7 +90,7 @@ static THIRD: Pairs<3> = [
     [275_148_215, 0],
 ];
 
-/// Number of codes that one input affects: the length of the three filters together.
+/// Number of codes that one input affects: the length of the response of the three filters in a row.
 const LENGTH: usize = ((2 * FIRST.len() - 1) * 2 + 2 * SECOND.len() - 1) * 2 + 2 * THIRD.len() - 1;
 
 /// Number of ticks whose codes an input affects, including its own. At 10 kHz an input affects less than half as many.
@@ -138,7 +138,7 @@ impl<const HELD: usize> Doubler<HELD> {
         Self { inputs: [0; HELD] }
     }
 
-    /// The two next samples, which have one binary digit after the point less than the input, rounded down.
+    /// The two next samples, which have one binary digit fewer after the point than the input, rounded down.
     #[inline(always)]
     fn next<const COUNT: usize>(&mut self, pairs: &Pairs<COUNT>, input: i32) -> [i32; 2] {
         const { assert!(COUNT == HELD + 1, "an input is held for each further pair") };

@@ -2,7 +2,7 @@
 //!
 //! The coil is one thermal mass. Its rise T above the surroundings, in units of the steady rise at the power limit,
 //! follows τ dT/dt = P / P_limit - T with P = (a V)² / R, where V is the voltage at the converter, from mid-scale, and
-//! a the amplifier's gain. The impedance is taken as R alone, which never underestimates the power.
+//! a the amplifier's gain. The impedance is taken as R only, which never underestimates the power.
 //!
 //! **The state is only the mean of V²** over the time constant, because that is all that the device knows by itself.
 //! Resistance, gain and power limit serve for comparison: T is the ratio of this mean to the mean square that the limit
@@ -76,7 +76,7 @@ pub struct CoilConfig {
     share: i64,
     /// Heat at the power limit.
     limit: i64,
-    /// Gain per heat below the limit; see [`CoilState::gain`].
+    /// Gain per unit of heat below the limit; see [`CoilState::gain`].
     inverse: i64,
     /// Largest offset from mid-scale that stays below the peak power, converter steps.
     peak: i32,

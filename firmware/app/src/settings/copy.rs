@@ -7,15 +7,15 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::record::{Place, RECORD_BYTES, Record, is_blank};
 use crate::flash::WORD_BYTES;
 
-/// Places that are tried for one record before the copy counts as full. A place fails if a power cut has left a word of
-/// it that reads as blank and cannot be programmed.
+/// Number of places that are tried for one record before the copy counts as full. A place fails if a power loss has
+/// left a word in it that reads as blank and cannot be programmed.
 const TRIES: usize = 4;
 
 /// Number of times that a place is read. A record that any of these reads finds was written, because its checksum is
 /// right. Other reads may miss it, because a power loss can leave a word that reads differently each time.
 const READS: usize = 16;
 
-/// Bytes of two reads of a place, for comparison. They belong to the store, because memory for tasks is scarce.
+/// Bytes of two reads of a place, for comparison. The store holds them, because memory for tasks is scarce.
 pub type Buffers = [[u8; RECORD_BYTES]; 2];
 
 /// One copy, and what was found in it.

@@ -18,7 +18,8 @@
 //! | the same, and with another response | the second one's: an interrupted calibration changes nothing |
 //! | one ends with a record, and the other one is damaged at its end or further behind | that record |
 //! | both are damaged behind their last record | nothing plays: every limit is lost |
-//! | neither is readable, and they are not blank | nothing plays: everything is lost |
+//! | the first has a few damaged places only, and the second is blank | defaults: the first change of all was cut |
+//! | neither is readable otherwise, unless both are blank | nothing plays: everything is lost |
 //!
 //! In all cases except the first and the last, both copies are then written again; in the first case, only if a copy
 //! reads differently from read to read. What is lost stays lost, over restarts, until it is set again or all settings
@@ -310,7 +311,7 @@ enum Found {
     Lost,
 }
 
-/// Returns true if `newer` has another response than `older`: a calibration whose storing was cut off.
+/// Returns true if `newer` has another response than `older`: the storing of a calibration was interrupted.
 fn is_interrupted(newer: &Snapshot, older: &Snapshot) -> bool {
     newer.response.is_some() && newer.response != older.response
 }
@@ -324,7 +325,8 @@ fn judge(contents: &[Copy; 2]) -> Found {
     };
     let (newest, record) = match (first.newest, second.newest) {
         (None, None) if first.is_blank() && second.is_blank() => return Found::NeverSet,
-        // The first copy is written first, also by mending, so cuts during the first change leave the second one blank.
+        // Mending, too, writes the first copy first, so losses of power during the first change leave the second copy
+        // blank.
         (None, None) if second.is_blank() && first.damaged <= MOST_FIRST_CUTS => {
             return mendable(NEVER_SET, SettingSet::NONE, 0);
         }

@@ -71,7 +71,7 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// The slot that is worth less: one that is not valid, otherwise the older one.
+    /// The slot that is worth less: a slot that is not valid, otherwise the older one.
     pub(super) fn lesser(&self) -> SlotId {
         let worth = |slot: SlotId| match self.state(slot) {
             SlotState::Empty | SlotState::Receiving => 0,

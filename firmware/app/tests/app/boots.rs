@@ -203,7 +203,7 @@ impl Life {
         stylus.storage.into_flash().0.memory
     }
 
-    /// Does `job` until it is done; none if power is lost before.
+    /// Runs `job` until it is done; none if power is lost before.
     fn run<R>(
         &mut self,
         job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R,
@@ -418,7 +418,7 @@ impl Life {
     }
 }
 
-/// Flash at the beginning of a history: libraries in the slots with these numbers.
+/// Flash at the beginning of a history: libraries in the slots, with these sequence numbers.
 fn beginning(numbers: [Option<u32>; 2]) -> Memory {
     let mut memory = Memory::blank(2 * SLOT_BYTES);
     let libraries = libraries();
@@ -479,7 +479,7 @@ fn numbers() -> impl Strategy<Value = [Option<u32>; 2]> {
         2 => (1..4u32).prop_map(Some),
         1 => (u32::MAX - 2..=u32::MAX).prop_map(Some),
     ];
-    // If both slots have numbers, these are adjacent or equal, as uploads leave them.
+    // If both slots have numbers, these are adjacent, as uploads leave them, or equal.
     (number, 0..3u32, any::<bool>()).prop_map(|(first, ahead, both)| {
         let second = first.map(|first: u32| first.wrapping_add(ahead).wrapping_sub(1));
         [first, second.filter(|_| both)]

@@ -1,4 +1,4 @@
-//! Two hosts, one on each link: the lease of whoever plays, and changes of settings in two steps.
+//! Two hosts, one on each link: the lease of the host that plays, and changes of settings in two steps.
 
 use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
 use fake_stylus::flash::SimulatedFlash;
@@ -36,7 +36,7 @@ impl Stylus {
         Self { stylus, requests }
     }
 
-    /// Plays along the device's own sensors, so that silence can only come from the lease.
+    /// Plays with the motion of the device's own sensors, so that silence can only come from the lease.
     fn play(&self, link: LinkId) -> Result<(), PlayError> {
         let request = PlayRequest {
             motion: MotionSource::Sensors,
@@ -120,7 +120,8 @@ fn all_told_away() -> SettingsChange {
 #[test]
 fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_link() {
     for [player, other] in [LINKS, [LINKS[1], LINKS[0]]] {
-        // The other host polls, drives and keeps alive; a next program on the player's own link polls.
+        // First the other host polls; then it also sends motions and keep-alives; at last a next program on the
+        // player's own link polls.
         for (link, drives) in [(other, false), (other, true), (player, false)] {
             let stylus = Stylus::new();
             stylus.play(player).expect("it is there");

@@ -169,7 +169,7 @@ fn a_probe_ends_with_a_stop_and_with_a_host_that_is_not_heard_and_may_begin_agai
             tick(&stylus);
         }
         assert!(stylus.sounds());
-        // Nothing else begins, and nothing changes meanwhile.
+        // Meanwhile nothing else begins to play and nothing changes.
         assert_eq!(start(&stylus, &request), Err(ProbeError::Playing));
         let mut control = stylus.control.borrow_mut();
         let held = ProbeError::Refused(PlayError::Held { by: LINK });

@@ -1,4 +1,4 @@
-//! Blocks against the samples put in, with and without loss.
+//! Blocks of the recorder compared with the samples that were put in, with and without loss.
 
 use model_format::AdcCode;
 use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample};

@@ -101,7 +101,7 @@ fn a_request_that_is_refused_says_why_and_leaves_what_was_played() {
         let error = refusal(&stylus, PlayRequest { gain, ..request });
         assert!(matches!(error, PlayError::Gain { .. }), "{error:?}");
     }
-    // A scene that costs too much is refused with the arithmetic.
+    // A scene that costs too much is refused, and the error shows the arithmetic of its cost.
     let library = Library::decode(&bytes).expect("valid");
     let plan = Plan::new(&library.scene("bench").expect("it is there"), &library);
     let cost = plan.expect("valid").worst_case();

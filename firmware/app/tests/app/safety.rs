@@ -255,7 +255,7 @@ proptest! {
         for (sample, _) in samples(&input) {
             prop_assert_eq!(process(&mut state, &config, sample, true), REST);
         }
-        // 5 ms are for the detection of stale inputs.
+        // 2 ms are for the detection of stale inputs.
         let allowed_ms = 100 - STALE_AFTER_MS.max(LINK_LOST_AFTER_MS) - 2;
         prop_assert!(config.mute_ticks() <= allowed_ms * TICKS_PER_MS, "{} samples", config.mute_ticks());
     }
@@ -345,7 +345,7 @@ fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
     };
     let rise = envelope(0, 3_000, false);
     let full = rise[290];
-    // A quarter of a second is half of the ramp, half a second all of it.
+    // A quarter of a second is half of the ramp, and half a second is all of it.
     assert!(
         (rise[124] - full / 2).abs() < full / 50,
         "{} of {full}",

@@ -21,7 +21,7 @@ const MEAN_BLOCKS: usize = 10;
 /// Speeds at the ends of blocks: the time, s, the estimate and the mean of 20 ms, mm/s.
 type Followed = Vec<(f64, [f64; 2])>;
 
-/// Follows a tool at `position_mm` at each time, s, but leaves out the updates of the blocks in `late`.
+/// Follows a tool that is at `position_mm` at each time, s, but leaves out the updates of the blocks in `late`.
 fn follow(position_mm: impl Fn(f64) -> f64, seconds: f64, late: &[usize]) -> Followed {
     let config = InputConfig::new(&settings_with(&[(Setting::PathPerCount, COUNT_MM as f32)]));
     let count = |tick: u64| (position_mm(tick as f64 / RATE) / COUNT_MM).floor() as i64;
@@ -48,7 +48,7 @@ fn follow(position_mm: impl Fn(f64) -> f64, seconds: f64, late: &[usize]) -> Fol
     followed
 }
 
-/// Root mean squares of both speeds' differences from `speed`, after `settled` s.
+/// RMS differences of both speeds from `speed`, after `settled` s.
 fn errors(followed: &Followed, settled: f64, speed: impl Fn(f64) -> f64) -> [f64; 2] {
     let after: Vec<_> = followed.iter().filter(|(t, _)| *t > settled).collect();
     [0, 1].map(|of| {
@@ -58,7 +58,7 @@ fn errors(followed: &Followed, settled: f64, speed: impl Fn(f64) -> f64) -> [f64
     })
 }
 
-/// Noise at a steady `speed`, over places within a count and speeds within 2 %, mm/s.
+/// Noise at a steady `speed`, over places within a count and over speeds within 2 %, mm/s.
 fn noise(speed: f64) -> [f64; 2] {
     let mut squares = [0.0; 2];
     for case in 0..32 {
@@ -72,7 +72,7 @@ fn noise(speed: f64) -> [f64; 2] {
     squares.map(f64::sqrt)
 }
 
-/// Delay at a constant acceleration of `mm_s2`, from `speed` on, ms.
+/// Delay at a constant acceleration of `mm_s2`, mm/s², from `speed` on, ms.
 fn delay(speed: f64, mm_s2: f64) -> [f64; 2] {
     let followed = follow(|t| speed * t + mm_s2 / 2.0 * t * t, 0.6, &[]);
     let after: Vec<_> = followed.iter().filter(|(t, _)| *t > 0.1).collect();
@@ -131,7 +131,7 @@ fn reversals(speed: f64, hz: f64) -> [f64; 2] {
     errors(&followed, 0.25, |t| speed * (turns * t).sin().abs())
 }
 
-/// The table of `host-tools/COSTS.md`, in which no noise is worse than the mean of 20 ms by more than a tenth.
+/// The table of `host-tools/COSTS.md`. No noise in it exceeds that of the mean of 20 ms by more than a tenth.
 #[test]
 fn table_of_the_speed_has_less_delay_than_a_mean_at_no_more_noise() {
     let row = |what: String, [estimate, mean]: [f64; 2], most: f64| {

@@ -202,7 +202,7 @@ const HALF: usize = 64;
 /// Number of requests at the beginning of [`REQUESTS`] that are chosen more often.
 pub const FIRST: usize = 19;
 
-/// Sample of the probe, large enough that the DC blocker leaves some of it.
+/// Value of all samples of the probe, large enough that some of it passes the DC blocker.
 const PROBE: i16 = 30_000;
 
 /// Name of the texture and of the scene for 10 kHz; all others are for 5 kHz.

@@ -1,4 +1,4 @@
-//! Random histories of changes, power cuts and lost words.
+//! Random histories of changes, losses of power and lost words.
 
 use embassy_futures::block_on;
 use fake_stylus::device::{COIL, response_for};
@@ -30,7 +30,7 @@ enum Step {
     CutRespond { share: u16, at: usize, how: usize },
     /// Power is lost at an operation by which a start mends the copies.
     CutStart { at: usize, how: usize },
-    /// A word of a copy's last record, or one a few words before, faults, flips a bit, or becomes unstable.
+    /// A word of a copy's last record, or a word shortly before that record, faults, flips a bit, or becomes unstable.
     Damage {
         copy: usize,
         word: usize,
@@ -225,7 +225,7 @@ fn value(setting: usize, share: u16) -> SettingChange {
     change(setting, value)
 }
 
-/// Numbers of the operations of the next change that erase.
+/// Numbers of those operations of the next change that erase.
 fn erasures(memory: &Memory) -> Vec<usize> {
     let (mut erasures, mut number) = (Vec::new(), 0);
     let mut flash = SimulatedFlash::observed(memory.clone(), |_, operation| {
@@ -264,8 +264,8 @@ proptest! {
     }
 }
 
-/// No limit becomes weaker by a cut erasure that leaves any mixture of whole, erased and unreadable words, so that a
-/// copy may end with any of its older records.
+/// An interrupted erasure may leave any mixture of whole, erased and unreadable words, so that a copy may end with any
+/// of its older records. No limit becomes weaker by this.
 #[test]
 fn no_limit_becomes_weaker_by_what_a_cut_erasure_leaves() {
     let mut chance = Chance::new(budget::seed(), 0);

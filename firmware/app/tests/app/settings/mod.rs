@@ -152,7 +152,7 @@ fn what_is_set_is_there_after_a_restart_whatever_went_before() {
     let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
     let mut expected = Settings::default();
     let mut set = SettingSet::NONE;
-    // More changes than a copy holds, so that each is erased several times.
+    // More changes than a copy holds, so that each copy is erased several times.
     for round in 0..6 * CHANGES_PER_COPY {
         let setting = Setting::ALL[round as usize % (Setting::ALL.len() - 1)];
         let spec = setting.spec();
@@ -193,7 +193,7 @@ fn any_lost_word_of_one_copy_leaves_every_setting_as_it_was() {
             for damage in [Memory::set_faulty, Memory::flip_bit, Memory::set_unstable] {
                 let mut memory = memory.clone();
                 damage(&mut memory, offset);
-                // An unstable word may be right at one start and wrong at the next.
+                // An unstable word may read right at one start and wrongly at the next.
                 for _ in 0..3 {
                     let (settings, state) = opened(&mut memory);
                     assert_eq!(settings, expected.0, "copy {copy}, byte {offset}");
