@@ -92,7 +92,8 @@ pub trait Device {
     /// `sections`.
     fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Self::Plan;
 
-    /// Keeps `plan` for [`Device::start`], and drops any plan that was prepared before. What is played continues.
+    /// Keeps `plan` for [`Device::start`], and drops any plan that was prepared before. Whatever is being played
+    /// continues.
     fn prepare(&mut self, plan: Self::Plan);
 
     /// Starts the prepared plan, which is the plan of `piece`, from silence, with `config`, which has the plan's rate.

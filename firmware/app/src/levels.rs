@@ -15,7 +15,7 @@ use crate::inputs::InputConfig;
 /// Samples of a window: a second.
 pub const WINDOW_SAMPLES: u32 = crate::SAMPLE_RATE_HZ;
 
-/// Reference values per 1 m/s² and per 1 N: levels refer to 1 µm/s² and 1 µN (ISO 1683).
+/// Number of reference values in 1 m/s² and in 1 N: levels refer to 1 µm/s² and 1 µN (ISO 1683).
 const REFERENCES: f32 = 1e6;
 
 /// Number of channels: acceleration X, Y, Z, and force.

@@ -38,7 +38,7 @@ pub struct Observed {
     pub stale: bool,
     /// The motion is too old because the force sensor is at a rail of its converter.
     pub railed: bool,
-    /// The lease of whoever plays has lapsed.
+    /// The lease of the link that plays has lapsed.
     pub link_lost: bool,
 }
 

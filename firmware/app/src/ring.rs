@@ -1,4 +1,4 @@
-//! The ring of codes between tick and converter, as arithmetic on places; the image sets the registers.
+//! The ring of codes between tick and converter, as arithmetic on indices; the image sets the registers.
 //!
 //! DMA takes one code from the ring every 25 µs, and erases it to mid-scale afterwards. A tick fills a slot of
 //! [`OVERSAMPLING`] codes ahead of DMA, and behind that slot a continuation: the last code for the time of one tick,

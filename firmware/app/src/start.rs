@@ -36,7 +36,7 @@ pub enum Ended {
     ByWatchdog,
     /// A fault that was caught.
     ByFault {
-        /// True if it was the failure of the external clock.
+        /// True if the fault was the failure of the external clock.
         clock_failed: bool,
     },
     /// Without a fault: a dip of the supply, or a reset that the program requested.

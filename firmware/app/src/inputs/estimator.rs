@@ -26,7 +26,7 @@ use crate::UPDATE_INTERVAL_TICKS;
 /// Blocks without a count after which the tool is at rest: 20 ms, as long as a count takes at 0.5 mm/s.
 pub const REST_BLOCKS: u32 = 10;
 
-/// Age of a block's mean at the block's last tick, blocks.
+/// Age of a block's mean at the block's last tick: the time since the middle of the block, blocks.
 const MEAN_AGE: f32 = (UPDATE_INTERVAL_TICKS - 1) as f32 / 2.0 / UPDATE_INTERVAL_TICKS as f32;
 
 /// Middle of a count, where the tool is on average. The ends of a count lie at the same places in both directions.

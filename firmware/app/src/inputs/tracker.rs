@@ -15,7 +15,7 @@ use stylus_kernel::position::Position;
 use super::estimator::Estimator;
 use crate::{SAMPLE_RATE_HZ, UPDATE_INTERVAL_TICKS, UPDATE_LEAD_TICKS};
 
-/// Ticks from the reading of the inputs until the last sample of the block that is computed from them is felt.
+/// Ticks from the reading of the inputs until the hand feels the last sample of the block computed from them.
 ///
 /// The block begins [`UPDATE_LEAD_TICKS`] after the reading, and its last sample follows 9 ticks later. The codes of
 /// that sample begin 1.1 ticks after it, and the interpolation filter delays them by 1.7 ticks. At 10 kHz the last

@@ -43,8 +43,8 @@ const INVERSE_BITS: u32 = 33;
 const SHARE_BITS: u32 = 38;
 /// Lower binary digits of the heat that the leak ignores, so that its product fits in 64 bits.
 const COARSE_BITS: u32 = 16;
-/// Binary digits by which the product of an energy, summed over [`OVERSAMPLING`] codes, and the share is shifted down
-/// to a heat.
+/// Binary digits by which energy times share is shifted down to a heat. The energy is summed over [`OVERSAMPLING`]
+/// codes.
 const WARMING_BITS: u32 = SHARE_BITS - HEAT_BITS + OVERSAMPLING.ilog2();
 
 /// Largest sum of the squared offsets of a tick's codes and of the codes in missed ticks before it.

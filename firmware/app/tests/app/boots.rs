@@ -133,7 +133,7 @@ struct Commit {
     crc32: u32,
 }
 
-/// A stylus, and what it has promised.
+/// A stylus, and what its answers have promised.
 struct Life {
     stylus: Option<SteppedStylus>,
     fate: Fate,

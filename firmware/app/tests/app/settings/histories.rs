@@ -74,8 +74,8 @@ fn is_weaker(setting: Setting, value: f32, than: f32) -> bool {
     }
 }
 
-/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`. The flash is then as
-/// this left it. If there are fewer operations, the flash is as `work` left it.
+/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`. `memory` is then the
+/// flash as the loss left it, or as `work` left it if there are fewer operations.
 fn cut(memory: &mut Memory, at: usize, how: usize, work: impl AsyncFnOnce(&mut Store<'_, '_>)) {
     let kinds = |number| how..how + usize::from(number == at);
     *memory = cuts(memory, kinds, work).swap_remove(0);
