@@ -260,8 +260,8 @@ impl<D: Device> Control<D> {
         let known = self.settings_state.check_playable().is_ok();
         let safe_mode = self.player.mute().contains(MuteReason::SafeMode);
         if !self.is_heat_known {
-            // The assumed heat is relative to the power limit in force, which may change until somebody sets the
-            // coil's.
+            // The assumed heat is relative to the power limit in force, which may change until somebody sets the coil's
+            // limit.
             let assumed = Config::new(&self.settings, 1.0).assumed_heat();
             let heat = self.device.kept_heat().unwrap_or(assumed);
             self.device.set_heat(heat);

@@ -116,8 +116,8 @@ fn clear(registers: Registers) {
     });
 }
 
-/// Returns true if `status` shows a fault. Refused reads, RDPERR and RDSERR, are none: users of revision V see them at
-/// 400 MHz with two wait states although nothing is protected. If they come with an operation that was refused, the
+/// Returns true if `status` shows a fault. Refused reads (RDPERR and RDSERR) do not count as faults: users of revision
+/// V see them at 400 MHz with two wait states although nothing is protected. If an operation was refused as well, the
 /// image's error contains them.
 fn is_fault(status: Sr) -> bool {
     status.wrperr() | status.pgserr() | status.strberr() | status.incerr() | status.operr()

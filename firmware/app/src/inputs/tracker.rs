@@ -130,7 +130,7 @@ impl Tracked {
             (Some(told), Some(before)) => told - before,
             _ => 0.0,
         };
-        // The positions decide on the direction, because some hosts leave out the sign of the speed.
+        // The positions determine the direction, because some hosts leave out the sign of the speed.
         let speed = if gone_mm == 0.0 {
             host.speed_mm_s
         } else {

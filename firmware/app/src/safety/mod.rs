@@ -210,7 +210,8 @@ impl State {
 
     /// The signal of a tick at 5 kHz, before the stages that act on codes.
     ///
-    /// While `muted`, it goes to zero along the mute ramp and stays there. Afterwards it returns along the soft start.
+    /// While `muted`, the signal goes to zero along the mute ramp and stays there. Afterwards it returns along the soft
+    /// start.
     #[inline(always)]
     pub fn wanted(&mut self, config: &Config, sample: OutputSample, muted: bool) -> Wanted {
         let (cooled, attenuated) = self.cooled::<{ dc_blocker::ALPHA }>(config, sample, muted);

@@ -214,8 +214,8 @@ impl<F: NorFlash> SettingsStore<F> {
     }
 
     /// Makes each copy that holds neither of the last two changes count as full, so that it is erased before it is
-    /// written. An interrupted erasure may have left words in it that read as blank now. Behind a record they would
-    /// later count as a damaged one.
+    /// written. An interrupted erasure may have left words in it that read as blank now, and that would count as
+    /// damaged behind a later record.
     fn erase_remnants(&mut self) {
         let last = self.record.sequence;
         for copy in &mut self.copies {

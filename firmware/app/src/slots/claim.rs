@@ -1,5 +1,4 @@
-//! The one gate of all erasures: a [`Claim`], without which no sector of a slot is erased and no word of it
-//! written.
+//! The only way to any erasure: a [`Claim`], without which no sector of a slot is erased and no word of it written.
 //!
 //! A slot that holds a library can be claimed only while the other slot holds a library too, unless the claim may
 //! replace the last one. The other library is read again for this, each word [`STEADY_READS`] times, because a word
