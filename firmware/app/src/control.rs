@@ -31,7 +31,7 @@ use crate::words::in_words;
 use stylus_kernel::scene::cost::OverBudget;
 use stylus_kernel::scene::{Plan, Wave};
 
-/// The hardware's side of the application. No method waits.
+/// The hardware, as the application uses it. No method waits.
 pub trait Device {
     /// A texture or scene that is ready to be played.
     type Plan;
@@ -60,7 +60,7 @@ pub trait Device {
     /// Cause of the last reset.
     fn reset_report(&self) -> ResetReport;
 
-    /// The start, and the supply as it is now.
+    /// Report of the start, with the present state of the supply.
     fn start_report(&self) -> StartReport;
 
     /// Returns true if the output is at rest and the tick has seen the last [`Device::set_mute`].
@@ -69,13 +69,13 @@ pub trait Device {
     /// Returns true if the motion that is followed was too old at the last update.
     fn is_motion_stale(&self) -> bool;
 
-    /// Returns true if that is so because the force was at a rail of its converter.
+    /// Returns true if the motion is too old because the force was at a rail of its converter.
     fn is_force_railed(&self) -> bool;
 
     /// Mutes or unmutes the tick.
     fn set_mute(&mut self, muted: bool);
 
-    /// The plan of `selection`, by [`plan_of`] from the library in RAM, and its rate.
+    /// Returns the plan of `selection`, which [`plan_of`] computes from the library in RAM, and its rate.
     ///
     /// # Errors
     /// There is no library, or the texture or scene cannot be played.
@@ -88,23 +88,26 @@ pub trait Device {
     /// Memory of a probe's waveform, which only [`Control`] writes.
     fn waveform(&self) -> &'static Waveform;
 
-    /// The plan of a probe's `wave` from [`Device::waveform`], at `rate`, through `sections`.
+    /// Returns the plan that plays a probe's `wave`, from [`Device::waveform`], at `rate` through the filters
+    /// `sections`.
     fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Self::Plan;
 
-    /// Keeps `plan` for [`Device::start`], in place of one that was prepared before. What is played goes on.
+    /// Keeps `plan` for [`Device::start`], and drops any plan that was prepared before. Whatever is being played
+    /// continues.
     fn prepare(&mut self, plan: Self::Plan);
 
-    /// At rest: plays the prepared plan, that of `piece`, from silence, with `config`, which has the plan's rate.
+    /// Starts the prepared plan, which is the plan of `piece`, from silence, with `config`, which has the plan's rate.
+    /// Called at rest.
     ///
     /// # Errors
     /// No plan was prepared; nothing is played then.
     fn start(&mut self, piece: &Piece, config: Config) -> Result<(), NotPrepared>;
 
-    /// While something of the same library and rate is played: plays `plan`, that of `request`, as soon as the director
-    /// has faded what sounds.
+    /// Plays `plan`, the plan of `request`, as soon as the director has faded out what is played. Called while
+    /// something of the same library and rate is played.
     fn switch(&mut self, request: &PlayRequest, plan: Self::Plan);
 
-    /// At rest: plays nothing, and forgets the prepared plan.
+    /// Plays nothing, and forgets the prepared plan. Called at rest.
     fn clear(&mut self);
 
     /// Sets the source of motion.
@@ -113,26 +116,26 @@ pub trait Device {
     /// Sets the host's motion.
     fn set_host_motion(&mut self, motion: Timed);
 
-    /// At rest: applies settings to the inputs and the safety stages.
+    /// Applies settings to the inputs and the safety stages. Called at rest.
     fn set_settings(&mut self, settings: &Settings);
 
-    /// Heat of the coil that was kept over the last reset; none after power-on, or if it cannot be believed.
+    /// Heat of the coil that was kept over the last reset; none after power-on, or if the kept value is damaged.
     fn kept_heat(&self) -> Option<Heat>;
 
-    /// While the amplifier has not been on: sets the heat of the coil.
+    /// Sets the heat of the coil. Called only before the amplifier is on for the first time.
     fn set_heat(&mut self, heat: Heat);
 
     /// A number that differs from device to device and from moment to moment.
     fn token_seed(&self) -> u64;
 
-    /// Lets the amplifier be on once the output is at mid-scale, or sets it off at once.
+    /// Allows the amplifier to be on once the output is at mid-scale, or turns it off at once.
     fn set_amplifier(&mut self, on: bool);
 
-    /// Forgets the library in RAM, so that [`Device::load`] can begin. Nothing is played.
+    /// Forgets the library in RAM, so that [`Device::load`] can begin. Called while nothing is played.
     fn begin_load(&mut self);
 
-    /// Does one bounded step of copying `library`, which is valid, to the RAM that is played from, or of decoding the
-    /// copy. Returns true after the last step; before it the RAM holds no library.
+    /// Does one bounded step of copying `library`, which is valid, to the RAM from which it is played, or of decoding
+    /// the copy. Returns true after the last step; until then the RAM holds no library.
     ///
     /// # Errors
     /// The copy is not valid. The RAM holds no library then.
@@ -141,16 +144,17 @@ pub trait Device {
     /// Begins a recording.
     ///
     /// # Errors
-    /// As `Recorder::start`.
+    /// The errors of `Recorder::start`.
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError>;
 
     /// Ends the recording.
     ///
     /// # Errors
-    /// As `Recorder::stop`.
+    /// The errors of `Recorder::stop`.
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError>;
 
-    /// The next whole block of samples, if there is one; it is taken from the queue also while nothing is recorded.
+    /// The next whole block of the recording, if there is one. The queue of samples is read also while nothing is
+    /// recorded.
     fn next_block(&mut self) -> Option<RecordBlock>;
 
     /// Counters of the recorder.
@@ -164,7 +168,7 @@ pub type Waveform = [AtomicI16; MAX_PROBE_SAMPLES];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadFault;
 
-/// No plan was there to be started.
+/// Failure to start, because no plan was prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotPrepared;
 
@@ -208,13 +212,13 @@ pub struct Control<D> {
     upload: UploadState,
     lease: Lease,
     proposals: Proposals,
-    /// The actuator's response that is stored.
+    /// The stored response of the actuator.
     response: Option<Response>,
-    /// A response that was proposed, and the link that did it.
+    /// A proposed response, and the link that proposed it.
     proposed: Option<(LinkId, Response)>,
     /// The link that began the recording.
     listener: LinkId,
-    /// True once the coil's heat is more than an assumption, because the amplifier has been on.
+    /// True once the amplifier may have been on. From then on the coil's heat is followed, and no longer assumed.
     is_heat_known: bool,
 }
 
@@ -250,13 +254,14 @@ impl<D: Device> Control<D> {
         control
     }
 
-    /// Begins with the coil's heat of before the start, and keeps the amplifier off while nothing may be played: in
-    /// safe mode, and until the coil's settings are known.
+    /// Sets the coil's heat to the kept one, or else to the assumed one, as long as the amplifier has not been on.
+    /// Keeps the amplifier off while nothing may be played: in safe mode, and until the coil's settings are known.
     fn follow_settings(&mut self) {
         let known = self.settings_state.check_playable().is_ok();
         let safe_mode = self.player.mute().contains(MuteReason::SafeMode);
         if !self.is_heat_known {
-            // Relative to the limit in force, which may be another one until somebody sets the coil's.
+            // The assumed heat is relative to the power limit in force, which may change until somebody sets the coil's
+            // limit.
             let assumed = Config::new(&self.settings, 1.0).assumed_heat();
             let heat = self.device.kept_heat().unwrap_or(assumed);
             self.device.set_heat(heat);
@@ -266,12 +271,12 @@ impl<D: Device> Control<D> {
         self.device.set_amplifier(on);
     }
 
-    /// Serves `KeepAliveTopic`: renews the lease of `from`, if it plays.
+    /// Serves `KeepAliveTopic`: renews the lease, if `from` holds it.
     pub fn keep_alive(&mut self, from: LinkId) {
         self.lease.renew(from, self.device.now());
     }
 
-    /// Follows the state of tick and links, and moves the player on. Called every millisecond.
+    /// Advances the player by the state of the tick and the links. Called every millisecond.
     pub fn poll(&mut self) {
         let observed = Observed {
             at_rest: self.device.is_at_rest(),
@@ -313,7 +318,7 @@ impl<D: Device> Control<D> {
             fault,
         } = self.device.reset_report();
         Status {
-            // In safe mode there is no tick that counts.
+            // In safe mode, in which nothing counts ticks, the device computes them from a timer.
             uptime_ms: self.device.now() / u64::from(TICKS_PER_MS),
             output: self.output(&tick),
             tick: tick.counters,
@@ -342,8 +347,8 @@ impl<D: Device> Control<D> {
         self.device.start_report().supply_low
     }
 
-    /// Returns true if a new image may confirm itself: it has started as it should, no tick was missed, and the output
-    /// can be driven.
+    /// Returns true if a new image may confirm itself: this start is not in safe mode, no tick was missed, and the
+    /// output can be driven.
     pub fn is_healthy(&self) -> bool {
         let is_faulty = self.player.mute().contains(MuteReason::Fault);
         let missed = self.device.tick_report().counters.missed;
@@ -374,7 +379,7 @@ impl<D: Device> Control<D> {
     /// Serves `PlayEndpoint`, and gives the lease to `from`.
     ///
     /// # Errors
-    /// The texture or scene cannot be played, for the reason in the error. Playing goes on as before.
+    /// The texture or scene cannot be played, for the reason in the error. Playing continues as before.
     pub fn play(&mut self, from: LinkId, request: PlayRequest) -> Result<Playing, PlayError> {
         let now = self.device.now();
         self.lease
@@ -398,7 +403,7 @@ impl<D: Device> Control<D> {
     }
 
     fn plan(&self, request: &PlayRequest) -> Result<(D::Plan, PlayRate), PlayError> {
-        // A comparison with NaN is false.
+        // A comparison with NaN is false, so NaN is refused.
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
         }
@@ -428,7 +433,7 @@ impl<D: Device> Control<D> {
         Ok(())
     }
 
-    /// Serves `StopEndpoint`, of any link, and ends the lease.
+    /// Serves `StopEndpoint` for either link, and ends the lease.
     ///
     /// # Errors
     /// Nothing is played.
@@ -439,11 +444,11 @@ impl<D: Device> Control<D> {
         Ok(self.output(&self.device.tick_report()))
     }
 
-    /// Serves `MotionEndpoint` and `MotionTopic`, and renews the lease of `from`, if it plays; returns the source of
-    /// the motion that is followed.
+    /// Serves `MotionEndpoint` and `MotionTopic`, and renews the lease, if `from` holds it. Returns the source of the
+    /// motion that is followed.
     ///
     /// # Errors
-    /// The motion is not finite, or the other link plays. The motion before holds.
+    /// The motion is not finite, or the other link plays. The previous motion stays in force.
     pub fn motion(
         &mut self,
         from: LinkId,
@@ -492,10 +497,10 @@ impl<D: Device> Control<D> {
         self.upload
     }
 
-    /// Serves `SettingsProposeEndpoint`: keeps `change` in place of one that was proposed before, until it is applied.
+    /// Serves `SettingsProposeEndpoint`: keeps `change` until it is applied, in place of any change proposed before.
     ///
     /// # Errors
-    /// A value out of its range, a setting that occurs twice, or something is played.
+    /// A value is out of its range, a setting occurs twice, or something is played.
     pub fn propose(
         &mut self,
         from: LinkId,
@@ -522,7 +527,7 @@ impl<D: Device> Control<D> {
         self.proposals.take(from, token, self.device.now())
     }
 
-    /// Keeps everything from being played until [`Control::end_configuration`], while settings are stored.
+    /// Prevents playing until [`Control::end_configuration`], while settings are stored.
     ///
     /// # Errors
     /// Something is played, or a library is being activated.
@@ -541,7 +546,7 @@ impl<D: Device> Control<D> {
         self.settings = settings;
         self.settings_state = state;
         self.response = response;
-        // It was checked with the settings of before.
+        // The proposed response was checked against the previous settings.
         self.proposed = None;
         self.device.set_settings(&settings);
         self.follow_settings();
@@ -549,7 +554,7 @@ impl<D: Device> Control<D> {
         self.player.end_configuration();
     }
 
-    /// Keeps everything from being played until [`Control::end_self_test`].
+    /// Prevents playing until [`Control::end_self_test`].
     ///
     /// # Errors
     /// Something is played, a library is being activated, or settings are being stored.
@@ -583,24 +588,25 @@ impl<D: Device> Control<D> {
         self.player.may_exchange()
     }
 
-    /// Ends the activation. `active` is the library in RAM: another one, none, or the one before.
+    /// Ends the activation. `active` is the library that is now in RAM: the new one, none, or still the previous one.
     pub fn end_activation(&mut self, active: Option<(SlotId, SlotInfo)>) {
         self.active = active;
         self.player.end_activation();
         self.tell_mute();
     }
 
-    /// The hardware's side.
+    /// The hardware.
     pub fn device(&mut self) -> &mut D {
         &mut self.device
     }
 }
 
-/// The plan of `selection` from `library` through the equaliser of `response`, which takes at most `budget`
-/// instructions per tick, and its rate.
+/// Returns the plan of `selection` from `library`, through the equaliser of `response`, and its rate. The plan takes at
+/// most `budget` instructions per tick.
 ///
 /// # Errors
-/// The library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the budget.
+/// The library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid; the plan is over the
+/// budget, with or without the equaliser.
 pub fn plan_of<'l>(
     selection: &Selection,
     library: &Library<'l>,
@@ -613,8 +619,8 @@ pub fn plan_of<'l>(
     }
 }
 
-// The two are out of line, because plans and scenes take kilobytes, which in line stay on the stack while the answer is
-// written.
+// The next two functions are not inlined, because plans and scenes take kilobytes, which would otherwise stay on the
+// stack while the answer is written.
 #[inline(never)]
 fn plan_of_texture<'l>(
     name: &TextureName,
@@ -639,7 +645,7 @@ fn plan_of_scene<'l>(
     let invalid = |error: &SceneError| PlayError::InvalidScene {
         reason: in_words(error),
     };
-    // Scene and plan are used where they are, because each move is a copy on the stack.
+    // Scene and plan are used in place, because each move is a copy on the stack.
     let found = library.scene(name);
     let scene = found.as_ref().ok_or_else(missing)?;
     let mut made = Plan::new(scene, library);

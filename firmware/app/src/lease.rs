@@ -1,8 +1,8 @@
-//! The lease of whoever plays, see [`LeaseStatus`].
+//! The lease of the link that plays, see [`LeaseStatus`].
 //!
-//! The link alone tells hosts apart, because a port is open to one program at a time. So nothing counts that a program
-//! may send without playing, such as a request for the status: the next program on the same link must not keep alive
-//! what a dead one began.
+//! Hosts are distinguished only by their link, because a port is open to one program at a time. A request that a
+//! program may send without playing, such as one for the status, therefore does not renew the lease. Otherwise the next
+//! program on the same link would keep alive what a crashed program has begun.
 
 use model_format::link::{LINK_LOST_AFTER_MS, LeaseStatus, LinkId};
 
@@ -37,7 +37,7 @@ impl Lease {
         self.held = Some((link, now));
     }
 
-    /// Renews the lease of `link`, if it holds it.
+    /// Renews the lease, if `link` holds it.
     pub fn renew(&mut self, link: LinkId, now: u64) {
         if let Some((holder, renewed)) = &mut self.held
             && *holder == link
@@ -57,7 +57,7 @@ impl Lease {
             .is_some_and(|(_, renewed)| now.saturating_sub(renewed) <= LAPSES_AFTER_TICKS)
     }
 
-    /// Lets `link` begin to play.
+    /// Checks that `link` may begin to play.
     ///
     /// # Errors
     /// The other link holds a lease that has not lapsed.
@@ -68,8 +68,8 @@ impl Lease {
         }
     }
 
-    /// Lets `link` move what is played. Unlike a play, a motion is refused even after a lapse of the other link's
-    /// lease, because what is played is the other link's.
+    /// Checks that `link` may move what is played. Unlike a request to play, a motion is refused even after the other
+    /// link's lease has lapsed, because what is played belongs to the other link.
     ///
     /// # Errors
     /// The other link holds the lease.

@@ -1,10 +1,10 @@
-//! Levels of the sensors, for `status`: what the tool feels, and the noise of the force.
+//! Levels of the sensors, for `status`: the vibration of the tool, and the noise of the force.
 //!
-//! Thread mode sums up all samples that the tick queues, in whole numbers, and a request turns the sums of the last
-//! window into decibel. So the tick does nothing for the levels. The acceleration is that of all axes without its mean,
-//! so gravity and the zero of the sensor are not in it.
+//! Thread mode sums up all samples that the tick queues, in whole numbers, and a request converts the sums of the last
+//! window into decibels. The levels therefore cost the tick nothing. The level of the acceleration covers all axes
+//! without their means, so it contains neither gravity nor the sensor's zero offsets.
 //!
-//! The logarithm is micromath's: within 0.01 dB, at a tenth of the code of an exact one.
+//! The logarithm is micromath's. It is accurate to 0.01 dB, with a tenth of the code of an exact logarithm.
 
 use micromath::F32;
 use model_format::link::{Levels, RecordSample, Settings};
@@ -15,7 +15,7 @@ use crate::inputs::InputConfig;
 /// Samples of a window: a second.
 pub const WINDOW_SAMPLES: u32 = crate::SAMPLE_RATE_HZ;
 
-/// References of a level within 1 m/s² and 1 N: 1 µm/s² and 1 µN (ISO 1683).
+/// Number of reference values in 1 m/s² and in 1 N: levels refer to 1 µm/s² and 1 µN (ISO 1683).
 const REFERENCES: f32 = 1e6;
 
 /// Number of channels: acceleration X, Y, Z, and force.
@@ -48,15 +48,15 @@ impl Sums {
 
     /// Variance of a channel, codes².
     ///
-    /// In whole numbers up to the division, because a difference of large squares has no digits left in float. With
-    /// 5000 samples of 16 bits the products stay below 2⁶³.
+    /// Computed in whole numbers up to the division, because the difference of large squares would have no correct
+    /// digits in floating point. With 5000 samples of 16 bits the products stay below 2⁶³.
     fn variance(&self, channel: usize) -> f32 {
         let count = u64::from(self.samples.max(1));
         let sum = self.codes[channel];
         (count * self.squares[channel] - sum * sum) as f32 / (count * count) as f32
     }
 
-    /// The levels by `settings`, all zero without samples.
+    /// Levels by `settings`; all are zero if there are no samples.
     pub fn levels(&self, settings: &Settings) -> Levels {
         if self.samples == 0 {
             return Levels::default();
@@ -82,10 +82,10 @@ impl Sums {
     }
 }
 
-/// Level of the mean square `power`, in (m/s²)² or N², dB re a millionth; 0 for all below that.
+/// Level of the mean square `power`, (m/s²)² or N², in dB re 1 µm/s² or 1 µN; 0 if `power` is below that.
 fn decibel(power: f32) -> f32 {
     let references = power * (REFERENCES * REFERENCES);
-    // micromath inverts numbers below 1 by an approximation; there are none here. Not a number becomes 0.
+    // For numbers below 1, which do not occur here, micromath uses an approximate inverse. NaN gives 0.
     if references > 1.0 {
         10.0 * F32(references).log10().0
     } else {

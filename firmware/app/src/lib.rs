@@ -1,5 +1,5 @@
-//! The application of the stylus, without its hardware: the same code runs in the image, in tests on the host, and
-//! where the host computes the output of the device.
+//! The application of the stylus, without its hardware. The same code runs in the image, in tests, and on the host when
+//! it computes the device's output.
 //!
 //! Nothing here allocates, waits for hardware, or knows a register. Hardware stands behind small traits:
 //! [`control::Device`], [`slots::MappedFlash`], [`storage::Stage`], [`self_test::Bench`].
@@ -51,10 +51,10 @@ pub use model_format::SAMPLE_RATE_HZ;
 /// Ticks between two updates, 2 ms: at 5 kHz there is one sample per tick.
 pub const UPDATE_INTERVAL_TICKS: u32 = stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
-/// Ticks from the update's request to the beginning of the block that it decides: its deadline, 0.6 ms.
+/// Deadline of an update: ticks from its request to the beginning of the block that its coefficients shape, 0.6 ms.
 ///
-/// The lead is short, because what the hand does is felt that much earlier. Beside ticks that take half of the
-/// processor, an update of two voices, 25 000 instructions, has four cycles for each.
+/// The lead is short, because it delays the response to the hand. An update of two voices takes 25 000 instructions.
+/// While ticks take half of the processor, the lead leaves more than four cycles per instruction.
 pub const UPDATE_LEAD_TICKS: u32 = 3;
 
 /// Ticks per millisecond: there is one tick per sample at 5 kHz.

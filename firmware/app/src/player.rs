@@ -1,8 +1,8 @@
 //! State of playing, and the reasons for silence.
 //!
 //! A library is exchanged only while the output rests at mid-scale, so the mute ramp goes there first. The same holds
-//! for a change of gain or rate. Another texture or scene of the same library, gain and rate takes over while playing
-//! goes on: the kernel's director fades one out and the other in. The player decides when to mute; the safety stages
+//! for a change of gain or rate. Another texture or scene of the same library, gain and rate begins without a pause:
+//! the kernel's director fades the old one out and the new one in. The player decides when to mute; the safety stages
 //! report when the output is at rest.
 //!
 //! ```text
@@ -16,8 +16,8 @@
 //!    +---------------- Activating
 //! ```
 //!
-//! While settings are stored, Idle is Configuring, and nothing begins to play. Settings that arrived under something
-//! that was begun meanwhile would take its gain away.
+//! While settings are stored, the player is Configuring instead of Idle, and nothing begins to play. Otherwise the new
+//! settings could replace the gain of something that began meanwhile.
 
 use model_format::PlayRate;
 use model_format::link::{
@@ -36,9 +36,9 @@ pub struct Observed {
     pub at_rest: bool,
     /// The motion that is followed is too old.
     pub stale: bool,
-    /// The reason for that is a force sensor at a rail of its converter.
+    /// The motion is too old because the force sensor is at a rail of its converter.
     pub railed: bool,
-    /// The lease of whoever plays has lapsed.
+    /// The lease of the link that plays has lapsed.
     pub link_lost: bool,
 }
 
@@ -54,16 +54,16 @@ pub enum Piece {
 /// A probe that is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// Tick after its last sample, at which it ends by itself.
+    /// Tick after the probe's last sample, at which the probe ends.
     pub end_tick: u64,
-    /// `output-gain` with which it is played.
+    /// The setting `output-gain` with which the probe is played.
     pub output_gain: f32,
 }
 
 /// Action of the device, at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Start what was prepared for the piece, from silence, at its rate.
+    /// Start the plan that was prepared for this piece, from silence, at this rate.
     Start(Piece, PlayRate),
     /// Play nothing.
     Clear,
@@ -213,7 +213,7 @@ impl Player {
         }
     }
 
-    /// Keeps everything from being played until [`Player::end_configuration`], so that settings can be exchanged.
+    /// Prevents playing until [`Player::end_configuration`], so that settings can be exchanged.
     ///
     /// # Errors
     /// Something is played, a library is being activated, or settings are being stored already.
@@ -232,20 +232,20 @@ impl Player {
         }
     }
 
-    /// Mutes until the next start, because this one is in safe mode.
+    /// Mutes until the next start, because this start is in safe mode.
     pub fn safe_mode(&mut self) {
         self.set(MuteReason::SafeMode, true);
     }
 
-    /// Becomes idle, and mute by a fault until the device is restarted, because nothing was prepared to be started, and
-    /// the status must not say that it plays.
+    /// Becomes idle, and muted by a fault until the device is restarted. Called when there is no prepared plan to
+    /// start, because the status must not report that something is played.
     pub fn not_started(&mut self) {
         self.phase = Phase::Idle;
         self.set(MuteReason::NotPlaying, true);
         self.set(MuteReason::Fault, true);
     }
 
-    /// Moves the player on by `observed` and returns the action that is due. Called about every millisecond; the caller
+    /// Advances the player by `observed` and returns the action that is due. Called about every millisecond; the caller
     /// then passes [`Player::mute`] to the tick.
     pub fn poll(&mut self, observed: Observed) -> Option<Action> {
         let playing = matches!(self.phase, Phase::Playing(..));
@@ -261,7 +261,7 @@ impl Player {
         let (phase, action) = match phase {
             Phase::FadingOut(Then::Play(piece, rate)) => {
                 self.set(MuteReason::Changing, false);
-                // These are judged again at the next poll. A motion that never came must not pass until then.
+                // The next poll sets these again, but a stale motion or a lost link must mute until then, too.
                 let follows = matches!(piece, Piece::Selected(_));
                 self.set(MuteReason::Stale, follows && observed.stale);
                 self.set(MuteReason::LinkLost, observed.link_lost);

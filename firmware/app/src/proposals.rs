@@ -40,7 +40,8 @@ impl Proposals {
         }
     }
 
-    /// Keeps `change` in place of one before, with a token from `seed`, which differs from device to device.
+    /// Keeps `change` in place of any change proposed before. Its token is computed from `seed`, which differs from
+    /// device to device.
     pub fn propose(
         &mut self,
         from: LinkId,
@@ -67,7 +68,7 @@ impl Proposals {
     /// Returns the change that `from` has proposed with `token`, and ends the proposal.
     ///
     /// # Errors
-    /// No proposal with this token waits, or the other link has made it. A proposal that waits goes on waiting.
+    /// No proposal with this token waits, or the other link has made it. A waiting proposal is kept.
     pub fn take(
         &mut self,
         from: LinkId,
@@ -105,7 +106,7 @@ impl Proposals {
     }
 }
 
-/// 32 bits of `seed`, each of which depends on all of its bits: the finaliser of MurmurHash3.
+/// Mixes `seed` into 32 bits, each of which depends on all bits of `seed`, by the finaliser of MurmurHash3.
 const fn mixed(seed: u64) -> u32 {
     let seed = (seed ^ (seed >> 33)).wrapping_mul(0xff51_afd7_ed55_8ccd);
     let seed = (seed ^ (seed >> 33)).wrapping_mul(0xc4ce_b9fe_1a85_ec53);

@@ -1,8 +1,8 @@
 //! Recording, without a lock between the tick and thread mode.
 //!
 //! The tick puts one sample per tick into a queue ([`Tap`]), and thread mode packs them into blocks ([`Recorder`]). The
-//! number of a block follows from the ticks of its samples, so a sample that did not fit the queue makes its block a
-//! gap in the numbers, which both sides can count.
+//! number of a block follows from the ticks of its samples. A block that lacks a sample, because the queue was full, is
+//! left out. It leaves a gap in the numbers, which device and host can count.
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use model_format::link::{
@@ -21,7 +21,7 @@ pub const QUEUE_SAMPLES: usize = 512;
 pub struct TimedSample {
     tick: u32,
     sample: PackedSample,
-    /// False if the conversions are not all of this tick.
+    /// True if all conversions belong to this tick.
     whole: bool,
 }
 
@@ -39,8 +39,8 @@ impl<'q> Tap<'q> {
         Self { queue }
     }
 
-    /// Queues the sample of `tick`, `whole` if its conversions are all of that tick. If the queue is full, the sample
-    /// is lost, and the recorder finds the gap.
+    /// Queues the sample of `tick`. `whole` is true if all its conversions belong to that tick. If the queue is full,
+    /// the sample is lost, and the recorder finds the gap.
     #[inline(always)]
     pub fn put(&mut self, tick: u64, sample: RecordSample, whole: bool) {
         let timed = TimedSample {
@@ -63,7 +63,7 @@ pub struct Recorder<'q> {
     next: u64,
     /// Samples of the block under way.
     samples: [PackedSample; BLOCK_SAMPLES],
-    /// Samples of the block under way whose conversions are not all of their tick, a bit each.
+    /// One bit per sample of the block under way: set if its conversions do not all belong to its tick.
     torn: u32,
     /// True if the block under way misses no sample so far.
     whole: bool,
@@ -97,7 +97,8 @@ impl<'q> Recorder<'q> {
         if self.recording {
             return Err(RecordError::Recording);
         }
-        // Samples of the time before belong to no recording. The number is bounded, because the tick goes on queueing.
+        // Samples from before the start belong to no recording. The loop is bounded, because the tick continues to
+        // queue samples.
         for _ in 0..QUEUE_SAMPLES {
             self.queue.dequeue();
         }
@@ -128,9 +129,9 @@ impl<'q> Recorder<'q> {
         })
     }
 
-    /// The next whole block, if enough samples have come. `now` is the present tick, to within 2³¹ ticks or 5 days.
+    /// The next whole block, if enough samples have come. `now` is within 2³¹ ticks, 5 days, of the present tick.
     pub fn next_block(&mut self, now: u64) -> Option<RecordBlock> {
-        // At most one queue full per call, because the tick fills the queue meanwhile.
+        // The loop is bounded, because the tick continues to queue samples.
         for _ in 0..QUEUE_SAMPLES {
             let timed = self.queue.dequeue()?;
             self.levels.take(timed.sample.into());

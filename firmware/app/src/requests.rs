@@ -33,7 +33,8 @@ use crate::storage::{Stage, Storage};
 /// Buffer of a frame to the host.
 pub type Frame = [u8; MAX_DEVICE_FRAME_BYTES];
 
-/// Number of jobs that wait: those of an upload's window but the one that is done, and two of the other link.
+/// Most jobs that can wait: the chunks of an upload's window except the one that is being written, and two jobs of the
+/// other link.
 pub const QUEUED_JOBS: usize = UPLOAD_WINDOW + 1;
 
 /// The link that a request came by.
@@ -88,7 +89,7 @@ pub enum Job {
     UpdateState,
 }
 
-/// A job with the way of its answer.
+/// A job, with the link and the sequence number of its answer.
 #[derive(Clone, Debug)]
 pub struct QueuedJob {
     /// The link that the answer goes to.
@@ -189,7 +190,7 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
     }
 }
 
-/// The place of an answer, and the request that it is to.
+/// The buffer of an answer, and the sequence number of its request.
 struct Reply<'a> {
     sequence: VarSeq,
     answer: &'a mut Frame,
@@ -202,8 +203,8 @@ impl Reply<'_> {
     }
 }
 
-/// Writes header and message into `frame`. Returns their length; none if they do not fit, which no message does that is
-/// within the limits of [`model_format::link`].
+/// Writes header and message into `frame`. Returns their length; none if they do not fit. Every message within the
+/// limits of [`model_format::link`] fits.
 fn encode<T: Serialize>(key: Key, seq_no: VarSeq, message: &T, frame: &mut Frame) -> Option<usize> {
     let key = VarKey::Key8(key);
     let (head, rest) = VarHeader { key, seq_no }.write_to_slice(frame)?;
@@ -220,7 +221,7 @@ struct Request<'a, S, L> {
 }
 
 impl<'a, S: Stage, L: Link> Request<'a, S, L> {
-    /// Decodes the body. A body of the key's type counts as a frame.
+    /// Decodes the body, and counts the frame if the body is of the key's type.
     fn read<T: Deserialize<'a>>(&self) -> Result<T, WireError> {
         let read = postcard::from_bytes(self.body).map_err(|_| WireError::DeserFailed)?;
         self.link.count(|counters| &mut counters.frames);
@@ -240,7 +241,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
         Ok(self.to.of::<E>(&response))
     }
 
-    /// Leaves the answer to the storage.
+    /// Queues a job for the storage, which will answer it.
     fn queue<T: Deserialize<'a>>(
         self,
         job: impl FnOnce(T) -> Option<Job>,
@@ -291,7 +292,7 @@ fn dispatch<S: Stage, L: Link>(
             request.answer::<MotionEndpoint>(|control, motion| control.motion(from, motion))
         }
         MotionTopic::TOPIC_KEY => {
-            // A motion that is not finite is dropped. The endpoint of the same name would report it.
+            // A motion that is refused is dropped. The endpoint of the same name would report the refusal.
             Ok(request.take::<MotionTopic>(|control, motion| {
                 let _ = control.motion(from, motion);
             }))
@@ -331,7 +332,8 @@ fn dispatch<S: Stage, L: Link>(
     }
 }
 
-/// Queues the job of a request that needs the flash. Out of line, because within [`dispatch`] the image is larger.
+/// Queues the job of a request that needs the flash. Not inlined, because the image is larger with this code in
+/// [`dispatch`].
 #[inline(never)]
 fn queue_job<S: Stage, L: Link>(
     key: Key,

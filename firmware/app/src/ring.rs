@@ -1,9 +1,9 @@
-//! The ring of codes between tick and converter, as numbers; the registers are the image's.
+//! The ring of codes between tick and converter, as arithmetic on indices; the image sets the registers.
 //!
-//! DMA takes one code per 25 µs from the ring, and erases to mid-scale what it has taken. A tick fills a slot of
-//! [`OVERSAMPLING`] codes ahead of it, and after that slot a continuation: the last code for the time of one tick, then
-//! a fade to mid-scale. The next tick overwrites the continuation. So a late tick is heard as a code that is held, and
-//! an output whose ticks have ended goes to mid-scale without an instruction.
+//! DMA takes one code from the ring every 25 µs, and erases it to mid-scale afterwards. A tick fills a slot of
+//! [`OVERSAMPLING`] codes ahead of DMA, and behind that slot a continuation: the last code for the time of one tick,
+//! then a fade to mid-scale. The next tick overwrites the continuation. If a tick is late, the output therefore holds
+//! the last code. If no more ticks come, it goes to mid-scale without an instruction.
 //!
 //! A tick's own codes are put out from 212.5 µs after its trigger on, the hold ends at 612.5 µs, and the fade at
 //! 1012.5 µs.
@@ -28,17 +28,17 @@ pub const FADED_SLOTS: usize = 2;
 /// Number of slots that a tick writes: its own and the continuation.
 pub const STRETCH: usize = 1 + HELD_SLOTS + FADED_SLOTS;
 
-/// Distance between the code that DMA puts into the converter next and the one that it erases next.
+/// Codes between the one that DMA puts into the converter next and the one that it erases next.
 pub const ERASED_BEHIND: usize = OVERSAMPLING;
 
-/// Codes between the one that DMA fetches next and the first one that a tick may still write: 25 µs to compute and
-/// write them.
+/// Codes between the one that DMA fetches next and the first one that a tick may still write. They leave 25 µs to
+/// compute and write a slot.
 const MARGIN: usize = 1;
 
 /// Number of codes of the fade.
 const FADED: usize = FADED_SLOTS * OVERSAMPLING;
 
-// What is erased and not yet written again is at least two slots.
+// At least two slots are erased and not yet written again.
 const _: () = assert!(SLOTS.is_power_of_two() && STRETCH + 1 + 2 < SLOTS);
 const _: () = assert!(OVERSAMPLING.is_power_of_two() && FADED.is_power_of_two());
 const _: () = assert!(STRETCH <= 1 + MOST_HELD_TICKS as usize);
@@ -64,7 +64,7 @@ impl Slot {
         self.0
     }
 
-    /// The slot that follows after `others`.
+    /// The slot that lies `others` slots further on.
     #[inline(always)]
     pub const fn after(self, others: usize) -> Self {
         Self((self.0 + others) % SLOTS)
@@ -91,7 +91,7 @@ impl Slot {
     }
 }
 
-/// The codes of slot `slot` of the fade from `last` to mid-scale, as words. The last one of all is mid-scale.
+/// The codes of slot `slot` of the fade from `last` to mid-scale, as words. The fade's last code is mid-scale.
 #[inline(always)]
 pub fn faded(last: DacCode, slot: usize) -> [u32; OVERSAMPLING] {
     let mid = i32::from(DacCode::MID_SCALE.get());

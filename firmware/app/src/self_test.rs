@@ -1,8 +1,8 @@
-//! The measurements of the self test, as far as they need no register.
+//! The part of the self test's measurements that needs no registers.
 //!
-//! A measurement begins only while nothing is played and keeps everything from being played until it ends. It needs
-//! nothing from the host after its request, so a link that is lost in the middle changes nothing: the measurement ends,
-//! and everything is as before. Limits are the host's.
+//! A measurement begins only while nothing is played, and prevents playing until it ends. It needs nothing from the
+//! host after its request. If the link is lost meanwhile, the measurement still ends, and everything is as before. The
+//! host holds the limits and judges the values.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
@@ -24,7 +24,7 @@ pub trait Bench {
     /// The option bytes in use.
     fn option_bytes(&self) -> OptionByteValues;
 
-    /// Errors that the ECC of RAM and flash has found since the start.
+    /// Errors that the error-correcting codes of RAM and flash have found since the start.
     fn error_correction(&self) -> ErrorCorrectionValues;
 
     /// Levels of the encoder's lines.
@@ -58,8 +58,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SelfTestEndpoint`.
     ///
     /// # Errors
-    /// Something is played or received; the slot holds what may not be erased, or the last library; the hardware does
-    /// not answer.
+    /// Something is played or received; the slot is active, is not empty and may not be erased, or holds the last
+    /// library; the hardware does not answer; the amplifier may be on.
     pub async fn self_test(
         &mut self,
         stage: &mut impl Stage,
@@ -127,7 +127,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 /// Erases the last sector of the claimed slot, which holds its header, writes and reads the pattern, and erases it
 /// again.
 ///
-/// The header's own word is never written. So a power loss at any time leaves a slot without a library.
+/// The word of the header is never written, so that a power loss at any time leaves a slot without a library.
 async fn measure<F: MappedFlash>(
     slots: &mut SlotStore<F>,
     bench: &impl Bench,
@@ -172,7 +172,7 @@ async fn measure<F: MappedFlash>(
     values
 }
 
-/// Number of bytes of a word that are not as expected; all of them if it cannot be read.
+/// Number of bytes of a word that differ from `expected`; all of them if the word cannot be read.
 fn differing(read: Option<[u8; WORD_BYTES]>, expected: impl Fn(u32) -> u8) -> u32 {
     read.map_or(WORD_BYTES as u32, |word| {
         let wrong = |&(at, byte): &(usize, &u8)| *byte != expected(at as u32);

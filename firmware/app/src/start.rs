@@ -1,15 +1,16 @@
-//! Decisions at a start by what was kept of the starts before it: safe mode, and the source of the clock.
+//! Decisions at a start, by what was kept about earlier starts: safe mode, and the source of the clock.
 //!
-//! A fault within [`QUICK_FAULT_MS`] of a start is a quick one. After [`QUICK_FAULTS`] of them in succession, starts
-//! are in safe mode. A start that hangs or fails while it sets the clock up, and an external clock that fails later,
-//! select a simpler clock. Power-on and the reset button clear this record, because a person is present.
+//! A fault within [`QUICK_FAULT_MS`] of a start is a quick fault. After [`QUICK_FAULTS`] quick faults in succession,
+//! the device starts in safe mode. If a start hangs or fails while it sets up the clock, or the external clock fails
+//! later, the next start uses a simpler clock. Power-on and the reset button clear this record, because a person is
+//! present.
 
 use model_format::link::{ClockSource, QUICK_FAULTS, StartStage};
 
 #[cfg(doc)]
 use model_format::link::QUICK_FAULT_MS;
 
-/// Knowledge of the starts that outlives a reset.
+/// Record of earlier starts that is kept over a reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Kept {
     /// Quick faults in succession.
@@ -22,7 +23,7 @@ pub struct Kept {
     pub clock: ClockSource,
     /// Stage under way; none once the start is over.
     pub stage: Option<StartStage>,
-    /// Stage in which a start hung, the last one since power-on.
+    /// Stage in which a start hung last since power-on.
     pub hung_stage: Option<StartStage>,
 }
 
@@ -35,7 +36,7 @@ pub enum Ended {
     ByWatchdog,
     /// A fault that was caught.
     ByFault {
-        /// True if it was the failure of the external clock.
+        /// True if the fault was the failure of the external clock.
         clock_failed: bool,
     },
     /// Without a fault: a dip of the supply, or a reset that the program requested.
@@ -43,7 +44,7 @@ pub enum Ended {
 }
 
 impl Kept {
-    /// Knowledge for the start after a run that `ended` so; `self` is that run's own.
+    /// Returns the record for the next start, after the run of this record has `ended`.
     #[must_use]
     pub fn next(self, ended: Ended) -> Self {
         if ended == Ended::ByHand {
@@ -69,7 +70,7 @@ impl Kept {
         let fault = ended != Ended::WithoutFault;
         match (self.healthy, fault) {
             (false, true) => self.quick_faults.saturating_add(1),
-            // Safe mode stays, and so does its reason.
+            // Safe mode stays, and so does the number of faults that is its reason.
             (true, _) if !self.safe_mode => 0,
             _ => self.quick_faults,
         }
@@ -88,7 +89,7 @@ impl Kept {
         }
     }
 
-    /// All of it in one word, for memory that outlives a reset.
+    /// Packs the record into one word, for memory that outlives a reset.
     pub const fn to_word(self) -> u32 {
         self.quick_faults as u32
             | (self.healthy as u32) << 8
@@ -98,7 +99,7 @@ impl Kept {
             | number(self.hung_stage) << 16
     }
 
-    /// Knowledge of [`Kept::to_word`].
+    /// Unpacks a word of [`Kept::to_word`].
     pub fn from_word(word: u32) -> Self {
         Self {
             quick_faults: word as u8,

@@ -38,8 +38,8 @@ impl Histogram {
         self.longest = self.longest.max(cycles);
     }
 
-    /// Returns the range of the ticks' durations since the call before, and begins it anew. `counted` is the number of
-    /// ticks in the ranges of earlier calls. The bins go on.
+    /// Returns the range of the ticks' durations since the previous call, and begins a new range. `counted` is the
+    /// number of ticks in the ranges of earlier calls. The bins are not reset.
     pub fn take_range(&mut self, counted: &mut u32) -> CycleRange {
         let total = (self.bins.iter()).fold(0u32, |total, &bin| total.saturating_add(bin));
         CycleRange {
@@ -49,7 +49,7 @@ impl Histogram {
         }
     }
 
-    /// This histogram, with the shortest and longest ticks of `earlier` in its range besides its own.
+    /// This histogram, with a range that also covers the range of `earlier`.
     #[must_use]
     pub fn with_range(mut self, earlier: CycleRange) -> Self {
         self.shortest = self.shortest.min(earlier.shortest);

@@ -60,7 +60,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         }
     }
 
-    /// Gives the flashes back: those of slots and settings, and that of the record of updates if there is one.
+    /// Returns the flashes of slots and settings, and the flash of the record of updates, if there is one.
     pub fn into_flash(self) -> (F, S, Option<S>) {
         let records = self.updates.map(|updates| updates.store.into_flash());
         (self.slots.into_flash(), self.settings.into_flash(), records)
@@ -82,8 +82,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         self.uploader.state()
     }
 
-    /// At boot: activates the newest library that is valid and readable, or the other one if that fails for whatever
-    /// reason. A boot without one is no fault.
+    /// Activates, at boot, the newest library that is valid and readable, or the other one if that fails for whatever
+    /// reason. A boot without a library is no fault.
     pub async fn activate_newest(&mut self, stage: &mut impl Stage) -> Option<Activated> {
         self.slots.scan_once().await;
         let newest = self.slots.newest()?;
@@ -186,7 +186,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadBeginEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::begin`], the supply is too low, or the slot keeps an image.
+    /// The errors of [`Uploader::begin`]; the supply is too low; or an update needs the slots.
     pub async fn upload_begin(
         &mut self,
         stage: &mut impl Stage,
@@ -205,7 +205,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadChunkEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::chunk`], or the supply is too low. The upload can be continued.
+    /// The errors of [`Uploader::chunk`]; or the supply is too low, after which the upload can be continued.
     pub async fn upload_chunk(
         &mut self,
         stage: &mut impl Stage,
@@ -220,7 +220,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadCommitEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::commit`], or the supply is too low. The upload can be continued.
+    /// The errors of [`Uploader::commit`]; or the supply is too low, after which the upload can be continued.
     pub async fn upload_commit(
         &mut self,
         stage: &mut impl Stage,
@@ -255,19 +255,20 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             return Err(SettingsError::SupplyLow);
         }
         let change = stage.with_control(|control| control.take_proposal(from, token))?;
-        // Before the first wait, because a play that came during the wait would be given settings without its gain.
+        // This comes before the first wait, because a texture that began to play during the wait would be given
+        // settings without its gain.
         stage.with_control(Control::begin_configuration)?;
         let result = match change {
             SettingsChange::Set(changes) => self.settings.set_all(&changes).await,
             SettingsChange::Reset => self.settings.reset().await,
         };
-        // Also after an error, because a reset that failed half way has changed some settings.
+        // The settings are applied also after an error, because a reset that failed half way has changed some of them.
         self.end_configuration(stage);
         result
     }
 
-    /// Serves `ResponseSetEndpoint`: stores what `from` has proposed, with the setting that belongs to it, or removes
-    /// the stored response.
+    /// Serves `ResponseSetEndpoint`: stores the response that `from` has proposed, with the setting that belongs to it,
+    /// or removes the stored response.
     ///
     /// # Errors
     /// No such response; something is played; the supply is too low; the flash fails.

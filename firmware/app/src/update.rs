@@ -1,9 +1,9 @@
 //! Update of the image: what the device checks, and its record. The requests are in [`crate::update_requests`].
 //!
 //! An image is received as an upload into the slot that is not active, whose library is given up. Board, length,
-//! version and signature are checked before anything is erased, and the image itself as it reads back. Then one word of
-//! flash, the [record](stylus_boot::record), asks the bootloader to exchange it with the running one. The new image is
-//! on trial until the host confirms it, or until it has been healthy for [`TRIAL_MS`].
+//! version and signature are checked before anything is erased. The image itself is checked as it reads back. Then a
+//! record of one flash word, [`record`](stylus_boot::record), asks the bootloader to exchange it with the running
+//! image. The new image is on trial until the host confirms it, or until it has been healthy for [`TRIAL_MS`].
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
@@ -66,7 +66,7 @@ impl Running {
     }
 }
 
-/// Header and signature of `image` by the key of `seed`, as the device checks them. Of no use to the device.
+/// Header and signature of `image` by the key of `seed`, as the device checks them. The device itself does not sign.
 pub fn sign(image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> [u8; SIGNED_BYTES] {
     let header = ImageHeader {
         board: BOARD,
@@ -81,7 +81,7 @@ pub fn sign(image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> [u8; SIGNED
     signed
 }
 
-/// Public key of the key of `seed`.
+/// Public key that belongs to the private key of `seed`.
 pub fn public_key(seed: &[u8; 32]) -> [u8; 32] {
     Keypair::from(seed).public.to_bytes()
 }
@@ -90,7 +90,7 @@ pub fn public_key(seed: &[u8; 32]) -> [u8; 32] {
 pub struct Updates<R> {
     pub(crate) store: Store<R>,
     pub(crate) running: Running,
-    /// Header of the update that is received.
+    /// Header of the update that is being received.
     pub(crate) begun: Option<ImageHeader>,
     pub(crate) wants_restart: bool,
 }
@@ -106,12 +106,13 @@ impl<R: NorFlash> Updates<R> {
         }
     }
 
-    /// Returns true while the slot of the update holds the image before, or the one that is to come.
+    /// Returns true while the slot of the update holds the previous image, or the new one before it is exchanged.
     pub(crate) fn is_pending(&self) -> bool {
         self.store.record().asks()
     }
 
-    /// Returns true if the running image is the one of the update: an update whose commit was cut is still to come.
+    /// Returns true if the running image is the new one. If nothing has been exchanged yet, the update is only
+    /// committed.
     pub(crate) fn is_on_trial(&self) -> bool {
         self.is_pending() && self.store.record().steps() > 0
     }
@@ -135,7 +136,7 @@ impl<R: NorFlash> Updates<R> {
                 slot: self.slot(),
                 left_ms: TRIAL_MS.saturating_sub(now_us / 1000) as u32,
             },
-            // Between the last step back and its mark the marks are erased.
+            // The marks are erased for a moment between the last step back and its mark.
             mark::REVERT | mark::ERASED => UpdatePhase::RolledBack {
                 version,
                 cause: cause(record.cause),
@@ -152,7 +153,7 @@ impl<R: NorFlash> Updates<R> {
     }
 }
 
-/// Cause of a reset by the byte that the bootloader kept, the most telling one first.
+/// Cause of a reset, from the byte that the bootloader kept. If several flags are set, the most informative one counts.
 fn cause(flags: u8) -> ResetReason {
     let by_bit = [
         (2, ResetReason::PowerOn),

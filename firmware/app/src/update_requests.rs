@@ -23,7 +23,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         self.updates = Some(updates);
     }
 
-    /// Returns true while no slot may be erased, because of an update.
+    /// Returns true while no slot may be erased, because of an update: its images are in use, or its record cannot be
+    /// renewed.
     pub(crate) async fn keeps_image(&mut self) -> bool {
         let Some(updates) = self.updates.as_mut() else {
             return false;
@@ -43,10 +44,10 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Some(updates.report(stage.now_us()))
     }
 
-    /// Serves `UpdateBeginEndpoint`. The chunks are those of an upload.
+    /// Serves `UpdateBeginEndpoint`. The image's chunks are sent as those of an upload.
     ///
     /// # Errors
-    /// The image is not one that this device takes, something is played, or the flash cannot be erased.
+    /// The device refuses the image, something is played, or the flash cannot be erased.
     pub async fn update_begin(
         &mut self,
         stage: &mut impl Stage,
@@ -56,7 +57,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let updates = self.updates.as_ref().ok_or(UpdateError::NoBootloader)?;
         let header = updates.running.check(begin)?;
         at_rest(stage)?;
-        // Last, because it may write the record anew.
+        // This check comes last, because it may write the record again.
         let is_kept = self.keeps_image().await;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         if is_kept {
@@ -77,7 +78,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Ok(begun?)
     }
 
-    /// Serves `UpdateCommitEndpoint`: checks the image in flash, asks the bootloader for it, and for a restart.
+    /// Serves `UpdateCommitEndpoint`: checks the image in flash, asks the bootloader to exchange it, and asks for a
+    /// restart.
     ///
     /// # Errors
     /// No update was begun, chunks are missing, the image is not the signed one, something is played, or the flash
@@ -113,7 +115,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Ok(updates.report(stage.now_us()))
     }
 
-    /// Serves `UpdateConfirmEndpoint`: from now on a reset does not put the image before back.
+    /// Serves `UpdateConfirmEndpoint`: from now on a reset does not restore the previous image.
     ///
     /// # Errors
     /// No image is on trial, something is played, or the flash fails.
@@ -135,8 +137,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Ok(updates.report(stage.now_us()))
     }
 
-    /// At the end of a trial: confirms the image if it is healthy, else asks for a restart, which puts the one before
-    /// back. While something is played it does nothing.
+    /// Confirms the image at the end of its trial if it is healthy, or else asks for a restart, which restores the
+    /// previous image. While something is played it does nothing.
     pub async fn end_trial(&mut self, stage: &mut impl Stage) {
         let now_ms = stage.now_us() / 1000;
         let Some(updates) = self
@@ -150,7 +152,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             return;
         }
         if stage.with_control(|control| control.is_healthy()) {
-            // What cannot be kept now is tried again.
+            // If the record cannot be written now, the next call tries again.
             let _ = self.update_confirm(stage).await;
         } else if at_rest(stage).is_ok() {
             updates.wants_restart = true;
@@ -158,13 +160,13 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 }
 
-/// Keeps everything from being played until `Control::end_self_test`.
+/// Prevents playing until `Control::end_self_test`.
 fn at_rest(stage: &impl Stage) -> Result<(), UpdateError> {
     let begun = stage.with_control(Control::begin_self_test);
     begun.map_err(|_| UpdateError::Playing)
 }
 
-/// SHA-512 of the first `length` bytes of `slot`; none if one cannot be read.
+/// SHA-512 of the first `length` bytes of `slot`; none if a word cannot be read.
 async fn digest<F: MappedFlash>(
     slots: &mut SlotStore<F>,
     slot: SlotId,

@@ -1,9 +1,9 @@
 //! Upload of a library: begin, chunks in order, commit.
 //!
-//! Each call erases at most one sector: `begin` that of the header, a chunk the sector that it is the first to reach. A
-//! call that fails in the flash, or is dropped half way, ends the upload, because a word cannot be written twice. A
-//! call that is refused leaves the upload as it was. An upload never touches the active slot, and never the last
-//! library that can be read unless it asks for that.
+//! Each call erases at most one sector: `begin` erases the header's, and a chunk erases the sector that it is the first
+//! to reach. A call that fails in the flash, or is dropped half way, ends the upload, because a word cannot be written
+//! twice. A call that is refused leaves the upload as it was. An upload never touches the active slot, and it replaces
+//! the last library that can be read only if it asks for that.
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
@@ -54,11 +54,11 @@ impl Uploader {
         })
     }
 
-    /// Begins an upload, or continues the one of the same length and checksum. Any other upload under way ends.
+    /// Begins an upload, or continues an upload of the same length and checksum. Any other upload under way ends.
     ///
     /// # Errors
-    /// No library has this length; the slot holds the last library that can be read, and `begin` does not ask for its
-    /// end; the flash fails.
+    /// No library has this length; the slot holds the last library that can be read, and `begin` does not ask to
+    /// replace it; the flash fails.
     pub async fn begin<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,

@@ -1,9 +1,10 @@
-//! The exchange of images, by `embassy-boot`, on any flash: that of the part, and one in memory that tests cut.
+//! The exchange of images by `embassy-boot`, on any flash: the microcontroller's, or one in memory with which tests
+//! simulate losses of power.
 //!
-//! What is no image is never moved. Before the first step of an exchange, the slot must begin with an image; before the
-//! first step back, it must hold the image that was put aside, by its check. Otherwise the record reads as it was not
-//! written, and the slot was given to a library since: then the active image stays. Once a step has been done, the only
-//! way is on.
+//! Only images are moved. Before the first step of an exchange, the slot must begin with an image. Before the first
+//! step back, the slot must hold the image that was put aside, as its checksum shows. Otherwise the record is misread,
+//! and the slot has been given to a library meanwhile; the active image then stays. Once a step has been done, the
+//! exchange must be completed.
 
 use core::cell::RefCell;
 use core::ops::Range;
@@ -23,10 +24,11 @@ const COPIED_BYTES: usize = 4096;
 
 /// Finds the image to run, and exchanges images if an update asks for it. Offsets in `flash` count from its start.
 ///
-/// `begin` is called before anything is erased or programmed. `cause` is kept if this ends a trial.
+/// `begin` is called before anything is erased or programmed. The record keeps `cause`, the cause of this reset, if it
+/// ends a trial.
 ///
 /// # Errors
-/// The flash fails. The exchange goes on at the next start.
+/// The flash fails. The exchange continues at the next start.
 pub fn prepare<F: NorFlash>(flash: F, cause: u8, begin: impl FnOnce()) -> Result<(), BootError> {
     let flash = RefCell::new(flash);
     let part = |range: Range<u32>, is_image: bool| Part {
@@ -46,7 +48,8 @@ pub fn prepare<F: NorFlash>(flash: F, cause: u8, begin: impl FnOnce()) -> Result
     begin();
     let (mut active, mut dfu) = (part(ACTIVE, true), part(slot.clone(), true));
     let judged = judged(record, &mut active, &mut dfu).map_err(|error| other(&error))?;
-    // Its word may have been cut just before its end, and read right this time only. Now it is programmed whole.
+    // Power may have been lost just before the record's word was complete, so that it reads right this time only. Now
+    // it is programmed again, as a whole.
     let kept = block_on(store.replace(Record { cause, ..judged }));
     kept.map_err(|error| other(&error))?;
     if !judged.asks() {
@@ -61,13 +64,14 @@ fn other(error: &impl NorFlashError) -> BootError {
     BootError::Flash(error.kind())
 }
 
-/// The record to go on with: `record`, or one that asks for nothing, because what is in the slot is no image.
+/// Returns the record to continue with: `record`, with a checksum before the first step, or a record that asks for
+/// nothing if the slot does not hold the image.
 fn judged<F: NorFlash>(
     record: Record,
     active: &mut Part<'_, F>,
     slot: &mut Part<'_, F>,
 ) -> Result<Record, F::Error> {
-    // An exchange leaves the image before it one sector further on.
+    // An exchange leaves the previous image one sector further on in the slot.
     let aside = SECTOR_BYTES as u32;
     let without = |mark| Record::marked(mark, record.slot, record.version);
     Ok(match (record.steps(), record.check()) {
@@ -75,7 +79,8 @@ fn judged<F: NorFlash>(
         (0, None) => without(mark::REVERT),
         (EXCHANGED, Some(kept)) if check(slot, aside)? != kept => without(mark::BOOT),
         (EXCHANGED, None) if !is_image(slot, aside)? => without(mark::BOOT),
-        // Their first steps are done again after a cut, and change nothing that was looked at.
+        // After a power loss in the first step of either way, the step is done again. It changes nothing that was
+        // checked.
         _ => record,
     })
 }
@@ -95,7 +100,7 @@ fn is_image<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<bool, F:
     )
 }
 
-/// Check of as many bytes as an image may have, from `offset` on.
+/// Checksum of as many bytes as an image may have, from `offset` on.
 fn check<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<u16, F::Error> {
     let mut digest = CRC.digest();
     let mut word = [0; WORD_BYTES];
@@ -113,7 +118,8 @@ fn check<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<u16, F::Err
 struct Part<'f, F> {
     flash: &'f RefCell<F>,
     range: Range<u32>,
-    /// True if a word that cannot be read is read as erased: it lies behind the image, which was read back.
+    /// True if an unreadable word is read as erased. Such a word lies behind the image, whose own words have been read
+    /// back.
     is_image: bool,
 }
 

@@ -1,7 +1,8 @@
 //! The bootloader: from reset to the image's own reset handler.
 //!
-//! The bootloader runs from flash at the 64 MHz of the reset. While bank 1 is erased or programmed, its fetches wait. A
-//! sector may take 4 s (DS12110, table 60), so the watchdog has its longest timeout then, and the image's own after it.
+//! The bootloader runs from flash at 64 MHz, the clock after a reset. While bank 1 is erased or programmed, its
+//! instruction fetches wait. Erasing a sector may take 4 s (DS12110, table 60), so the watchdog has its longest timeout
+//! during an exchange, and the image's timeout after it.
 #![no_std]
 #![no_main]
 #![expect(
@@ -23,11 +24,12 @@ use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, SECTOR_BYTES, VERSION_MAGIC, W
 use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
 use stylus_boot::{first, loader, supply, word};
 
-// The table of vectors: the stack, and the exceptions that can occur. All but a bus fault wait for the watchdog.
+// The table of vectors: the stack, and the exceptions that can occur. All handlers except that of a bus fault wait for
+// the watchdog.
 //
 // After the first instructions the RAM that the bootloader uses is written in units of 64 bits, because at power-on it
-// holds noise whose error-correcting code is wrong. It is the image's stack later, and nothing of what outlives a
-// reset.
+// holds noise whose error-correcting code is wrong. The image later uses this RAM as its stack; nothing in it is kept
+// over a reset.
 //
 // SAFETY: the reset writes registers that have no owner and memory that has no values yet, and does not return.
 global_asm!(
@@ -72,7 +74,7 @@ global_asm!(
     main = sym main,
 );
 
-/// The version, where the image looks for it (`map::BOOTLOADER_VERSION`).
+/// The version, at the place where the image reads it (`map::BOOTLOADER_VERSION`).
 #[unsafe(link_section = ".version")]
 #[used]
 static VERSION: [u32; 4] = [
@@ -89,7 +91,7 @@ const fn number(text: &str) -> u32 {
     }
 }
 
-/// Number of times that an exchange of images is tried in a start.
+/// Number of times that an exchange of images is tried per start.
 const EXCHANGE_TRIES: usize = 3;
 
 /// Number of LD3's pin in port B.
@@ -108,7 +110,7 @@ extern "C" fn main() -> ! {
         supply::watch();
         set_watchdog(Pr::DIVIDE_BY256);
     };
-    // Each try goes on where the one before failed.
+    // Each try continues where the one before failed.
     if (0..EXCHANGE_TRIES).all(|_| loader::prepare(Banks, cause, &mut begin).is_err()) {
         stay();
     }
@@ -128,8 +130,8 @@ fn show_fault(is_fault: bool) {
     GPIOB.moder().modify(|w| w.set_moder(LD3, Moder::OUTPUT));
 }
 
-/// Ends the start, with LD3 lit, because the flash does not take what the exchange needs: a sector is write-protected
-/// or worn. Power-on and the reset button try again.
+/// Ends the start, with LD3 lit, because the flash cannot be erased or programmed as the exchange needs: a sector is
+/// write-protected or worn. Power-on and the reset button try again.
 fn stay() -> ! {
     show_fault(true);
     loop {
@@ -137,8 +139,8 @@ fn stay() -> ! {
     }
 }
 
-/// Waits, with LD3 lit, while the supply is too low for the flash. No image can be started before the exchange ends, so
-/// nothing else bounds this.
+/// Waits, with LD3 lit, while the supply is too low for the flash. The wait has no limit, because no image can be
+/// started before the exchange ends.
 fn wait_for_supply() {
     if supply::is_low() {
         show_fault(true);
@@ -149,12 +151,12 @@ fn wait_for_supply() {
     }
 }
 
-/// Gives the watchdog its longest count at the clock divided by `divider`, which is 512 ms at 4, as after a reset, and
-/// 32 s at 256. Both registers take some cycles of a clock of 32 kHz (RM0433 section 45.4.4).
+/// Sets the watchdog to its longest count, with its clock divided by `divider`: 512 ms at 4, as after a reset, and 32 s
+/// at 256. Its registers take over a value after some cycles of a 32 kHz clock (RM0433 section 45.4.4).
 fn set_watchdog(divider: Pr) {
     IWDG1.kr().write(|w| w.set_key(Key::ENABLE));
     IWDG1.pr().write(|w| w.set_pr(divider));
-    // A bounded wait: the watchdog counts.
+    // The running watchdog bounds this wait.
     while IWDG1.sr().read().0 != 0 {}
     feed();
 }
@@ -163,19 +165,19 @@ fn feed() {
     IWDG1.kr().write(|w| w.set_key(Key::RESET));
 }
 
-/// Waits for a millisecond at 64 MHz, while the watchdog waits, too.
+/// Feeds the watchdog, and waits for a millisecond at 64 MHz.
 fn pause() {
     feed();
     cortex_m::asm::delay(64_000);
 }
 
-/// Goes on at the image's reset handler, with its stack and vectors.
+/// Continues at the image's reset handler, with the image's stack and vectors.
 fn jump(scb: &mut SCB) -> ! {
     use cortex_m::peripheral::scb::Exception;
     let vectors = FLASH + ACTIVE.start;
     scb.disable(Exception::BusFault);
-    // SAFETY: an image begins with its table of vectors, and no interrupt is enabled. Where no image is, the processor
-    // faults, and the watchdog resets it.
+    // SAFETY: an image begins with its table of vectors, and no interrupt is enabled. If there is no image, the
+    // processor faults, and the watchdog resets it.
     unsafe {
         scb.vtor.write(vectors);
         cortex_m::asm::dsb();
@@ -184,13 +186,13 @@ fn jump(scb: &mut SCB) -> ! {
     }
 }
 
-/// A panic: the next start tries again.
+/// Resets after a panic, so that the next start tries again.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     SCB::sys_reset()
 }
 
-/// Cycles between two looks at a bank: 4 µs at 64 MHz. An erasure takes seconds, a word 100 µs.
+/// Cycles between two reads of a bank's state: 4 µs at 64 MHz. An erasure takes seconds, a word 100 µs.
 const POLL_CYCLES: u32 = 256;
 
 /// Both banks. Offsets count from the start of the flash.
@@ -215,7 +217,7 @@ impl Banks {
         }
     }
 
-    /// Does `begin` with a bank that is ready, and waits for its end, which the watchdog bounds.
+    /// Runs `begin` on an unlocked bank, and waits until its operation ends, which the watchdog bounds.
     fn operate(bank: Bank, begin: impl FnOnce()) -> Result<(), Failed> {
         wait_for_supply();
         feed();

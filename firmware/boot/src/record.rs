@@ -1,8 +1,8 @@
 //! The record of updates: one word of the flash that is replaced as a whole.
 //!
-//! A change programs the next erased word of a sector; the record in force is the newest that can be read. So a change
-//! happens or does not, and one of which half was programmed is passed over. When the words of a sector are used up,
-//! the other sector is erased, which holds older records only, so an erasure that is cut loses nothing.
+//! A change programs the next erased word of a sector; the record in force is the newest that can be read. A change
+//! therefore happens completely or not at all, and a half-programmed record is skipped. When the words of a sector are
+//! used up, the other sector is erased. It holds only older records, so a power loss during its erasure loses nothing.
 
 use core::ops::Range;
 
@@ -11,14 +11,14 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::map::{ACTIVE, SECTOR_BYTES, WORD_BYTES};
 
-/// Bytes of `embassy-boot`'s state: mark, validity of its progress, and its progress; then the check of the image that
-/// an exchange puts aside, which `embassy-boot` does not use.
+/// Length of `embassy-boot`'s state, bytes: a mark, the validity of the progress, and the progress; then the checksum
+/// of the image that an exchange puts aside, which `embassy-boot` does not use.
 pub const MARKS: usize = 16;
 
 /// Place of the progress in the marks.
 const PROGRESS: usize = 2;
 
-/// Place of the check in the marks.
+/// Place of the checksum in the marks.
 const CHECK: usize = PROGRESS + 2 * EXCHANGED;
 
 /// Number of steps of an exchange: two for each sector of the image. The way back has as many.
@@ -26,26 +26,27 @@ pub const EXCHANGED: usize = 2 * (ACTIVE.end - ACTIVE.start) as usize / SECTOR_B
 
 const _: () = assert!(CHECK + 2 == MARKS);
 
-/// Copies of `embassy-boot`'s marks, which it does not export. A test of `loader` checks that it reads these.
+/// Copies of `embassy-boot`'s marks, which it does not export. A test of `loader` checks that `embassy-boot` reads
+/// these.
 pub mod mark {
     /// The images are to be exchanged, or the new one is on trial.
     pub const SWAP: u8 = 0xF0;
     /// The active image is confirmed.
     pub const BOOT: u8 = 0xD0;
-    /// The image before has been put back.
+    /// The previous image has been put back.
     pub const REVERT: u8 = 0xC0;
     /// Nothing is written.
     pub const ERASED: u8 = 0xFF;
 }
 
-/// Words of a sector that are used: an update takes some twenty.
+/// Number of words of a sector that are used. An update takes about twenty.
 const WORDS: u32 = 256;
 
-/// Words that are tried for a record.
+/// Number of words that are tried for a record.
 const TRIES: usize = 8;
 
-/// Number of times that the newest words must read the same. One that is as often right as not passes once in a million
-/// times.
+/// Number of times that the newest words must read the same. A word that reads right half of the time passes once in a
+/// million times.
 const STEADY_READS: usize = 20;
 
 pub(crate) const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
@@ -55,7 +56,7 @@ pub(crate) const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_H
 pub struct Record {
     /// State of `embassy-boot`.
     pub marks: [u8; MARKS],
-    /// Index of the slot that an exchange is with.
+    /// Index of the slot with which the active image is exchanged.
     pub slot: u8,
     /// Cause of the reset that ended a trial: bits 28:21 of `RCC_RSR`.
     pub cause: u8,
@@ -84,24 +85,25 @@ impl Record {
         self.marks[0] == mark::SWAP
     }
 
-    /// Number of steps that were done of an exchange and of the way back.
+    /// Number of steps done, those of an exchange and of the way back together.
     pub fn steps(&self) -> usize {
         let mut progress = self.marks[PROGRESS..CHECK].iter();
         let done = progress.position(|&step| step == mark::ERASED);
         match self.marks[PROGRESS - 1] {
             mark::ERASED => done.unwrap_or(2 * EXCHANGED),
-            // It was made invalid: the way back has been gone.
+            // The progress was made invalid: the way back is complete.
             _ => 2 * EXCHANGED,
         }
     }
 
-    /// Check of the image that an exchange puts aside; none before an exchange, or of a bootloader that made none.
+    /// Checksum of the image that an exchange puts aside; none before an exchange, or if the bootloader that wrote the
+    /// record computed none.
     pub fn check(&self) -> Option<u16> {
         let check = u16::from_le_bytes([self.marks[CHECK], self.marks[CHECK + 1]]);
         (check != u16::MAX).then_some(check)
     }
 
-    /// This record with `check`, below `u16::MAX`, as the check of the image that an exchange puts aside.
+    /// This record with `check`, below `u16::MAX`, as the checksum of the image that an exchange puts aside.
     #[must_use]
     pub fn with_check(mut self, check: u16) -> Self {
         self.marks[CHECK..].copy_from_slice(&check.to_le_bytes());
@@ -155,20 +157,20 @@ pub struct Store<F> {
     /// Range of the two sectors in the flash.
     range: Range<u32>,
     record: Record,
-    /// Number of the record, or a later one that a word which cannot be read may have.
+    /// Number of the record in force, or the highest number that an unreadable word after it may have.
     sequence: u32,
     /// Offset of the sector in use.
     start: u32,
     /// Offset of the next word to be programmed.
     next: u32,
-    /// True if each start will find the same, even if the newest word was cut at its very end, reads right many times
-    /// and wrong once, so that the one before it counts then.
+    /// True if each start will find the same. Otherwise the newest word may have been cut at its very end. It may then
+    /// read right many times and wrong once, so that the record before it counts.
     is_settled: bool,
-    /// True once this run has written a record, whose word no cut has left.
+    /// True once this run has written a record, whose word is certainly whole.
     is_renewed: bool,
 }
 
-/// Failure to keep a record: no word of it read back.
+/// Failure to keep a record: it could not be read back from any word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotKept;
 
@@ -176,7 +178,7 @@ pub struct NotKept;
 type Used = Option<[u8; WORD_BYTES]>;
 
 impl<F: NorFlash> Store<F> {
-    /// Reads the record from the two sectors of `flash` at `range`. Without one that can be read nothing is under way.
+    /// Reads the record from the two sectors of `flash` at `range`. If no record can be read, nothing is under way.
     pub async fn open(flash: F, range: Range<u32>) -> Self {
         let mut store = Self {
             flash,
@@ -213,7 +215,7 @@ impl<F: NorFlash> Store<F> {
                 (store.start, store.next) = (sector, end);
             }
         }
-        // A word in which a change was cut may have read as erased just now.
+        // A word whose programming was cut may have read as erased above.
         while !store
             .reads_steadily(store.due()..store.due() + WORD_BYTES as u32)
             .await
@@ -233,7 +235,8 @@ impl<F: NorFlash> Store<F> {
         store
     }
 
-    /// Offset of the word that the next change programs; what is in the other sector is erased before.
+    /// Offset of the word that the next change programs. If the word is in the other sector, that sector is erased
+    /// first.
     const fn due(&self) -> u32 {
         if self.next < self.start + WORDS * WORD_BYTES as u32 {
             self.next
@@ -244,7 +247,7 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// The word at `at` unless it is erased; its content is none if it cannot be read.
+    /// Returns nothing if the word at `at` is erased, and otherwise its content, which is none if it cannot be read.
     async fn used_word(&mut self, at: u32) -> Option<Used> {
         let mut word = [0; WORD_BYTES];
         let read = self.flash.read(at, &mut word).await.ok().map(|()| word);
@@ -270,7 +273,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Writes the record again if a later start could read a different one: a word does not read the same each time, or
-    /// this record and the one before disagree on whether to exchange images.
+    /// this record and the previous one disagree on whether to exchange images.
     ///
     /// # Errors
     /// The flash does not keep it.
@@ -281,8 +284,8 @@ impl<F: NorFlash> Store<F> {
         self.replace(self.record).await
     }
 
-    /// Writes the record anew unless this run has written one. Done before anything is given up that an older record
-    /// would need: no number of reads shows that a word is whole.
+    /// Writes the record again unless this run has written one. Called before something is given up that an older
+    /// record would need, because no number of reads proves that a word is whole.
     ///
     /// # Errors
     /// The flash does not keep it.
@@ -296,7 +299,7 @@ impl<F: NorFlash> Store<F> {
     /// Replaces the record.
     ///
     /// # Errors
-    /// The flash does not keep it. The record before is in force then.
+    /// The flash does not keep it. The previous record is in force then.
     pub async fn replace(&mut self, record: Record) -> Result<(), NotKept> {
         let sequence = self.sequence.wrapping_add(1);
         let word = record.word(sequence);
@@ -314,7 +317,7 @@ impl<F: NorFlash> Store<F> {
         Err(NotKept)
     }
 
-    /// Offset of a word that is erased, which is given away.
+    /// Returns the offset of an erased word, and counts the word as used.
     async fn free_word(&mut self) -> Result<u32, NotKept> {
         let at = self.due();
         if at != self.next {
@@ -332,7 +335,7 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// Returns true if a record with number `one` came after that with number `other`. Numbers wrap.
+/// Returns true if record number `one` came after record number `other`. Numbers wrap.
 const fn is_newer(one: u32, other: u32) -> bool {
     (one.wrapping_sub(other) as i32) > 0
 }

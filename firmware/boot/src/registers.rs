@@ -1,4 +1,5 @@
-//! Registers of a flash bank: erasing and programming step by step (RM0433 section 4.3). Whoever calls these waits.
+//! Registers of a flash bank: erasing and programming step by step (RM0433 section 4.3). The callers wait for the end
+//! of an operation.
 #![expect(unsafe_code, reason = "a store to flash programs it")]
 
 use stm32_metapac::FLASH;
@@ -61,8 +62,8 @@ impl Bank {
         self.registers().cr().modify(|w| w.set_start(true));
     }
 
-    /// Writes `word` at `offset`, which is erased. The bank programs it when all of it has arrived. For bank 1 the
-    /// image inlines this into ITCM.
+    /// Writes `word` at `offset`, which is erased. The bank programs the word when all of it has arrived. For bank 1
+    /// the image inlines this into ITCM.
     #[inline(always)]
     pub fn begin_program(self, offset: u32, word: &[u32; WORD_BYTES / 4]) {
         self.registers().cr().modify(|w| {
@@ -115,13 +116,14 @@ fn clear(registers: Registers) {
     });
 }
 
-/// Refused reads, RDPERR and RDSERR, are no faults: owners of revision V see them at 400 MHz with two wait states where
-/// nothing is protected. Where they come with an order that was not taken, the image's error has them.
+/// Returns true if `status` shows a fault. Refused reads (RDPERR and RDSERR) do not count as faults: users of revision
+/// V see them at 400 MHz with two wait states although nothing is protected. If an operation was refused as well, the
+/// image's error contains them.
 fn is_fault(status: Sr) -> bool {
     status.wrperr() | status.pgserr() | status.strberr() | status.incerr() | status.operr()
 }
 
-/// The words of `bytes` as the flash takes them.
+/// Splits `bytes` into flash words, as they are programmed.
 pub fn words(bytes: &[u8]) -> impl Iterator<Item = [u32; WORD_BYTES / 4]> {
     bytes.as_chunks::<WORD_BYTES>().0.iter().map(|word| {
         let mut parts = word.as_chunks::<4>().0.iter();

@@ -1,4 +1,4 @@
-//! The supply, by a voltage detector above the level at which flash can no longer be written.
+//! State of the supply, by a voltage detector whose level is above that at which flash can no longer be written.
 
 use stm32_metapac::PWR;
 

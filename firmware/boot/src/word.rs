@@ -2,8 +2,8 @@
 //!
 //! A power loss while a word of 32 bytes is programmed can leave it with an error that its code cannot correct. A read
 //! of such a word is answered with a bus error (RM0433 section 4.3.12), which is precise for a load: the processor
-//! takes BusFault at the load itself. The handler knows the loads of this module and makes them return failure;
-//! BusFault anywhere else ends as HardFault does. Unlike a read with FAULTMASK set and CCR.BFHFNMIGN, this masks no
+//! takes BusFault at the load itself. The handler recognises the loads of this module and makes them return failure; a
+//! BusFault anywhere else becomes a HardFault. Unlike a read with FAULTMASK set and CCR.BFHFNMIGN, this masks no
 //! interrupt, so it does not delay the tick. BFAR is not used, because on revisions Y and W of the part it may be wrong
 //! here (ES0392, 2.2.6).
 #![expect(
@@ -19,10 +19,10 @@ use cortex_m::peripheral::scb::{Exception, SystemHandler};
 
 use crate::map::WORD_BYTES;
 
-// SAFETY: by the procedure call standard: r0 is the source, r1 the destination, r0 the result; r2 is the caller's to
-// lose. A load of the eight that faults is resumed at `flash_word_failed` with nothing but r2 undefined. The handler
-// changes the saved program counter in that case only: it lies 24 bytes up in the frame, with or without a
-// floating-point part (ARM DDI 0403E, B1.5.7), on the main stack, the only one in use.
+// SAFETY: the procedure call standard is kept: r0 is the source and later the result, r1 the destination, and r2 need
+// not be preserved. If one of the eight loads faults, it is resumed at `flash_word_failed` with nothing but r2
+// undefined. Only in that case does the handler change the saved program counter, which lies 24 bytes up in the frame,
+// with or without a floating-point part (ARM DDI 0403E, B1.5.7), on the main stack, the only one in use.
 global_asm!(
     ".section .text.flash_word_read, \"ax\", %progbits",
     ".global flash_word_read",
@@ -70,7 +70,7 @@ unsafe extern "C" {
     fn flash_word_read(source: *const u32, destination: *mut u32) -> u32;
 }
 
-/// Enables BusFault, below the tick's priority; without this a bus fault would be a HardFault.
+/// Enables BusFault, with a priority below the tick's; otherwise a bus fault would be a HardFault.
 pub fn enable_bus_fault(scb: &mut SCB) {
     // SAFETY: no critical section masks by priority.
     unsafe { scb.set_priority(SystemHandler::BusFault, 0x80) };

@@ -15,15 +15,15 @@ use crate::lease::HeldBy;
 use crate::player::{Busy, Piece, Probe};
 use crate::safety::Config;
 
-/// Ticks from a request to the probe's first sample: 20 ms. The next poll starts the tick, which plays silence for up
-/// to two blocks; all that takes 5 ms.
+/// Ticks from a request to the probe's first sample: 20 ms. The next poll starts the probe's plan, which then plays
+/// silence for up to two blocks. This takes 5 ms.
 pub const LEAD_TICKS: u64 = 20 * TICKS_PER_MS as u64;
 
 impl<D: Device> Control<D> {
     /// Serves `ProbeLoadEndpoint`.
     ///
     /// # Errors
-    /// A probe is played, or the other link plays; or the samples end beyond the memory.
+    /// A probe is played, the other link plays, or the samples end beyond the memory.
     pub fn load_probe(&mut self, from: LinkId, load: &ProbeLoad) -> Result<(), ProbeError> {
         self.check_lease(from)?;
         if self.player.probing().is_some() {
@@ -39,11 +39,12 @@ impl<D: Device> Control<D> {
         Ok(())
     }
 
-    /// Serves `ProbeStartEndpoint`, and gives the lease to `from`. The probe ends by itself, and when `from` lets the
-    /// lease lapse.
+    /// Serves `ProbeStartEndpoint`, and gives the lease to `from`. The probe ends after its last sample, or when `from`
+    /// lets the lease lapse.
     ///
     /// # Errors
-    /// A value out of its range; another waveform; no response to play through; something is played, or may not be.
+    /// A value is out of its range; the loaded waveform is not the requested one; there is no response to play through;
+    /// the other link plays; something is played already, or nothing may be played.
     pub fn start_probe(
         &mut self,
         from: LinkId,
@@ -99,12 +100,12 @@ impl<D: Device> Control<D> {
         })
     }
 
-    /// Ends the probe after its last sample, and when its host is not heard any more.
+    /// Ends the probe after its last sample, or when the lease of its host has lapsed.
     pub(super) fn end_probe(&mut self, link_lost: bool) {
         let now = self.device.now();
         let probe = self.player.probing();
         if probe.is_some_and(|probe| link_lost || now >= probe.end_tick) {
-            // It is played, so it can be stopped.
+            // A probe that is played can be stopped, so this does not fail.
             let _ = self.player.stop();
             self.lease.end();
         }
@@ -119,7 +120,7 @@ impl<D: Device> Control<D> {
                     setting: Setting::OutputGain,
                     value: probe.output_gain,
                 };
-                // A proposed gain was found in its range.
+                // A proposed gain has been checked, so it is in its range.
                 let settings = self.settings.with(change).unwrap_or(self.settings);
                 Config::at_rate(&settings, 1.0, rate)
             }

@@ -20,11 +20,11 @@ impl<D: Device> Control<D> {
         }
     }
 
-    /// Serves `ResponseProposeEndpoint`: keeps `response` in place of one that was proposed before, until the settings
-    /// change or the device restarts. Returns its hash.
+    /// Serves `ResponseProposeEndpoint`: keeps `response` until the settings change or the device restarts, in place of
+    /// any response proposed before. Returns the hash of `response`.
     ///
     /// # Errors
-    /// Something is played, or the response is not one that could be stored.
+    /// Something is played, or the response cannot be stored.
     pub fn propose_response(
         &mut self,
         from: LinkId,
@@ -48,7 +48,7 @@ impl<D: Device> Control<D> {
     /// stored one.
     ///
     /// # Errors
-    /// No such response, a response that another link has proposed, or something is played.
+    /// There is no such response, another link has proposed it, or something is played.
     pub fn begin_response(
         &mut self,
         from: LinkId,

@@ -1,22 +1,24 @@
 //! Speed and position of the tool, from the encoder's counts of each block.
 //!
-//! A count is a step of the path, and the tool is somewhere within it. Each tick adds the count that it reads, so a
-//! block of ten ticks has a mean position that is much finer than a count: it knows at which tick a count came. A
-//! filter of position, velocity and acceleration with fading memory follows these means, once per update. Its gains are
-//! those of the polynomial of degree 2 with weights that fall by θ per update (Morrison, *Introduction to Sequential
-//! Smoothing and Prediction*, 1969): θ is 0.87, a memory of 15 ms, and 0.6 when the prediction misses by two counts,
-//! because a hand that turns would otherwise outrun it.
+//! A count is one step of the path, and the tool is somewhere within it. Each tick reads the counter, so the mean
+//! position over a block of ten ticks is much finer than a count: it depends on the tick at which each count came. A
+//! fading-memory filter of position, velocity and acceleration follows these means, once per update. Its gains are
+//! those of a polynomial of degree 2 that is fitted with weights falling by the factor θ per update (Morrison,
+//! *Introduction to Sequential Smoothing and Prediction*, 1969). θ is 0.87, which is a memory of 15 ms. Where the
+//! prediction misses by two counts, θ is 0.6, because a hand that reverses would otherwise outrun the filter.
 //!
-//! **Two bounds hold it to what was counted.** The position is never outside of the present count, so that a surface is
-//! the same forwards and backwards. The speed is within a count of the mean of the last two blocks, 4 ms, so that a
-//! hand that stops or changes its speed at once is followed within 6 ms. After [`REST_BLOCKS`] blocks without a count
-//! the tool is at rest, exactly. **Its price** is that of every filter that looks ahead: a change by some mm/s that
-//! takes less than its memory is shown larger for a moment, as is a tremor.
+//! **Two bounds tie the estimate to the counts.** The position never leaves the present count, so that a surface feels
+//! the same forwards and backwards. The speed differs from the mean of the last two blocks, 4 ms, by at most one count
+//! in these 4 ms, so that the estimate follows a hand that stops or changes its speed abruptly within 6 ms. After
+//! [`REST_BLOCKS`] blocks without a count the tool is exactly at rest. **The price** is that of every filter that
+//! predicts: a change of speed by some mm/s that is shorter than the memory is overestimated for a moment, and so is a
+//! tremor.
 //!
-//! Noise and delay of the estimate, beside those of a mean of 20 ms: `host-tools/COSTS.md`, "Speed of the hand".
+//! `host-tools/COSTS.md`, "Speed of the hand", compares noise and delay of the estimate with those of a mean of 20 ms.
 //!
-//! The position felt is off by at most 5 µm RMS and by a count at 20 to 300 mm/s, so that the phase noise of a line of
-//! 0.6 mm is at most 3° RMS. `firmware/app/tests/app/speed.rs` and `lines.rs` hold these figures.
+//! The position that is felt is wrong by at most 5 µm RMS, and by at most one count, at 20 to 300 mm/s. The phase noise
+//! of a line with a period of 0.6 mm is therefore at most 3° RMS. `firmware/app/tests/app/speed.rs` and `lines.rs` hold
+//! these figures.
 
 use super::{InputConfig, Sensors, Timed};
 use crate::UPDATE_INTERVAL_TICKS;
@@ -24,29 +26,30 @@ use crate::UPDATE_INTERVAL_TICKS;
 /// Blocks without a count after which the tool is at rest: 20 ms, as long as a count takes at 0.5 mm/s.
 pub const REST_BLOCKS: u32 = 10;
 
-/// Age of a block's mean at the block's last tick, blocks.
+/// Age of a block's mean at the block's last tick: the time since the middle of the block, blocks.
 const MEAN_AGE: f32 = (UPDATE_INTERVAL_TICKS - 1) as f32 / 2.0 / UPDATE_INTERVAL_TICKS as f32;
 
-/// Middle of a count. Both of its ends are the same in both directions, so the tool is there on the average.
+/// Middle of a count, where the tool is on average. The ends of a count lie at the same places in both directions.
 const MIDDLE: f32 = 0.5;
 
-/// Most by which the velocity of a tool may differ from the mean of two blocks' counts, counts per block.
+/// Largest difference of the velocity from the mean of the last two blocks' counts, counts per block.
 const RESOLUTION: f32 = 0.5;
 
 /// Gains of position, velocity and acceleration.
 #[derive(Clone, Copy)]
 struct Gains([f32; 3]);
 
-/// Gains of a steady hand.
+/// Gains for a hand at steady speed.
 const STEADY: Gains = Gains::of_memory(0.87);
 
-/// Gains of a hand that turns.
+/// Gains for a hand that reverses.
 const TURNING: Gains = Gains::of_memory(0.6);
 
-/// Difference of prediction and encoder at which the gains begin to grow, counts. Up to half a count is resolution.
+/// Difference between prediction and encoder above which the gains begin to grow, counts. Up to half a count is the
+/// encoder's resolution.
 const STEADY_COUNTS: f32 = 0.6;
 
-/// Difference from which on they are those of a hand that turns.
+/// Difference between prediction and encoder from which on the gains are [`TURNING`], counts.
 const TURNING_COUNTS: f32 = 2.1;
 
 impl Gains {
@@ -76,21 +79,21 @@ impl Gains {
 pub struct Estimator {
     /// Position at the middle of the last block, counts from the beginning of the present count.
     position: f32,
-    /// Velocity there, counts per block.
+    /// Velocity at the middle of the last block, counts per block.
     velocity: f32,
-    /// Acceleration, counts per block and block.
+    /// Acceleration, counts per block².
     acceleration: f32,
-    /// Counts of the last block, and of the one before.
+    /// Counts of the last block, and of the block before it.
     moved: [f32; 2],
     /// Number of blocks since the last count.
     resting: u32,
-    /// Number of blocks that the sensors had ended, and the encoder's count then.
+    /// Number of blocks that had ended at the last update, and the encoder's count at that time.
     blocks: u32,
     counts: i32,
 }
 
 impl Estimator {
-    /// A tool at rest, of which nothing has been read.
+    /// The estimate of a tool at rest, before anything has been read.
     pub const fn new() -> Self {
         Self {
             position: MIDDLE,
@@ -103,7 +106,8 @@ impl Estimator {
         }
     }
 
-    /// Motion at the last tick of the block that `sensors` ended last, and the tick of its last good conversion.
+    /// Returns the motion at the last tick of the last whole block of `sensors`, with the tick of the force's last good
+    /// conversion.
     pub fn motion(&mut self, sensors: &Sensors, config: &InputConfig) -> Timed {
         self.follow(sensors);
         sensors.moving_at(config.speed(self.velocity()), config)
@@ -114,27 +118,27 @@ impl Estimator {
         self.counts
     }
 
-    /// Position at the last tick, from the beginning of the present count to its end: 0 to 1.
+    /// Position at the last tick within the present count, from 0 at its beginning to 1 at its end.
     pub(super) fn within_count(&self) -> f32 {
         let ahead = (self.velocity + self.acceleration * (MEAN_AGE / 2.0)) * MEAN_AGE;
         (self.position + ahead).clamp(0.0, 1.0)
     }
 
-    /// Velocity and acceleration at the last tick, counts per block (and block).
+    /// Velocity at the last tick, counts per block, and acceleration, counts per block².
     pub(super) fn course(&self) -> [f32; 2] {
         let velocity = self.velocity + self.acceleration * MEAN_AGE;
         [velocity, self.acceleration]
     }
 
-    /// Velocity at the last tick, within the resolution of what was counted, counts per block.
+    /// Velocity at the last tick, held within [`RESOLUTION`] of the counts, counts per block.
     fn velocity(&self) -> f32 {
         let mean = f32::midpoint(self.moved[0], self.moved[1]);
         let [velocity, _] = self.course();
         velocity.clamp(mean - RESOLUTION, mean + RESOLUTION)
     }
 
-    /// Updates the estimate with the block that `sensors` ended last, unless it has that block already. Blocks that a
-    /// late update has left out are bridged.
+    /// Updates the estimate with the last whole block of `sensors`, once per block. If a late update has skipped
+    /// blocks, the prediction spans them.
     fn follow(&mut self, sensors: &Sensors) {
         let passed = sensors.ended.wrapping_sub(self.blocks);
         if passed == 0 {

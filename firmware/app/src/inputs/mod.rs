@@ -1,21 +1,22 @@
 //! Speed, force, position and contact, with their age: from the encoder and the force sensor, or from the host.
 //!
-//! **Force** is (code - zero) times a constant. **Speed** is the [`estimator`]'s velocity times the path per count,
-//! half a millisecond old while the hand accelerates. Its direction does not matter.
+//! **Force** is (code - zero) times a constant. **Speed** is the magnitude of the [`estimator`]'s velocity, times the
+//! path per count. It lags by half a millisecond while the hand accelerates.
 //!
 //! **Position** is the encoder's count since playing began, times the path per count. **Contact** follows from the
-//! force, see [`ContactDetector`], for a texture as for a scene. The host may give either of them instead.
+//! force, see [`ContactDetector`], for a texture as well as for a scene. The host may send a position or contact of its
+//! own instead.
 //!
 //! **The threshold of contact** is a setting, or by default 6 standard deviations of the converter's noise, see
 //! [`FORCE_NOISE_CODES`], and at least [`ContactThreshold::LEAST`]. The force has no filter, so an update sees the
-//! noise of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23
-//! days. Contact ends at 3 deviations.
+//! noise of one conversion. One of 10⁹ Gaussian values lies above 6 deviations, which is one false contact in 23 days.
+//! Contact ends at 3 deviations.
 //!
-//! **Lines that are tied to position** need more digits than a count has, and follow the hand without a delay, see
-//! [`tracker`], by the same estimator.
+//! **Lines that are tied to position** need a finer position than whole counts, without a delay. The [`tracker`]
+//! computes it with the same estimator.
 //!
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
-//! [`RAIL_CODES`], is none: there is no contact at once, and the motion becomes stale.
+//! [`RAIL_CODES`], is not used: contact ends at once, and the motion becomes stale.
 
 pub mod estimator;
 pub mod tracker;
@@ -37,13 +38,13 @@ pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
 
 /// Standard deviation of the force's code at rest.
 ///
-/// The deviation was not measured here. Users of a NUCLEO-H743ZI report 100 codes from peak to peak of a grounded pin,
-/// because the clock of the Ethernet transceiver reaches the converter (ST community, "Fluctuations in ADC value of
-/// STM32H743 MCU"); that is 6 deviations of 16. A sensor's amplifier may add more, and is then a reason to set the
-/// threshold.
+/// The deviation was not measured in this project. Users of a NUCLEO-H743ZI report 100 codes from peak to peak of a
+/// grounded pin, because the clock of the Ethernet transceiver reaches the converter (ST community, "Fluctuations in
+/// ADC value of STM32H743 MCU"). That is 6 deviations of 16 codes. If a sensor's amplifier adds more noise, the
+/// threshold must be set.
 pub const FORCE_NOISE_CODES: f32 = 16.0;
 
-/// Deviations of the noise at which contact begins.
+/// Force at which contact begins, in standard deviations of the noise.
 const CONTACT_DEVIATIONS: f32 = 6.0;
 
 /// Conversion of counts and codes to speed, position and force.
@@ -93,7 +94,8 @@ impl InputConfig {
     }
 }
 
-/// The threshold of contact by the setting `set_n`; 0 derives it from the noise of `force_per_code`.
+/// Returns the threshold of contact: the setting `set_n`, N, or, if that is 0, the threshold that follows from the
+/// noise at `force_per_code`, N.
 fn contact_threshold(set_n: f32, force_per_code: f32) -> ContactThreshold {
     if set_n > 0.0 {
         return ContactThreshold::new(Newton(set_n));
@@ -114,7 +116,7 @@ impl Encoder {
         Self { count }
     }
 
-    /// Change of the counter to `count`, the short way around: correct up to 32 767 counts per tick.
+    /// Returns the counter's change to `count` modulo 2¹⁶, which is correct for up to 32 767 counts per tick.
     #[inline(always)]
     pub fn delta(&mut self, count: u16) -> i16 {
         let delta = count.wrapping_sub(self.count) as i16;
@@ -127,7 +129,7 @@ impl Encoder {
 #[derive(Clone, Copy, Debug)]
 struct Counted {
     counts: i32,
-    /// Sum of the counts since the block's beginning, as each of its ticks has read them.
+    /// Sum over the block's ticks of the counts since the block's beginning.
     sum: i32,
 }
 
@@ -140,13 +142,13 @@ impl Counted {
 pub struct Sensors {
     /// The block under way.
     block: Counted,
-    /// The block before, and the number of blocks that have ended, which wraps.
+    /// The last whole block, and the number of whole blocks, which wraps.
     last: Counted,
     ended: u32,
     /// Counts of all blocks, modulo 2³².
     counts: i32,
     force: AdcCode,
-    /// True if the last conversion in time was within [`RAIL_CODES`] of a rail.
+    /// True if the last conversion that was in time was within [`RAIL_CODES`] of a rail.
     railed: bool,
     /// Tick at which the last good conversion was read.
     updated_at: Option<u64>,
@@ -159,7 +161,7 @@ impl Default for Sensors {
 }
 
 impl Sensors {
-    /// Sensors of which nothing has been read.
+    /// Sensors before anything has been read.
     pub const fn new() -> Self {
         Self {
             block: Counted::NONE,
@@ -197,9 +199,9 @@ impl Sensors {
         self.ended = self.ended.wrapping_add(1);
     }
 
-    /// The motion at `speed` with the force that was read last, and the tick of its last good conversion.
+    /// Returns the motion at `speed` with the force of the last good conversion, and that conversion's tick.
     fn moving_at(&self, speed: MillimetresPerSecond, config: &InputConfig) -> Timed {
-        // Both are products of finite numbers in range, so this is a motion.
+        // Speed and force are products of finite numbers in range, so they make a motion.
         let motion = Motion::new(speed, config.force(self.force));
         Timed {
             motion: motion.unwrap_or(Motion::REST),
@@ -211,14 +213,13 @@ impl Sensors {
         }
     }
 
-    /// Puts the counts of blocks and of the encoder shortly before the ends of their 32 bits, for tests of what happens
-    /// there.
+    /// Sets the number of blocks and the encoder's count shortly before they wrap, for tests.
     pub const fn age(&mut self) {
         self.ended = u32::MAX - SAMPLE_RATE_HZ / UPDATE_INTERVAL_TICKS;
         self.counts = i32::MAX - 100;
     }
 
-    /// Returns true if the force is at a rail of its converter, so that it is not known.
+    /// Returns true if the force is at a rail of its converter, and therefore unknown.
     pub fn is_railed(&self) -> bool {
         self.railed
     }
@@ -231,13 +232,13 @@ pub struct Timed {
     pub motion: Motion,
     /// Source of the motion.
     pub source: MotionSource,
-    /// Speed with its sign, mm/s, if the host told it.
+    /// Speed, mm/s, with a sign if the host sent one.
     pub speed_mm_s: f32,
-    /// Position on the path, mm, finite; if none, the encoder gives it.
+    /// Position on the path, mm, finite. If `None`, the position by the encoder is used.
     pub position_mm: Option<f32>,
-    /// True if the tool touches; if none, the force decides.
+    /// True if the tool touches. If `None`, the force decides.
     ///
-    /// Of the sensors it is false while the force is at a rail.
+    /// A motion of the sensors has `Some(false)` while the force is at a rail.
     pub contact: Option<bool>,
     /// Tick of the input; none before the first one.
     pub at: Option<u64>,
@@ -298,11 +299,11 @@ pub fn choose(source: MotionSource, sensors: Timed, host: Timed) -> Timed {
 /// Follower of the hand from the time that playing began.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Follower {
-    /// True if the position counts; otherwise the tool is at the path's origin forever.
+    /// True if the position is used. Otherwise the tool stays at the path's origin.
     locates: bool,
     /// Count of the encoder at the origin, once it is known.
     origin: Option<i32>,
-    /// The tracker of lines that are tied to position, if anything has such lines.
+    /// The tracker for lines that are tied to position, if what is played has such lines.
     tracker: Option<Tracker>,
     contact: ContactDetector,
 }
@@ -318,7 +319,7 @@ impl Follower {
         }
     }
 
-    /// This follower, with a tracker of the position if the plan has lines that are tied to it (`has_lines`).
+    /// Returns this follower, with a tracker if the plan has lines that are tied to position (`has_lines`).
     #[must_use]
     pub fn tracking(self, has_lines: bool) -> Self {
         let tracker = has_lines.then(Tracker::new);

@@ -1,24 +1,26 @@
 //! Position of the tool when a block's last sample is felt, for lines that are tied to position.
 //!
-//! **From the encoder.** The [`Estimator`]'s course, extrapolated by [`LEAD_TICKS`]. The course has no lag at constant
-//! speed and acceleration. A turn at 100 mm/s is off by a count if it takes 0.9 s, and by two counts for a moment if it
-//! takes 0.3 s, because jerk cannot be predicted. At the edge of a count, where counts flicker, the error doubles.
-//! `firmware/app/tests/app/lines.rs` holds these figures.
+//! **From the encoder.** The motion of the [`Estimator`] is extrapolated by [`LEAD_TICKS`]. It has no lag at constant
+//! speed or constant acceleration. While the hand reverses from 100 mm/s, the position is wrong by one count if the
+//! reversal takes 0.9 s, and for a moment by two counts if it takes 0.3 s, because jerk cannot be predicted. At the
+//! edge of a count, where the counter flickers, the error doubles. `firmware/app/tests/app/lines.rs` holds these
+//! figures.
 //!
-//! **From the host.** The host's positions come at up to 1 kHz, and up to a millisecond late or early. The position
-//! goes on at the speed that the host told last, and takes up a fifth of the difference per update. Without positions
-//! it is the integral of the signed speed.
+//! **From the host.** The host's positions arrive at up to 1 kHz, and up to a millisecond late or early. The position
+//! continues at the speed that the host sent last, and each update corrects a fifth of its difference from the host's
+//! position. If the host sends no positions, the position is the integral of the signed speed.
 
 use stylus_kernel::position::Position;
 
 use super::estimator::Estimator;
 use crate::{SAMPLE_RATE_HZ, UPDATE_INTERVAL_TICKS, UPDATE_LEAD_TICKS};
 
-/// Ticks from the reading of the inputs until the last sample of the block that they decide is felt.
+/// Ticks from the reading of the inputs until the hand feels the last sample of the block computed from them.
 ///
-/// The block begins [`UPDATE_LEAD_TICKS`] later, and has its last sample 9 ticks after that. Its codes begin 1.1 ticks
-/// after it, and the interpolation filter delays them by 1.7. At 10 kHz the last sample comes half a tick later in its
-/// tick, and is delayed by 0.8, so it is felt 0.4 ticks earlier: 8 µm at 100 mm/s.
+/// The block begins [`UPDATE_LEAD_TICKS`] after the reading, and its last sample follows 9 ticks later. The codes of
+/// that sample begin 1.1 ticks after it, and the interpolation filter delays them by 1.7 ticks. At 10 kHz the last
+/// sample comes half a tick later, but the filter delays it by 0.8 ticks only, so it is felt 0.4 ticks earlier. That is
+/// 8 µm at 100 mm/s.
 pub const LEAD_TICKS: u32 = UPDATE_LEAD_TICKS + UPDATE_INTERVAL_TICKS - 1 + 3;
 
 /// The lead in updates.
@@ -27,18 +29,19 @@ const LEAD: f32 = LEAD_TICKS as f32 / UPDATE_INTERVAL_TICKS as f32;
 /// Steps of a position per mm.
 const STEPS_PER_MM: f32 = (1u64 << Position::FRACTION_BITS) as f32;
 
-/// Share of the difference to the host's position that an update takes up.
+/// Fraction of the difference from the host's position that an update corrects.
 const HOST_SHARE: f32 = 0.2;
 
-/// Difference to the host's position from which on the tool was put elsewhere, mm, and s of its speed besides.
+/// Difference from the host's position above which the tool was put down elsewhere: a distance, mm, plus the distance
+/// that it moves in a time, s.
 const HOST_ELSEWHERE: (f32, f32) = (1.0, 0.02);
 
 /// The host's motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Told {
-    /// Position, mm, finite, if the host told it.
+    /// Position, mm, finite, if the host sent one.
     pub position_mm: Option<f32>,
-    /// Speed, mm/s, with its sign if the host told it.
+    /// Speed, mm/s, with a sign if the host sent one.
     pub speed_mm_s: f32,
     /// Tick of the motion.
     pub at: Option<u64>,
@@ -48,15 +51,15 @@ pub struct Told {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tracker(Option<Tracked>);
 
-/// The position as far as it is known.
+/// The tracked position, and its motion.
 #[derive(Clone, Copy, Debug)]
 struct Tracked {
     position: Position,
     /// Velocity, mm per update.
     velocity: f32,
-    /// Acceleration, mm per update and update.
+    /// Acceleration, mm per update².
     acceleration: f32,
-    /// The encoder's position, and the counts that it is of.
+    /// The position by the encoder, and the encoder's count there.
     counted: Position,
     counts: i32,
     /// The host's last position, mm, and the tick of its last motion.
@@ -70,8 +73,8 @@ impl Tracker {
         Self(None)
     }
 
-    /// The position, [`LEAD_TICKS`] after tick `now`, by the host if it `told` a motion, and else by the encoder's
-    /// counts of `path_per_count` mm, which `estimator` follows.
+    /// Returns the position [`LEAD_TICKS`] after tick `now`. It follows the host's motion if there is one (`told`), and
+    /// otherwise the `estimator` of the encoder, whose counts are `path_per_count` mm long.
     ///
     /// The origin of the encoder's path is its count at the first call.
     pub fn follow(
@@ -101,8 +104,8 @@ impl Tracker {
 }
 
 impl Tracked {
-    /// Advances the counted position to the encoder's `counts`, which wrap. The sum is exact, so that a place is the
-    /// same in both directions.
+    /// Advances the counted position to the encoder's `counts`, which wrap. The sum is exact, so that a place has the
+    /// same position in both directions.
     fn count(&mut self, counts: i32, path_per_count: f32) {
         let step = steps(path_per_count);
         let more = i64::from(counts.wrapping_sub(self.counts));
@@ -127,7 +130,7 @@ impl Tracked {
             (Some(told), Some(before)) => told - before,
             _ => 0.0,
         };
-        // Positions tell the direction better than a sign that some hosts leave out.
+        // The positions determine the direction, because some hosts leave out the sign of the speed.
         let speed = if gone_mm == 0.0 {
             host.speed_mm_s
         } else {
@@ -152,7 +155,7 @@ impl Tracked {
         self.position = self.position.ahead(steps(way_mm));
     }
 
-    /// The position after the lead.
+    /// The position at the end of the lead.
     fn ahead(&self) -> Position {
         let way_mm = self.velocity * LEAD + self.acceleration * (LEAD * LEAD / 2.0);
         self.position.ahead(steps(way_mm))

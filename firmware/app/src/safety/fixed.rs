@@ -12,7 +12,7 @@ pub const PIN_RATE_HZ: u32 = SAMPLE_RATE_HZ * OVERSAMPLING as u32;
 /// Binary digits after the point of the values between the stages of a tick, which are in converter steps of 2^-16.
 pub const STEP_BITS: u32 = 16;
 
-/// Binary digits after the point of what the interpolator gives the stages of a code.
+/// Binary digits after the point of the interpolator's outputs.
 pub const CODE_BITS: u32 = 15;
 
 /// `value` / 2^`bits`, truncated toward zero, for `bits` below 63.
@@ -28,7 +28,7 @@ pub fn round_to_step(value: i32) -> i32 {
     (value + (1 << (CODE_BITS - 1))) >> CODE_BITS
 }
 
-/// `value`, or the nearer of `low` and `high`, which is not below `low`. Unlike `clamp` it has no branch that panics.
+/// `value` limited to `low`..=`high`, where `high` is not below `low`. Unlike `clamp` it has no branch that panics.
 #[inline(always)]
 pub fn within(value: i32, low: i32, high: i32) -> i32 {
     value.max(low).min(high)

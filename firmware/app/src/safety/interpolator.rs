@@ -3,22 +3,23 @@
 //!
 //! # At 5 kHz
 //! Three FIR filters in a row, each of which doubles the rate: 5, 10, 20, 40 kHz. Every content up to 2 kHz passes
-//! within 0.2 dB, up to 1 kHz within 0.05 dB. Its images are at least 65 dB lower.
-//! Content above 2 kHz has its first image as far above 2.5 kHz as it lies below, where the first filter still falls:
-//! the image of 2.1 kHz is 40 dB lower, of 2.2 kHz 27 dB, of 2.3 kHz 17 dB, of 2.4 kHz 8 dB, and that of 2.5 kHz is as
-//! strong as itself.
+//! within 0.2 dB, up to 1 kHz within 0.05 dB. Its images are at least 65 dB lower. Content above 2 kHz has its first
+//! image as far above 2.5 kHz as the content lies below. The first filter attenuates there only partly: the image of
+//! 2.1 kHz is 40 dB lower, of 2.2 kHz 27 dB, of 2.3 kHz 17 dB, of 2.4 kHz 8 dB, and the image of 2.5 kHz is as strong
+//! as the content.
 //!
 //! **Delay: 13.7 codes, 0.34 ms, at 100 Hz**, and at most 0.40 ms up to 1 kHz; the output has died away after 99 codes.
-//! A symmetric filter of the same images would take 2.0 ms of the 5.5 ms after which a tap is felt as late. The first
-//! filter therefore has minimum phase, which nobody feels: up to 1 kHz its delay varies by 0.05 ms.
-//! All-pass filters would be as fast with fewer products, but they are recursive, and a FIR filter is exactly silent a
-//! fixed time after its input.
+//! A symmetric filter with images as low would delay by 2.0 ms, and a tap is felt as late from 5.5 ms on. The first
+//! filter therefore has minimum phase. This cannot be felt, because its delay varies by only 0.05 ms up to 1 kHz.
+//! All-pass filters would be as fast with fewer products, but they are recursive, whereas a FIR filter is exactly
+//! silent a fixed time after its input.
 //!
 //! # At 10 kHz
-//! The first two of these filters, each at twice its rate: 10, 20, 40 kHz. So all that they do lies at twice the
-//! frequency. Every content up to 4 kHz passes within 0.6 dB, up to 2 kHz within 0.11 dB, up to 1 kHz within 0.05 dB:
-//! the first filter makes up for what the third one takes, which is missing here. Images are at least 63 dB lower.
-//! **Delay: 5.7 codes, 0.14 ms, at 100 Hz**, and at most 0.16 ms up to 1 kHz; the output has died away after 48 codes.
+//! The first two of these filters, each at twice its rate: 10, 20, 40 kHz. Their responses therefore lie at twice the
+//! frequencies. Every content up to 4 kHz passes within 0.6 dB, up to 2 kHz within 0.11 dB, up to 1 kHz within 0.05 dB.
+//! These deviations are larger than at 5 kHz because the first filter compensates the loss of the third one, which is
+//! missing here. Images are at least 63 dB lower. **Delay: 5.7 codes, 0.14 ms, at 100 Hz**, and at most 0.16 ms up to 1
+//! kHz; the output has died away after 48 codes.
 //!
 //! # Design
 //! - The two upper filters only remove images of 2 kHz around the middle of a wide band. Their zeros lie on the unit
@@ -27,7 +28,7 @@
 //! - The first filter has 22 taps. Its autocorrelation r minimises, by linear programming, the largest |H|² of all
 //!   three filters from 3 to 5 kHz, while |H| of all three stays within 0.04 dB up to 1 kHz and 0.2 dB up to 2 kHz, and
 //!   below 0.2 dB up to 3 kHz. The filter is the minimum-phase factor of r, by its cepstrum.
-//! - Taps are rounded to 2^-31. The tests compute responses and delays from the rounded ones.
+//! - Taps are rounded to 2^-31. The tests compute responses and delays from the rounded taps.
 
 use core::hint::black_box;
 
@@ -36,11 +37,11 @@ use super::fixed::{CODE_BITS, OVERSAMPLING, STEP_BITS};
 /// Binary digits of a tap after the point.
 const TAP_BITS: u32 = 31;
 
-/// Binary digits of a sum that are left out. What remains is the upper of its two words, which takes no instruction to
-/// come by; so each filter halves its unit.
+/// Lower binary digits of a sum that are dropped. The upper of the sum's two words remains, which takes no instruction
+/// to extract. After each filter, values therefore have one binary digit fewer after the point.
 const SUM_BITS: u32 = 32;
 
-/// Binary digits that an input is shifted up before the first filter: as many as 32 bits have room for.
+/// Binary digits that an input is shifted up before the first filter: as many as fit in 32 bits.
 const HEADROOM_BITS: u32 = 2;
 
 const _: () = assert!(
@@ -48,7 +49,7 @@ const _: () = assert!(
     "three filters lead from the unit of the inputs to that of the outputs"
 );
 
-/// As [`HEADROOM_BITS`], before two filters.
+/// Like [`HEADROOM_BITS`], for the two filters at 10 kHz.
 const HEADROOM_BITS_OF_PAIR: u32 = 1;
 
 const _: () = assert!(
@@ -56,7 +57,8 @@ const _: () = assert!(
     "two filters lead from the unit of the inputs to that of the outputs"
 );
 
-/// Taps of a filter that doubles a rate, in pairs: the even taps give the first of two samples, the odd ones the other.
+/// Taps of a filter that doubles a rate, in pairs: the even taps give the first of two samples, the odd taps the
+/// second.
 type Pairs<const COUNT: usize> = [[i32; 2]; COUNT];
 
 /// From 5 to 10 kHz, or from 10 to 20 kHz; minimum phase.
@@ -88,10 +90,10 @@ static THIRD: Pairs<3> = [
     [275_148_215, 0],
 ];
 
-/// Number of codes that one input affects: the length of the three filters together.
+/// Number of codes that one input affects: the length of the response of the three filters in a row.
 const LENGTH: usize = ((2 * FIRST.len() - 1) * 2 + 2 * SECOND.len() - 1) * 2 + 2 * THIRD.len() - 1;
 
-/// Number of ticks whose codes an input affects, with its own. At 10 kHz it is less than half of this.
+/// Number of ticks whose codes an input affects, including its own. At 10 kHz an input affects less than half as many.
 pub const TICKS: u32 = LENGTH.div_ceil(OVERSAMPLING) as u32;
 
 /// Largest magnitude of an input: twice the converter's full scale to one side.
@@ -125,7 +127,7 @@ const fn peak<const COUNT: usize>(pairs: &Pairs<COUNT>) -> i64 {
     if sums[0] > sums[1] { sums[0] } else { sums[1] }
 }
 
-/// A filter that doubles a rate, with the inputs that it holds: one less than it has pairs of taps.
+/// A filter that doubles a rate, with its last inputs, one fewer than its pairs of taps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Doubler<const HELD: usize> {
     inputs: [i32; HELD],
@@ -136,7 +138,7 @@ impl<const HELD: usize> Doubler<HELD> {
         Self { inputs: [0; HELD] }
     }
 
-    /// The two next samples, in half the unit of the input, rounded down.
+    /// The two next samples, which have one binary digit fewer after the point than the input, rounded down.
     #[inline(always)]
     fn next<const COUNT: usize>(&mut self, pairs: &Pairs<COUNT>, input: i32) -> [i32; 2] {
         const { assert!(COUNT == HELD + 1, "an input is held for each further pair") };
@@ -159,7 +161,7 @@ pub struct Interpolator {
     first: Doubler<10>,
     second: Doubler<2>,
     third: Doubler<2>,
-    /// Number of last ticks whose inputs were exactly zero, at most [`TICKS`].
+    /// Number of ticks since the last input that was not exactly zero, at most [`TICKS`].
     silent: u32,
 }
 
@@ -179,11 +181,13 @@ impl Interpolator {
     #[inline(always)]
     pub fn next(&mut self, input: i32) -> [i32; OVERSAMPLING] {
         self.silent = (self.silent + 1).min(TICKS) * u32::from(input == 0);
-        // Taps that the compiler knows would take two instructions each, more than to load them.
+        // The boxes hide the taps from the compiler, which would otherwise build each in two instructions instead of
+        // loading it.
         let (second, third) = (black_box(&SECOND), black_box(&THIRD));
         let mut outputs = [0; OVERSAMPLING];
         let mut left = outputs.as_chunks_mut::<2>().0.iter_mut();
-        // Without this box the compiler computes the second half after the first one's way, and holds every tap for it.
+        // Without this box the compiler computes the second half in the same way as the first, and keeps every tap for
+        // it.
         let halves = black_box(self.first.next(black_box(&FIRST), input << HEADROOM_BITS));
         for half in halves {
             for quarter in self.second.next(second, half) {
@@ -195,8 +199,8 @@ impl Interpolator {
         outputs
     }
 
-    /// The next outputs, as [`Interpolator::next`], for the two inputs of a tick at 10 kHz. A change between one input
-    /// and two is for an interpolator that is empty.
+    /// Like [`Interpolator::next`], for the two inputs of a tick at 10 kHz. Only an empty interpolator may change
+    /// between one input and two per tick.
     #[inline(always)]
     pub fn next_of_pair(&mut self, inputs: [i32; 2]) -> [i32; OVERSAMPLING] {
         self.silent = (self.silent + 1).min(TICKS) * u32::from(inputs == [0; 2]);
@@ -213,7 +217,7 @@ impl Interpolator {
         outputs
     }
 
-    /// Returns true if the last output was exactly zero, and every one is until an input is not.
+    /// Returns true if the last output was exactly zero, and all further ones are until an input is not zero.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         self.silent == TICKS
@@ -229,7 +233,7 @@ mod tests {
 
     const PIN_HZ: f64 = 40_000.0;
 
-    /// Response of filters in a row to one input, from their taps alone. A tap that is 0 at the end is none.
+    /// Response of filters in a row to one input, computed from their taps. A zero at the end only fills the last pair.
     fn response_of(filters: &[&[[i32; 2]]]) -> Vec<f64> {
         let unit = (1u32 << TAP_BITS) as f64;
         filters.iter().fold(std::vec![1.0], |inputs, pairs| {

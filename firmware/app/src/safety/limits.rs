@@ -25,11 +25,12 @@ impl LimitConfig {
         }
     }
 
-    /// Most ticks that the slew limit takes to mid-scale from where it may have lagged to at the end of a mute ramp of
-    /// `ramp_ticks`, before which the signal had at most `peak` steps, and `apart` steps more than the ramp allows.
+    /// Returns the most ticks that the slew limit needs to reach mid-scale after the end of a mute ramp of
+    /// `ramp_ticks`. Before the ramp the signal is at most `peak` steps, and during it at most `apart` steps more than
+    /// the ramp allows.
     ///
-    /// A ramp from beyond the limit leaves an output at the limit at first, and the slew limit follows it from there:
-    /// the largest lag is from the instant at which the ramp passes the limit.
+    /// While the ramp is still above the hard limit, the output stays at that limit. It lags most if the slew limit
+    /// holds it back from the instant at which the ramp passes the hard limit.
     pub fn lag_ticks(self, ramp_ticks: u32, peak: i32, apart: i32) -> u32 {
         let (limit, peak) = (i64::from(self.offset), i64::from(peak.max(1)));
         let per_tick = i64::from(self.slew) * OVERSAMPLING as i64;
@@ -46,7 +47,7 @@ pub struct Pin {
     offset: i32,
 }
 
-/// Differences that the limits made to codes: zero for none.
+/// Changes that the limits made to codes: zero for none.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cut {
     hard: i32,
@@ -85,7 +86,8 @@ impl Pin {
         }
     }
 
-    /// The offset of the next code, within the limits as the last one is: the nearest to `requested`.
+    /// Returns the offset of the next code: the nearest to `requested` within the limits. The last code must be within
+    /// them, too.
     #[inline(always)]
     pub fn next(&mut self, limits: LimitConfig, requested: i32, cut: &mut Cut) -> i32 {
         let limited = within(requested, -limits.offset, limits.offset);

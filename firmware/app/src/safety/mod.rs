@@ -8,19 +8,20 @@
 //!                                                                      |                 |
 //! each code                             DacCode <- slew limit <- hard limit <- noise shaper
 //! ```
-//! Between the stages a sample has 16 binary digits below a converter's step; the noise shaper alone rounds to steps.
-//! The limits come last: they hold for every code. The coil's model is fed with the codes that are put out, not with
-//! its own input.
+//! Between the stages a value has 16 binary digits below a converter step, and 15 after the interpolator. Only the
+//! noise shaper rounds to whole steps. The limits come last, so they hold for every code. The coil's model is driven by
+//! the codes that are put out, not by the thermal limiter's output.
 //!
 //! The ramp comes after the DC blocker, so that a muted output is at exactly mid-scale when the ramp has ended and the
 //! interpolator is empty, without the blocker's tail.
 //!
-//! A tick has one sample at 5 kHz and a pair of them at 10 kHz. What depends on that is the filter constant of the DC
-//! blocker, the steps of the ramp, and the filters of the interpolator. The coil's model and all limits are of ticks
-//! and codes, which come at the same times at both rates.
+//! A tick has one sample at 5 kHz and two at 10 kHz. The filter constant of the DC blocker, the steps of the ramp, and
+//! the filters of the interpolator depend on the rate. The coil's model works per tick and the limits per code, at the
+//! same times at both rates.
 //!
-//! A sample takes integer arithmetic and the same path for all data. [`Config`] is computed from settings, in
-//! floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the same codes.
+//! A sample is processed in integer arithmetic, along the same path whatever its value. [`Config`] is computed from
+//! settings, in floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the
+//! same codes.
 
 mod dc_blocker;
 mod fixed;
@@ -53,7 +54,7 @@ const FULL_SCALE: i64 = 2048 << STEP_BITS;
 /// Configuration of the safety stages, computed when settings or the played texture change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// Converter steps of 2^-16 per step of the kernel's output, in 2^-20.
+    /// Gain from the kernel's output to converter steps of 2^-16, in units of 2^-20.
     gain: i32,
     ramp: RampConfig,
     coil: CoilConfig,
@@ -67,7 +68,7 @@ impl Config {
         Self::at_rate(settings, play_gain, PlayRate::Hz5000)
     }
 
-    /// As [`Config::new`], for playing at `rate`. A change of rate is for an output at rest.
+    /// Like [`Config::new`], for playing at `rate`. The rate may change only while the output is at rest.
     pub fn at_rate(settings: &Settings, play_gain: f32, rate: PlayRate) -> Self {
         let per_step = 1.0 / DacCode::STEP.0;
         let steps_per_acceleration = settings.get(Setting::OutputGain) * play_gain * per_step;
@@ -84,16 +85,16 @@ impl Config {
         }
     }
 
-    /// The limits of the output that are in force by `settings`, from which this configuration is.
+    /// Returns the limits of the output under `settings`, from which this configuration was computed.
     pub fn output_limits(&self, settings: &Settings) -> OutputLimits {
         thermal::limits(settings, self.limits.offset)
     }
 
-    /// The heat of a coil of which nothing is known: the largest one that is not attenuated.
+    /// Heat that is assumed for a coil about which nothing is known: the largest heat without attenuation.
     ///
-    /// After power-on nothing is known. A coil that was at its limit is a quarter of the limit warmer than that. So a
-    /// power cycle lets it take a quarter of its limit times its time constant, in J, more than the limit, once per
-    /// cycle. Any warmer assumption would keep a cold stylus silent at each start.
+    /// After power-on nothing is known. A coil at its limit is warmer than assumed by a quarter of the limit. Each
+    /// power cycle can therefore add an energy above the limit, in J, of a quarter of the power limit times the time
+    /// constant. If more heat were assumed, a cold stylus would be attenuated at each start.
     pub fn assumed_heat(&self) -> Heat {
         self.coil.knee()
     }
@@ -125,7 +126,7 @@ impl Config {
     }
 }
 
-/// The signal of a tick before the stages of each code.
+/// The signal of a tick, before the stages that act on codes.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
     /// Converter steps of 2^-15.
@@ -143,7 +144,7 @@ pub struct State {
     interpolator: Interpolator,
     shaper: Shaper,
     pin: Pin,
-    /// Energy of the last ticks that were missed, which no code of this state is.
+    /// Energy of the ticks that were missed since the last codes. Their codes were not computed by this state.
     held: u32,
     counters: Counters,
 }
@@ -160,7 +161,7 @@ pub struct Counters {
 }
 
 impl State {
-    /// State at mid-scale and muted, of a coil of which nothing is known: see [`Config::assumed_heat`].
+    /// State at mid-scale and muted, of a coil about which nothing is known: see [`Config::assumed_heat`].
     pub fn new(config: &Config) -> Self {
         Self::with_heat(config.assumed_heat())
     }
@@ -207,9 +208,10 @@ impl State {
         self.codes(config, wanted)
     }
 
-    /// The signal of a tick at 5 kHz, before what acts on codes.
+    /// The signal of a tick at 5 kHz, before the stages that act on codes.
     ///
-    /// While `muted`, it goes to zero along the mute ramp and stays there. Afterwards it returns along the soft start.
+    /// While `muted`, the signal goes to zero along the mute ramp and stays there. Afterwards it returns along the soft
+    /// start.
     #[inline(always)]
     pub fn wanted(&mut self, config: &Config, sample: OutputSample, muted: bool) -> Wanted {
         let (cooled, attenuated) = self.cooled::<{ dc_blocker::ALPHA }>(config, sample, muted);
@@ -219,7 +221,7 @@ impl State {
         }
     }
 
-    /// The signal of a tick at 10 kHz, as [`State::wanted`], for the tick's two samples.
+    /// Like [`State::wanted`], for the two samples of a tick at 10 kHz.
     #[inline(always)]
     pub fn wanted_of_pair(
         &mut self,
@@ -279,22 +281,22 @@ impl State {
         codes
     }
 
-    /// Lets the coil warm by `ticks` that were missed: the output held its last code, and faded it.
+    /// Adds the heat of `ticks` that were missed, during which the output held and then faded its last code.
     #[inline(always)]
     pub fn miss(&mut self, ticks: u32) {
         self.held = thermal::held_energy(self.pin.offset(), ticks);
     }
 
-    /// Makes the next codes continue from the one `offset` steps from mid-scale, which is put out just before them.
+    /// Makes the next codes continue from a code at `offset` steps from mid-scale, which is put out just before them.
     ///
-    /// After a tick that came late, that is not the last code that was computed, and the slew limit holds at the pin.
+    /// After a late tick, this is not the code that was computed last. The slew limit must hold at the pin.
     #[inline(always)]
     pub fn continue_from(&mut self, offset: i32) {
         self.pin = Pin::at(offset);
     }
 
-    /// Returns true if the output is at mid-scale to stay, because the ramp is at its lower end and nothing is left in
-    /// the interpolator: so that the voices can be exchanged.
+    /// Returns true if the output is at mid-scale and stays there, because the ramp is at its lower end and the
+    /// interpolator is empty. The voices can be exchanged then.
     pub fn is_at_rest(&self) -> bool {
         self.pin.is_mid_scale() && self.interpolator.is_empty() && self.ramp.is_down()
     }

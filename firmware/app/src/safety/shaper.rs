@@ -1,16 +1,16 @@
-//! Rounding to whole converter steps whose error lies where the coil and the skin have no sense for it.
+//! Rounding to whole converter steps, with an error at frequencies to which neither the coil nor the skin responds.
 //!
 //! Error feedback of the third order: the error of each code is fed back to the next three, so its spectrum is that of
-//! white noise through (1 - z^-1) (1 - (2 - 2^-6) z^-1 + z^-2), with zeros at 0 and 796 Hz. From 20 to 1000 Hz it
-//! keeps less than 0.0001 steps RMS. Its price lies above: an output is at most four steps, and 1.3 steps RMS, from its
-//! input. The second order keeps 0.0007 steps, which lifts a third octave 50 dB below a texture's level of 0.02 m/s² by
-//! 2 dB.
+//! white noise through (1 - z^-1) (1 - (2 - 2^-6) z^-1 + z^-2), with zeros at 0 and 796 Hz. From 20 to 1000 Hz less
+//! than 0.0001 steps RMS remain. In exchange the error grows above that band: an output differs from its input by up to
+//! four steps, and by 1.3 steps RMS. Feedback of the second order leaves 0.0007 steps. That raises a third-octave band
+//! 50 dB below a texture's level of 0.02 m/s² by 2 dB.
 //!
-//! The error is that of rounding alone. What the limits cut from a code is not fed back, so nothing winds up.
+//! Only the error of rounding is fed back. What the limits cut from a code is not, so nothing winds up.
 
 use super::fixed::{CODE_BITS, round_to_step};
 
-/// Distance of the zeros from 0 Hz: the feedback of the last two errors is three minus 2^-`ZERO_BITS`.
+/// Position of the upper zeros: the coefficients of the last two errors are ±(3 - 2^-`ZERO_BITS`).
 const ZERO_BITS: u32 = 6;
 
 /// Largest difference of an output from its input, converter steps: half a step times the sum of the magnitudes of the

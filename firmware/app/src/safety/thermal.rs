@@ -2,16 +2,16 @@
 //!
 //! The coil is one thermal mass. Its rise T above the surroundings, in units of the steady rise at the power limit,
 //! follows τ dT/dt = P / P_limit - T with P = (a V)² / R, where V is the voltage at the converter, from mid-scale, and
-//! a the amplifier's gain. The impedance is taken as R alone, which never underestimates the power.
+//! a the amplifier's gain. The impedance is taken as R only, which never underestimates the power.
 //!
-//! **The state is the mean of V² alone**, over the time constant, because that is all that the device knows by itself.
-//! Resistance, gain and power limit only judge it: T is that mean over the mean square that the limit allows. So a
-//! change of settings neither cools the coil nor overflows anything; it changes the judgement, at once. The mean of V²
-//! is at most [`MAX_PIN_MEAN_SQUARE`], whatever the settings say of coil and amplifier.
+//! **The state is only the mean of V²** over the time constant, because that is all that the device knows by itself.
+//! Resistance, gain and power limit serve for comparison: T is the ratio of this mean to the mean square that the limit
+//! allows. A change of settings therefore neither cools the coil nor overflows anything; it changes T at once. The
+//! allowed mean of V² is at most [`MAX_PIN_MEAN_SQUARE`], whatever the settings of coil and amplifier are.
 //!
-//! Below three quarters of the limit the gain is one; from there to T = 1 it falls linearly to zero. The voltage never
-//! exceeds the one that gives [`PEAK_POWER_RATIO`] times the power limit, so that T cannot run far past one while the
-//! slew limit lets the output fall: within the ranges of the settings it stays below 1.1.
+//! Up to T = 3/4 the gain is one; from there it falls linearly to zero at T = 1. The voltage never exceeds the one at
+//! [`PEAK_POWER_RATIO`] times the power limit, so that T cannot rise far above one while the slew limit lets the output
+//! fall. Within the ranges of the settings T stays below 1.1.
 
 use model_format::DacCode;
 use model_format::link::{MAX_PIN_MEAN_SQUARE, OutputLimits, Setting, Settings};
@@ -25,12 +25,12 @@ pub const PEAK_POWER_RATIO: f32 = 16.0;
 
 /// Binary digits of the heat after the point.
 const HEAT_BITS: u32 = 30;
-/// Largest heat: that of full scale for ever.
+/// Largest heat: that of a full-scale output forever.
 const MOST_HEAT: i64 = 1 << (22 + HEAT_BITS);
 
-/// Digits of heat and limit that the gain leaves out, so that 64 bits hold its product.
+/// Lower binary digits of heat and limit that the gain ignores, so that its product fits in 64 bits.
 const GAIN_COARSE_BITS: u32 = 8;
-/// Smallest limit, so that the gain's quotient exists.
+/// Smallest limit, so that the gain never divides by zero.
 const LEAST_LIMIT: i64 = 1 << (2 * GAIN_COARSE_BITS);
 
 /// Binary digits of the gain after the point.
@@ -39,17 +39,19 @@ const FULL_GAIN: i64 = 1 << GAIN_BITS;
 /// Binary digits of [`CoilConfig::inverse`] beyond those of the gain, which is four times (1 - T).
 const INVERSE_BITS: u32 = 33;
 
-/// Binary digits of the share per tick after the point.
+/// Binary digits after the point of [`CoilConfig::share`].
 const SHARE_BITS: u32 = 38;
-/// Lower digits of the heat that the leak leaves out, so that 64 bits hold the product.
+/// Lower binary digits of the heat that the leak ignores, so that its product fits in 64 bits.
 const COARSE_BITS: u32 = 16;
-/// Digits from an energy, the sum over [`OVERSAMPLING`] codes, times the share to heat.
+/// Binary digits by which energy times share is shifted down to a heat. The energy is summed over [`OVERSAMPLING`]
+/// codes.
 const WARMING_BITS: u32 = SHARE_BITS - HEAT_BITS + OVERSAMPLING.ilog2();
 
-/// Largest sum of the squares of the offsets of a tick's codes, and of those ticks before it that were missed.
+/// Largest sum of the squared offsets of a tick's codes and of the codes in missed ticks before it.
 const MOST_ENERGY: i64 = (1 + MOST_HELD_TICKS as i64) * OVERSAMPLING as i64 * (1 << 22);
 
-/// Ticks for which the output may hold or fade a code when none follow: `ring` is at mid-scale after these.
+/// Most ticks for which the output holds or fades a code if no further tick follows. After these `ring` is at
+/// mid-scale.
 pub const MOST_HELD_TICKS: u32 = 3;
 
 /// Shortest time constant, s.
@@ -70,11 +72,11 @@ const _: () = {
 /// Thermal parameters of the coil.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CoilConfig {
-    /// Share by which the heat follows the power per tick, in 2^-38.
+    /// Fraction by which the heat approaches the power per tick, in 2^-38.
     share: i64,
     /// Heat at the power limit.
     limit: i64,
-    /// Gain per room below the limit; see [`CoilState::gain`].
+    /// Gain per unit of heat below the limit; see [`CoilState::gain`].
     inverse: i64,
     /// Largest offset from mid-scale that stays below the peak power, converter steps.
     peak: i32,
@@ -99,20 +101,20 @@ impl CoilConfig {
         self.peak
     }
 
-    /// The heat that is the largest without attenuation.
+    /// Largest heat without attenuation.
     pub fn knee(self) -> Heat {
-        // By a thousandth below it, so that no round-off attenuates.
+        // A thousandth of the limit less, so that no round-off attenuates.
         Heat(self.limit / 4 * 3 - self.limit / 1024)
     }
 }
 
-/// Mean square of the voltage at the pin at which a coil as in `settings` has its power limit, V².
+/// Mean square of the voltage at the pin at which the coil of `settings` has its power limit, V².
 fn told_mean_square(settings: &Settings) -> f32 {
     let gain = settings.get(Setting::AmplifierGain);
     settings.get(Setting::CoilResistance) * settings.get(Setting::PowerLimit) / (gain * gain)
 }
 
-/// The limits by `settings` and by the caps; `offset` is the largest one, converter steps.
+/// The limits by `settings` and by the caps. `offset` is the largest offset from mid-scale, converter steps.
 pub fn limits(settings: &Settings, offset: i32) -> OutputLimits {
     let told = told_mean_square(settings);
     let mean_square = told.min(MAX_PIN_MEAN_SQUARE);
@@ -125,8 +127,8 @@ pub fn limits(settings: &Settings, offset: i32) -> OutputLimits {
     }
 }
 
-/// Mean square of the pin's offset from mid-scale over the coil's time constant: what warms the coil, whatever coil
-/// and amplifier are.
+/// Mean square of the pin's offset from mid-scale, over the coil's time constant. It determines the coil's warmth for
+/// any coil and amplifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Heat(i64);
 
@@ -136,7 +138,7 @@ impl Heat {
         self.0.cast_unsigned()
     }
 
-    /// The heat of these [`Heat::to_bits`]; none if no heat has them.
+    /// The heat with these [`Heat::to_bits`]; none if no heat has them.
     pub const fn from_bits(bits: u64) -> Option<Self> {
         if bits <= MOST_HEAT.cast_unsigned() {
             Some(Self(bits.cast_signed()))
@@ -176,8 +178,8 @@ impl CoilState {
         (shift_toward_zero(input * gain, GAIN_BITS), gain < FULL_GAIN)
     }
 
-    /// Updates the heat by one tick, of whose codes `energy` is the sum of the squares of the offsets from mid-scale,
-    /// converter steps. Rounded up, so as never to underestimate.
+    /// Updates the heat by one tick. `energy` is the sum of the squared offsets of the tick's codes from mid-scale,
+    /// converter steps². The heat is rounded up, so that it is never underestimated.
     #[inline(always)]
     pub fn follow(&mut self, config: CoilConfig, energy: u32) {
         let warming =
@@ -198,7 +200,7 @@ impl CoilState {
     }
 }
 
-/// Energy of `ticks` that were missed after a code of `offset`, which the output held and faded meanwhile.
+/// Energy of `ticks` that were missed after a code of `offset`, while the output held and then faded that code.
 #[inline(always)]
 pub fn held_energy(offset: i32, ticks: u32) -> u32 {
     offset.unsigned_abs().pow(2) * (OVERSAMPLING as u32 * ticks.min(MOST_HELD_TICKS))

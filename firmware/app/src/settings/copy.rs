@@ -1,4 +1,4 @@
-//! One copy of the settings: a log of records in sectors of its own, of which the last one counts.
+//! One copy of the settings: a log of records in sectors of its own. The last record counts.
 
 use core::ops::Range;
 
@@ -7,15 +7,15 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::record::{Place, RECORD_BYTES, Record, is_blank};
 use crate::flash::WORD_BYTES;
 
-/// Places that are tried for one record before the copy counts as full. A place fails if a power cut has left a word of
-/// it that reads as blank and cannot be programmed.
+/// Number of places that are tried for one record before the copy counts as full. A place fails if a power loss has
+/// left a word in it that reads as blank and cannot be programmed.
 const TRIES: usize = 4;
 
-/// Reads of a place. A record that one of them finds was written, because its checksum is right; a word that a power
-/// cut left uncertain may hide it from the others.
+/// Number of times that a place is read. A record that any of these reads finds was written, because its checksum is
+/// right. Other reads may miss it, because a power loss can leave a word that reads differently each time.
 const READS: usize = 16;
 
-/// Bytes of a place as they are read, twice, for comparison. They belong to the store, because a task's memory is dear.
+/// Bytes of two reads of a place, for comparison. The store holds them, because memory for tasks is scarce.
 pub type Buffers = [[u8; RECORD_BYTES]; 2];
 
 /// One copy, and what was found in it.
@@ -25,9 +25,9 @@ pub struct Copy {
     next: u32,
     /// The last record that can be read.
     pub newest: Option<Record>,
-    /// Number of places after it, or at all, that hold something else.
+    /// Number of places that hold something else, after that record or, without one, in the whole copy.
     pub damaged: usize,
-    /// True if it read differently from read to read.
+    /// True if that record reads differently from read to read.
     pub is_uncertain: bool,
 }
 
@@ -48,12 +48,13 @@ impl Copy {
         self.newest.is_none() && self.damaged == 0
     }
 
-    /// Returns true if no record was written after the one that can be read.
+    /// Returns true if a record can be read and no other one was written after it.
     pub fn is_clean(&self) -> bool {
         self.newest.is_some() && self.damaged == 0
     }
 
-    /// Reads the copy, from its end back to the last record that can be read, the places around its end often.
+    /// Reads the copy from its end back to the last record that can be read. The places from there on, and the first
+    /// ones after the end, are read [`READS`] times.
     pub async fn read<F: NorFlash>(&mut self, flash: &mut F, buffers: &mut Buffers) {
         let places = self.range.clone().step_by(RECORD_BYTES);
         let mut end = self.range.start;
@@ -100,7 +101,7 @@ impl Copy {
             }
             self.next = at + RECORD_BYTES as u32;
             buffers[0] = record.bytes();
-            // A word that fails leaves a place that counts as damaged; the next one is tried.
+            // If a word fails, its place counts as damaged, and the next place is tried.
             if flash.write(at, &buffers[0]).await.is_ok()
                 && reads_steadily(flash, at, buffers).await
                 && buffers[0] == record.bytes()
@@ -116,7 +117,7 @@ impl Copy {
         self.next + (TRIES * RECORD_BYTES) as u32 <= self.range.end
     }
 
-    /// Has the copy erased before its next record, as one that is full.
+    /// Makes the copy count as full, so that it is erased before its next record.
     pub fn count_as_full(&mut self) {
         self.next = self.range.end;
     }
@@ -130,8 +131,8 @@ impl Copy {
     }
 }
 
-/// Reads the place at `at` often; false unless every read finds the same. The first buffer then has a read with a
-/// record, if there was one.
+/// Reads the place at `at` [`READS`] times. Returns false unless all reads find the same. The first buffer then holds a
+/// read with a record, if there was one.
 async fn reads_steadily<F: NorFlash>(flash: &mut F, at: u32, buffers: &mut Buffers) -> bool {
     let [found, other] = buffers;
     read_once(flash, at, found).await;
@@ -148,7 +149,7 @@ async fn reads_steadily<F: NorFlash>(flash: &mut F, at: u32, buffers: &mut Buffe
     is_steady
 }
 
-/// Reads the place at `at`; zeros, which are no record, if a word of it faults.
+/// Reads the place at `at` once. If a word of it faults, `bytes` are zeros, which are no record.
 async fn read_once<F: NorFlash>(flash: &mut F, at: u32, bytes: &mut [u8; RECORD_BYTES]) {
     let mut offset = at;
     for word in bytes.chunks_exact_mut(WORD_BYTES) {

@@ -1,13 +1,13 @@
-//! Settings in flash: two copies, each a log of records of all settings, so that a change is appended, and a sector is
-//! erased only once in some hundred changes. The actuator's response is part of the record, so that it and the settings
-//! that belong to it change together.
+//! Settings in flash: two copies, each a log of records of all settings. A change is appended, so a sector is erased
+//! only once in some hundred changes. The actuator's response is part of the record, so that it and the settings that
+//! belong to it change together.
 //!
-//! A change is written to the first copy, read back, then to the second one; it counts when both hold it. So one copy
-//! always holds the last change that was acknowledged, whatever the power does and whichever word of a copy is lost.
-//! For the same reason a copy that is full is erased only while the other one keeps what is in force. An erasure that
-//! is cut may leave any of a copy's older records as its last one. Its number tells it from the change before.
-//! A record holds all settings under one checksum, because a map of single values would answer a damaged value with an
-//! older one, which may be a weaker limit.
+//! A change is written to the first copy and read back, then to the second copy. It counts when both hold it. So one
+//! copy always holds the last change that was acknowledged, whenever power is lost and whichever word of a copy is
+//! lost. For the same reason a full copy is erased only while the other copy keeps what is in force. If power is lost
+//! during an erasure, any older record of the copy may remain as its last one. The number of that record shows that it
+//! is not the previous change. A record holds all settings under one checksum. In a map of single values, a damaged
+//! value would be replaced by an older one, which may be a weaker limit.
 //!
 //! At the start:
 //!
@@ -15,13 +15,15 @@
 //! |---|---|
 //! | both copies end with the same record | that record |
 //! | the first one is one change ahead | its record, with the tighter value of each limit |
-//! | the same, and with another response | the second one's: a calibration that was cut off changes nothing |
-//! | one ends with a record, and the other one is damaged there, or otherwise behind | the record |
+//! | the same, and with another response | the second one's: an interrupted calibration changes nothing |
+//! | one ends with a record, and the other one is damaged at its end or further behind | that record |
 //! | both are damaged behind their last record | nothing plays: every limit is lost |
-//! | nothing that can be read, and yet not blank | nothing plays: everything is lost |
+//! | the first has a few damaged places only, and the second is blank | defaults: the first change of all was cut |
+//! | neither is readable otherwise, unless both are blank | nothing plays: everything is lost |
 //!
-//! Except in the last case both copies are then written anew. What is lost stays lost, over restarts, until it is set
-//! again or all settings are reset.
+//! In all cases except the first and the last, both copies are then written again; in the first case, only if a copy
+//! reads differently from read to read. What is lost stays lost, over restarts, until it is set again or all settings
+//! are reset.
 
 mod copy;
 mod record;
@@ -42,15 +44,15 @@ use record::{RECORD_BYTES, Record, Snapshot};
 /// While one of them is erased or written, code of the same bank stalls; the tick runs from ITCM and does not.
 pub const SETTINGS_RANGE: Range<u32> = 0x000c_0000..0x0010_0000;
 
-/// Damaged places at the beginning of the first copy that cuts during the very first change may leave.
+/// Most damaged places that losses of power during the very first change can leave at the beginning of the first copy.
 const MOST_FIRST_CUTS: usize = 8;
 
 /// Settings in flash and in memory.
 pub struct SettingsStore<F: NorFlash> {
     flash: F,
     copies: [Copy; 2],
-    /// Number of the copy that is written and erased first: the first one, unless the other has to be mended. The
-    /// other one keeps what is in force meanwhile.
+    /// Index of the copy that is written and erased first: the first copy, unless the second one has to be mended. The
+    /// other copy keeps what is in force meanwhile.
     spare: usize,
     /// The record in force.
     record: Record,
@@ -70,7 +72,7 @@ impl<F: NorFlash> SettingsStore<F> {
         store
     }
 
-    /// A store that is to be [`SettingsStore::read`] in its place: it is some kilobytes.
+    /// A store that [`SettingsStore::read`] is to read later, in its place, because the store takes some kilobytes.
     pub const fn unread(flash: F, range: Range<u32>) -> Self {
         let middle = range.start.midpoint(range.end);
         Self {
@@ -163,7 +165,7 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(())
     }
 
-    /// Erases both copies and begins anew: every setting has its default and none is set.
+    /// Erases both copies and begins again: every setting has its default and none is set.
     ///
     /// # Errors
     /// The flash fails. Every setting then has its default, and none is set, until a restart.
@@ -187,7 +189,7 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(self.settings())
     }
 
-    /// Decides which settings are in force. Returns true if both copies are to be written anew.
+    /// Decides which settings are in force. Returns true if both copies must be written again.
     fn is_to_be_mended(&mut self) -> bool {
         match judge(&self.copies) {
             Found::NeverSet => return false,
@@ -203,19 +205,21 @@ impl<F: NorFlash> SettingsStore<F> {
                 self.mended = true;
                 self.spare = spare;
                 self.erase_remnants();
-                // With its number, so that the other copy is no further behind after another cut.
+                // The draft keeps the record's number, so that the other copy is no further behind after another loss
+                // of power.
                 self.draft = record;
             }
         }
         self.mended
     }
 
-    /// Has each copy erased before it is written that has not kept the last two changes. The cut of its erasure may
-    /// have left words that read as blank now; behind a record they would later count as a damaged one.
+    /// Makes each copy that holds neither of the last two changes count as full, so that it is erased before it is
+    /// written. An interrupted erasure may have left words in it that read as blank now, and that would count as
+    /// damaged behind a later record.
     fn erase_remnants(&mut self) {
         let last = self.record.sequence;
         for copy in &mut self.copies {
-            // Of a copy that was never written, the first change is behind by one.
+            // A copy that was never written counts as number 0, which is one behind the first change.
             let own = copy.newest.map_or(0, |record| record.sequence);
             if last.wrapping_sub(own) > 1 {
                 copy.count_as_full();
@@ -223,7 +227,7 @@ impl<F: NorFlash> SettingsStore<F> {
         }
     }
 
-    /// Writes the draft to both copies, beginning with the spare one; it is in force then.
+    /// Writes the draft to both copies, beginning with the spare one. Then the draft is in force.
     async fn write(&mut self) -> Result<(), SettingsError> {
         let first = self.spare;
         for index in [first, 1 - first] {
@@ -234,7 +238,7 @@ impl<F: NorFlash> SettingsStore<F> {
                 }
                 return Err(NOT_WRITTEN);
             }
-            // This one keeps what is in force from now on.
+            // From now on this copy keeps what is in force.
             self.spare = 1 - index;
         }
         self.record = self.draft;
@@ -243,8 +247,9 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(())
     }
 
-    /// Writes what is in force again to the copy at `first`, which has the draft, so that a restart finds it. It keeps
-    /// the draft's number, because a copy's last record counts, and the other copy must stay one change behind.
+    /// Writes what is in force again to the copy at `first`, which has the draft, so that a restart finds what is in
+    /// force. The new record keeps the draft's number, because a copy's last record counts, and the other copy must
+    /// stay one change behind.
     async fn go_back(&mut self, first: usize) {
         let is_same = self.draft.snapshot == self.record.snapshot;
         self.draft.snapshot = self.record.snapshot;
@@ -288,25 +293,25 @@ const NOT_WRITTEN: SettingsError = SettingsError::Flash {
     operation: FlashOperation::Write,
 };
 
-/// Settings that both copies together show.
+/// What the two copies together show.
 enum Found {
     /// Nothing was ever written.
     NeverSet,
     /// Both copies agree.
     Same(Record),
-    /// The copies are to be written anew with this record.
+    /// The copies must be written again with this record.
     Mendable {
         record: Record,
-        /// Settings of it that differed.
+        /// Settings of the record that differed between the copies.
         differing: SettingSet,
-        /// Number of the copy to write first.
+        /// Index of the copy to write first.
         spare: usize,
     },
     /// Nothing can be read.
     Lost,
 }
 
-/// Returns true if `newer` has another response than `older`: a calibration whose storing was cut off.
+/// Returns true if `newer` has another response than `older`: the storing of a calibration was interrupted.
 fn is_interrupted(newer: &Snapshot, older: &Snapshot) -> bool {
     newer.response.is_some() && newer.response != older.response
 }
@@ -320,7 +325,8 @@ fn judge(contents: &[Copy; 2]) -> Found {
     };
     let (newest, record) = match (first.newest, second.newest) {
         (None, None) if first.is_blank() && second.is_blank() => return Found::NeverSet,
-        // The first copy is written first, also by mending, so cuts during the first change leave the second one blank.
+        // Mending, too, writes the first copy first, so losses of power during the first change leave the second copy
+        // blank.
         (None, None) if second.is_blank() && first.damaged <= MOST_FIRST_CUTS => {
             return mendable(NEVER_SET, SettingSet::NONE, 0);
         }
@@ -346,9 +352,9 @@ fn judge(contents: &[Copy; 2]) -> Found {
                 None => Found::Same(record),
             }
         }
-        // A change was cut. The second copy shows that none counted after it. It stays whole until the first one is: a
-        // cut may have left a word of the newer record that reads right now and wrongly at the next start. An erasure
-        // that was cut may have left such words of the second one, which is then the first to be written anew.
+        // Power was lost during a change. The second copy shows that no later change counted. It stays as it is until
+        // the first copy is whole, because the newer record may have a word that reads right now and wrongly at the
+        // next start. If an interrupted erasure has left such words in the second copy, that copy is written first.
         Some(other) if newest == 0 && record.sequence == other.sequence.wrapping_add(1) => {
             let (snapshot, differing) = if is_interrupted(&record.snapshot, &other.snapshot) {
                 (other.snapshot, SettingSet::NONE)

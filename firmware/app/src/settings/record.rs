@@ -18,10 +18,10 @@ static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 const VALUES: usize = 20;
 /// Offset of the checksum, at the record's end.
 const CHECKSUM: usize = RECORD_BYTES - 4;
-/// Offset of the response, behind room for more settings, and behind a word that is 1 if there is one.
+/// Offset of the response. Before it lies room for more settings, then a word that is 1 if there is a response.
 const RESPONSE: usize = CHECKSUM - RESPONSE_BYTES;
 const HAS_RESPONSE: usize = RESPONSE - 4;
-/// Most settings that a record has room for.
+/// Largest number of settings that fit in a record.
 const ROOM: usize = (HAS_RESPONSE - VALUES) / 4;
 
 const _: () = assert!(Setting::ALL.len() <= ROOM);
@@ -55,7 +55,7 @@ pub enum Place {
 }
 
 impl Snapshot {
-    /// Defaults, of which none is set.
+    /// Default settings, none of which was set.
     pub const NEVER_SET: Self = Self {
         settings: Settings::DEFAULT,
         set: SettingSet::NONE,
@@ -63,7 +63,7 @@ impl Snapshot {
         response: None,
     };
 
-    /// Settings of which nothing is known any more.
+    /// Settings about which nothing is known any more.
     pub fn lost() -> Self {
         Self {
             lost: SettingSet::ALL,
@@ -71,7 +71,7 @@ impl Snapshot {
         }
     }
 
-    /// This snapshot with one setting changed, which then counts as set and no longer as lost. The value is in the
+    /// This snapshot with one setting changed, which then counts as set and no longer as lost. The value must be in the
     /// setting's range.
     pub fn with(self, change: SettingChange) -> Self {
         Self {
@@ -125,7 +125,7 @@ impl Snapshot {
     }
 }
 
-/// Settings that protect, each with its tighter side.
+/// The settings that limit the output, each with the direction in which it is tighter.
 fn setting_limits() -> impl Iterator<Item = (Setting, Tighter)> {
     Setting::ALL
         .into_iter()
@@ -169,10 +169,10 @@ impl Record {
         bytes
     }
 
-    /// The record of `bytes`, none unless magic and checksum are right.
+    /// The record in `bytes`; none unless magic and checksum are right.
     ///
-    /// A setting that the firmware of the record did not have has its default. A value out of its range, as of a
-    /// firmware with other ranges, is lost.
+    /// A setting that the record lacks, because an older firmware wrote it, has its default. A value out of its range,
+    /// as from a firmware with other ranges, is lost.
     fn read(bytes: &[u8; RECORD_BYTES]) -> Option<Self> {
         let word = |at: usize| bytes[at..].first_chunk().copied().unwrap_or_default();
         let number = |at: usize| u32::from_le_bytes(word(at));

@@ -1,9 +1,9 @@
-//! The one gate of all erasures: a [`Claim`], without which no sector of a slot is erased and no word of it
-//! written.
+//! The only way to any erasure: a [`Claim`], without which no sector of a slot is erased and no word of it written.
 //!
-//! A slot that holds a library is given away only while the other slot holds one too, which is read anew for that: each
-//! word [`STEADY_READS`] times, because a word that was being programmed when power was lost may read right now and
-//! wrongly at the next start. A slot that could not be read is read again first, because it may be readable now.
+//! A slot that holds a library can be claimed only while the other slot holds a library too, unless the claim may
+//! replace the last one. The other library is read again for this, each word [`STEADY_READS`] times, because a word
+//! that was being programmed when power was lost may read right now and wrongly at the next start. A slot that could
+//! not be read is read again first, because it may be readable now.
 
 use model_format::link::{SlotFault, SlotId, SlotInfo, SlotState};
 
@@ -11,16 +11,16 @@ use super::header::{HEADER_OFFSET, Header, HeaderWord};
 use super::permit::{Claim, LastLibrary};
 use super::{MappedFlash, SlotStore, newer};
 
-/// Number of times that each word of the library that stays must read the same. A word that is as often right as not
-/// passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the number
-/// of loads.
+/// Number of times that each word of the library that stays must read the same. A word that reads right half of the
+/// time passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the
+/// number of loads.
 const STEADY_READS: usize = 20;
 
-/// Number of times that a slot which could not be read is read again before it is given away.
+/// Number of times that a slot which could not be read is read again before it is claimed.
 const SECOND_CHANCES: usize = 4;
 
 impl<F: MappedFlash> SlotStore<F> {
-    /// Gives `slot` away to be erased; it holds no library from then on.
+    /// Claims `slot`, so that it can be erased. From then on the slot counts as holding no library.
     ///
     /// # Errors
     /// The slot holds a library, the other slot does not, and `replaces_last` is false. Nothing has changed then.
@@ -40,11 +40,11 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(Claim { slot })
     }
 
-    /// Gives the slot away that an upload goes to: the one that is not active. While none is active, it is the one that
-    /// is worth less.
+    /// Claims the slot for an upload: the slot that is not active. While none is active, this is the slot that is worth
+    /// less.
     ///
     /// # Errors
-    /// As [`SlotStore::claim`].
+    /// The errors of [`SlotStore::claim`].
     pub(crate) async fn claim_spare(&mut self, replaces_last: bool) -> Result<Claim, LastLibrary> {
         for slot in SlotId::ALL {
             self.give_second_chances(slot).await;
@@ -55,7 +55,7 @@ impl<F: MappedFlash> SlotStore<F> {
         }
         match self.claim(spare, false).await {
             Ok(claim) => Ok(claim),
-            // The other slot cannot be relied on, so it is the one to go.
+            // The other slot cannot be relied on, so it is claimed instead.
             Err(LastLibrary { slot }) => self.claim(slot.other(), replaces_last).await,
         }
     }
@@ -70,11 +70,11 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// The slot that is worth less: one that is not valid, otherwise the older one.
+    /// The slot that is worth less: a slot that is not valid, otherwise the older one.
     pub(super) fn lesser(&self) -> SlotId {
         let worth = |slot: SlotId| match self.state(slot) {
             SlotState::Empty | SlotState::Receiving => 0,
-            // What has failed to be read may be readable another time.
+            // What could not be read may be readable another time.
             SlotState::Faulty(SlotFault::Unreadable { .. } | SlotFault::Checksum { .. }) => 2,
             SlotState::Faulty(_) => 1,
             SlotState::Valid(_) => 3,
@@ -87,7 +87,7 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    /// Returns true if `slot` holds a library each word of which reads the same every time. A slot that does not counts
+    /// Returns true if `slot` holds a library whose words all read the same every time. If they do not, the slot counts
     /// as faulty from then on.
     async fn is_steady(&mut self, slot: SlotId) -> bool {
         let Some(info) = self.library(slot) else {
@@ -113,8 +113,8 @@ impl<F: MappedFlash> SlotStore<F> {
             .await
     }
 
-    /// Notes the number of the header in `slot`, if one of several reads finds it. An upload must be numbered above a
-    /// library that cannot be read now, because it may be readable at the next start.
+    /// Notes the number of the header in `slot`, if one of several reads finds it. An upload must have a higher number
+    /// than a library that cannot be read now, because that library may be readable at the next start.
     pub(super) async fn note_sequence(&mut self, slot: SlotId) {
         for _ in 0..STEADY_READS {
             if let Some(word) = self.word(slot, HEADER_OFFSET).await

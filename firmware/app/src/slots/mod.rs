@@ -1,11 +1,11 @@
-//! The two library slots in flash, of which an upload overwrites one and leaves the other.
+//! The two library slots in flash. An upload overwrites one and leaves the other as it is.
 //!
 //! A slot holds the library's bytes from its start and, in its last [`SLOT_HEADER_BYTES`], a header of one flash word.
-//! The header is written last, after the bytes have been read back and found valid, and its sector is erased first. So
-//! after a power loss at any time, a slot is as it was, or it has no valid header.
+//! An upload erases the header's sector first, and writes the header last, after the bytes have been read back and
+//! found valid. So after a power loss at any time, a slot is as it was, or it has no valid header.
 //!
-//! The boot takes the newest valid slot. A flash word that was being programmed when power was lost may fault when it
-//! is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
+//! The boot activates the newest valid slot. A flash word that was being programmed when power was lost may fault when
+//! it is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
 //! [`ReadNorFlash::read`], which reports a fault, before the bytes are read in place.
 //!
 //! Nothing is erased without a `Claim` on its slot, which is refused for the last library that can be read.
@@ -41,8 +41,8 @@ const STRIDE_BYTES: usize = 4096;
 
 /// Flash that can also be read in place.
 ///
-/// Offset 0 is the start of slot A, [`SLOT_BYTES`] that of slot B. `read` must report a word that faults as an error,
-/// and not as a bus fault.
+/// Slot A starts at offset 0, and slot B at [`SLOT_BYTES`]. `read` must report a word that faults as an error, and not
+/// as a bus fault.
 pub trait MappedFlash: NorFlash {
     /// The bytes of `range`, each word of which has been read without error since it was last written.
     ///
@@ -59,22 +59,23 @@ impl<F: MappedFlash> MappedFlash for &mut F {
 
 /// The two slots, their contents, and the active one.
 ///
-/// Of a library it keeps where its textures and scenes are. The 256 textures that there may be are too many to keep in
-/// RAM what a listing tells of each.
+/// Of each library, the store keeps only where its textures and scenes are. A library may have 256 textures, too many
+/// to keep in RAM what a listing reports about each.
 pub struct SlotStore<F> {
     flash: F,
     states: [SlotState; 2],
     /// Outline of each slot's library, as long as its state is valid.
     outlines: [Option<Outline>; 2],
     active: Option<SlotId>,
-    /// For decoding, which waits between its steps. It is kept here because a task's state is in faster memory.
+    /// Memory for decoding, which waits between its steps. It is kept here, because the memory of tasks is faster and
+    /// scarce.
     workspace: Workspace,
-    /// Highest number of a header that was seen, also of a library that could not be read.
+    /// Highest number of all headers that were seen, including those of libraries that could not be read.
     highest: Option<u32>,
     is_scanned: bool,
 }
 
-/// Returns true if an upload with number `one` came after that with number `other`. Numbers wrap.
+/// Returns true if upload number `one` came after upload number `other`. Numbers wrap.
 const fn newer(one: u32, other: u32) -> bool {
     one.wrapping_sub(other) as i32 > 0
 }
@@ -131,7 +132,7 @@ impl<F: MappedFlash> SlotStore<F> {
         store
     }
 
-    /// The slots of `flash`, of which nothing is read before [`SlotStore::scan_once`]; none is active.
+    /// The slots of `flash`, before [`SlotStore::scan_once`] has read anything; none is active.
     pub const fn unread(flash: F) -> Self {
         const { Self::FITS };
         Self {
@@ -199,12 +200,13 @@ impl<F: MappedFlash> SlotStore<F> {
         self.active
     }
 
-    /// Sets the active slot. An upload goes to the other.
+    /// Sets the active slot. An upload goes to the other slot.
     pub fn set_active(&mut self, slot: Option<SlotId>) {
         self.active = slot;
     }
 
-    /// The slot that an upload asks for: the one that is not active; while none is, the one that is worth less.
+    /// The slot that an upload tries to claim: the slot that is not active, or the slot that is worth less while none
+    /// is active.
     pub fn spare(&self) -> SlotId {
         self.active.map_or_else(|| self.lesser(), SlotId::other)
     }
@@ -241,7 +243,7 @@ impl<F: MappedFlash> SlotStore<F> {
             })
     }
 
-    /// The library in `slot`. Its bytes are those that were decoded, because they have the same checksum.
+    /// Returns the library in `slot`. Its bytes are still those that were decoded, because the checksum is the same.
     async fn listed(&mut self, slot: SlotId) -> Result<Library<'_>, ListError> {
         match &self.states[slot.index()] {
             SlotState::Valid(_) => {}
@@ -346,7 +348,7 @@ impl<F: MappedFlash> SlotStore<F> {
         self.read_word(slot, offset).await
     }
 
-    /// Reads what `slot` holds anew.
+    /// Reads and validates `slot` again.
     pub(crate) async fn rescan(&mut self, slot: SlotId) {
         self.scan(slot).await;
     }
@@ -378,7 +380,7 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in the claimed slot, each read once, and makes them a library by writing its header.
+    /// Validates `length` bytes in the claimed slot, reading each once, and makes them a library by writing its header.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
@@ -397,7 +399,8 @@ impl<F: MappedFlash> SlotStore<F> {
             crc32,
         };
         if let Err(fault) = self.write(claim, HEADER_OFFSET, &header.word()).await {
-            // A header that reads wrongly now must not read right at a later start: nobody was told of its library.
+            // A header that reads wrongly now must not read right at a later start, because the host is told that its
+            // library was not stored.
             let _ = self.erase_sector(claim, Self::header_sector()).await;
             return Err(SealFault::Write(fault));
         }
@@ -441,7 +444,8 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(Some((header, content)))
     }
 
-    /// Returns true if a slot without header is empty. An upload that has begun shows in the first word.
+    /// Returns true if a slot without a header is empty. An upload that has written anything has written the first
+    /// word.
     async fn is_blank(&mut self, slot: SlotId) -> Result<bool, SlotFault> {
         let word = self
             .read_word(slot, 0)
@@ -460,8 +464,8 @@ impl<F: MappedFlash> SlotStore<F> {
         self.compare_bytes(slot, length, expected, 1).await
     }
 
-    /// Reads every word of the first `length` bytes of `slot` so many times, which must give the same each time, and
-    /// compares their checksum.
+    /// Reads every word of the first `length` bytes of `slot` as many times as `reads`, which must all find the same,
+    /// and compares the checksum of the bytes.
     async fn compare_bytes(
         &mut self,
         slot: SlotId,
@@ -514,7 +518,7 @@ impl<F: MappedFlash> SlotStore<F> {
         mapped(&self.flash, slot, length)
     }
 
-    /// The word at `offset` of `slot`; none unless all of so many reads find it the same.
+    /// The word at `offset` of `slot`; none unless as many as `reads` reads find the same word.
     async fn repeated_word(
         &mut self,
         slot: SlotId,

@@ -2,7 +2,7 @@
 
 use model_format::link::SlotId;
 
-/// Permission to erase and write a slot. `SlotStore::claim` alone gives it.
+/// Permission to erase and write a slot. Only `SlotStore::claim` grants it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Claim {
     pub(super) slot: SlotId,

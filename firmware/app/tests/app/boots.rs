@@ -1,15 +1,16 @@
-//! Starts after histories of uploads, activations, self tests, power cuts at any operation of the flash, refusals of
-//! the flash, and damage of words: some unreadable, some that read differently from read to read.
+//! Starts after histories of uploads, activations, self tests, losses of power at any operation of the flash, refusals
+//! of the flash, and damage of words: some unreadable, some that read differently from read to read.
 //!
-//! Held after each step and each start:
+//! Checked after each step and each start:
 //!
-//! - If a slot held a sound library and nothing asked for the end of the last one, a sound library is there.
-//! - What is in RAM is a library that was uploaded, whole, with the checksum that `status` tells.
-//! - The newest commit that was answered is active after a start, unless its slot was damaged.
-//! - A refusal for the last library is told only where the other slot is not sound.
-//! - At the end an upload succeeds, by the remedies of the refusals, and is active after the next start.
+//! - If a slot held an intact library, and no upload was allowed to replace the last one, an intact library remains.
+//! - The library in RAM was uploaded, is whole, and has the checksum that `status` reports.
+//! - The library of the newest answered commit is active after a start, unless its slot was damaged.
+//! - An upload is refused because of the last library only if the other slot holds no intact one.
+//! - At the end an upload succeeds, by the remedies that the refusals name, and its library is active after the next
+//!   start.
 //!
-//! A sound library is one that can be read and decoded and none of whose words is damaged.
+//! A library is intact (`sound`) if it can be read and decoded and none of its words is damaged.
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
@@ -36,13 +37,13 @@ const CHUNK: usize = 2 * WORD_BYTES;
 /// Polls of a job between two milliseconds of the device.
 const POLLS_PER_MS: u32 = 8;
 
-/// Most polls of a job; beyond, it is stuck.
+/// Largest number of polls of a job; a job with more is stuck.
 const MOST_POLLS: u32 = 2_000_000;
 
 /// A request or event.
 #[derive(Clone, Copy, Debug)]
 enum Action {
-    /// The chunks of a library up to this one, and the commit after the last. It may replace the last library.
+    /// Sends this number of a library's chunks, and the commit after the last chunk. It may replace the last library.
     Upload {
         library: usize,
         chunks: usize,
@@ -57,7 +58,7 @@ enum Action {
 }
 
 impl Action {
-    /// True if it may end the last library.
+    /// True if the action may replace the last library.
     fn replaces_last(self) -> bool {
         matches!(
             self,
@@ -84,14 +85,14 @@ impl Place {
         let within = match self {
             Self::Header => MAX_LIBRARY_BYTES,
             Self::First => 0,
-            // All libraries here are as long.
+            // All libraries here have the same length.
             Self::Last => libraries()[0].len() - 1,
         };
         slot.index() * SLOT_BYTES + within
     }
 }
 
-/// An action, and the mishap of one of its operations.
+/// An action, and a mishap at one of its flash operations.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     action: Action,
@@ -102,12 +103,12 @@ fn libraries() -> [Vec<u8>; 3] {
     ["denim", "paper", "linen"].map(small)
 }
 
-/// Operations of a whole upload: two erasures, each word, the header.
+/// Number of operations of a whole upload: two erasures, each word, the header.
 fn upload_operations() -> usize {
     2 + libraries()[0].len().div_ceil(WORD_BYTES) + 1
 }
 
-/// Checksums of the libraries that are sound in the flash itself.
+/// Checksums of the intact libraries in the flash itself.
 fn sound_checksums(memory: &Memory) -> [Option<u32>; 2] {
     let store = block_on(SlotStore::open(SimulatedFlash::new(memory.clone())));
     SlotId::ALL.map(|slot| {
@@ -120,7 +121,7 @@ fn sound_checksums(memory: &Memory) -> [Option<u32>; 2] {
     })
 }
 
-/// Slots whose library is sound in the flash itself.
+/// Whether the library of each slot is intact in the flash itself.
 fn sound(memory: &Memory) -> [bool; 2] {
     sound_checksums(memory).map(|checksum| checksum.is_some())
 }
@@ -132,16 +133,16 @@ struct Commit {
     crc32: u32,
 }
 
-/// A stylus, and what it has promised.
+/// A stylus, and what its answers have promised.
 struct Life {
     stylus: Option<SteppedStylus>,
     fate: Fate,
-    /// Slots that hold a sound library, as far as answers and damage tell.
+    /// Slots that hold an intact library, as far as answers and damage show.
     sound: [bool; 2],
     newest: Option<Commit>,
-    /// True if a commit after the newest was cut: it may have been done.
+    /// True if a later commit was cut by a loss of power: it may have been completed.
     may_be_newer: bool,
-    /// Words with a flipped bit, which a second flip would put right.
+    /// Words with a flipped bit, which a second flip would repair.
     flipped: Vec<(SlotId, Place)>,
     libraries: [Vec<u8>; 3],
 }
@@ -202,7 +203,7 @@ impl Life {
         stylus.storage.into_flash().0.memory
     }
 
-    /// Does `job` until it is done; none if power is lost before.
+    /// Runs `job` until it is done; none if power is lost before.
     fn run<R>(
         &mut self,
         job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R,
@@ -239,7 +240,7 @@ impl Life {
         self.note_lost(step.action.replaces_last())
     }
 
-    /// Follows the store's view of sound slots, which only an erasure changes.
+    /// Updates the intact slots by the store's view, in which only an erasure makes one invalid.
     fn note_lost(&mut self, may_end_last: bool) -> Checked {
         let before = self.sound;
         for slot in SlotId::ALL {
@@ -263,7 +264,7 @@ impl Life {
         if before != [false; 2] && left == [false; 2] && !action.replaces_last() {
             return Err(format!("a cut leaves nothing of {before:?}"));
         }
-        // The slot of the newest one may have been given away.
+        // The slot of the newest commit may have been claimed by another upload.
         let checksums = sound_checksums(&memory);
         self.newest = self
             .newest
@@ -306,7 +307,7 @@ impl Life {
             Action::Restart => {
                 let memory = self.power_off();
                 let left = sound(&memory);
-                // Damage of what was erased meanwhile is gone, so there may be more.
+                // Damage of words that were erased meanwhile is gone, so more slots may be intact.
                 if SlotId::ALL
                     .iter()
                     .any(|slot| self.sound[slot.index()] && !left[slot.index()])
@@ -324,7 +325,7 @@ impl Life {
                 }
                 self.fate.damage(place.offset(slot), damage);
                 self.sound[slot.index()] = false;
-                // The next read or operation applies it.
+                // The next read or operation applies the damage.
                 let listed = Action::List(slot);
                 return self.act(listed);
             }
@@ -342,7 +343,7 @@ impl Life {
         Ok(())
     }
 
-    /// Uploads so many chunks, and commits after the last. None if power is lost.
+    /// Uploads `chunks` chunks, and commits after the last one. None if power is lost.
     fn upload(
         &mut self,
         library: usize,
@@ -397,7 +398,7 @@ impl Life {
         Ok(())
     }
 
-    /// Uploads by the remedies of the refusals, and finds the library active after a start.
+    /// Uploads by the remedies that the refusals name, and finds the library active after a start.
     fn end(&mut self) -> Checked {
         let memory = self.power_off();
         self.boot(memory)?;
@@ -417,7 +418,7 @@ impl Life {
     }
 }
 
-/// Flash at the beginning of a history: libraries in the slots with these numbers.
+/// Flash at the beginning of a history: libraries in the slots, with these sequence numbers.
 fn beginning(numbers: [Option<u32>; 2]) -> Memory {
     let mut memory = Memory::blank(2 * SLOT_BYTES);
     let libraries = libraries();
@@ -478,7 +479,7 @@ fn numbers() -> impl Strategy<Value = [Option<u32>; 2]> {
         2 => (1..4u32).prop_map(Some),
         1 => (u32::MAX - 2..=u32::MAX).prop_map(Some),
     ];
-    // Numbers that are both there lie beside each other, as uploads leave them.
+    // If both slots have numbers, these are adjacent, as uploads leave them, or equal.
     (number, 0..3u32, any::<bool>()).prop_map(|(first, ahead, both)| {
         let second = first.map(|first: u32| first.wrapping_add(ahead).wrapping_sub(1));
         [first, second.filter(|_| both)]

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use proptest::test_runner::{Config, RngSeed};
 
-/// Seed of a run; the one without a variable is that of `tests/run`.
+/// Seed of a run; without the variable, the seed of `tests/run`.
 pub fn seed() -> u64 {
     number("STYLUS_ATTACK_SEED").unwrap_or(1)
 }
@@ -32,11 +32,11 @@ pub fn config(count: u32) -> Config {
     }
 }
 
-/// Chance by a generator of 64 bits (xorshift of Marsaglia).
+/// Random choices by a generator of 64 bits (xorshift of Marsaglia).
 pub struct Chance(u64);
 
 impl Chance {
-    /// Chance number `stream` of `seed`.
+    /// The random choices with number `stream` of `seed`.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mixed = (seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15)).wrapping_mul(0xD129_0DE5);
         let mut chance = Self(mixed | 1);

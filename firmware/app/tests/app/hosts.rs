@@ -1,4 +1,4 @@
-//! Two hosts, one on each link: the lease of whoever plays, and changes of settings in two steps.
+//! Two hosts, one on each link: the lease of the host that plays, and changes of settings in two steps.
 
 use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
 use fake_stylus::flash::SimulatedFlash;
@@ -36,7 +36,7 @@ impl Stylus {
         Self { stylus, requests }
     }
 
-    /// Plays along the device's own sensors, so that silence can only come from the lease.
+    /// Plays with the motion of the device's own sensors, so that silence can only come from the lease.
     fn play(&self, link: LinkId) -> Result<(), PlayError> {
         let request = PlayRequest {
             motion: MotionSource::Sensors,
@@ -120,7 +120,8 @@ fn all_told_away() -> SettingsChange {
 #[test]
 fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_link() {
     for [player, other] in [LINKS, [LINKS[1], LINKS[0]]] {
-        // The other host polls, drives and keeps alive; a next program on the player's own link polls.
+        // First the other host polls; then it also sends motions and keep-alives; at last a next program on the
+        // player's own link polls.
         for (link, drives) in [(other, false), (other, true), (player, false)] {
             let stylus = Stylus::new();
             stylus.play(player).expect("it is there");
@@ -144,7 +145,7 @@ fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_
             assert!(status.output.mute.contains(MuteReason::LinkLost));
             let lease = (status.lease.holder, status.lease.is_alive);
             assert_eq!(lease, (Some(player), false));
-            // It comes back with whoever plays.
+            // The sound returns with the host that plays.
             stylus.run_kept(player, 300);
             assert!(stylus.stylus.sounds());
         }
@@ -164,7 +165,7 @@ fn no_single_frame_changes_a_setting_and_the_second_one_changes_all_of_them_once
     let left = left.fold(SettingSet::NONE, |set, &setting| set.with(setting, true));
     let loosens = LOCKED.without(left);
     assert_eq!(proposal.loosens, loosens);
-    // Neither the other link nor another token applies it, and neither ends it.
+    // Neither the other link nor another token applies the proposal, and neither ends it.
     let crossed = stylus.apply(serial, proposal.token);
     assert_eq!(crossed, Err(SettingsError::OtherLink { from: usb }));
     let guessed = stylus.apply(usb, ProposalToken(proposal.token.0 ^ 1));
@@ -263,8 +264,8 @@ fn any_step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// What two hosts may expect: the holder is the last link whose play was accepted, until anybody stops it; a value is
-/// set only by a proposal of the same link that nothing has ended since.
+/// What two hosts may expect. The holder is the last link whose request to play was accepted, until anybody stops. A
+/// value is set only by a proposal of the same link that nothing has ended since.
 struct Model {
     holder: Option<usize>,
     renewed_ms: u32,
@@ -275,7 +276,7 @@ struct Model {
 }
 
 impl Model {
-    /// Takes a step with the stylus and in the model, and compares.
+    /// Takes a step with the stylus and in the model, and compares the two.
     fn step(&mut self, stylus: &mut Stylus, step: Step) -> Result<(), TestCaseError> {
         match step {
             Step::Play(link) => {
@@ -385,7 +386,7 @@ proptest! {
 fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forgets_it() {
     let mut first = Stylus::new().stylus;
     let hot = Config::new(&first.control.borrow().settings(), 1.0).assumed_heat();
-    // Nothing was kept: as warm as may be without attenuation, of the coil that was then set.
+    // No heat was kept, so the coil that was then set is assumed to be as warm as it may be without attenuation.
     let heat = first.hardware().heat();
     assert!(heat <= hot);
     let load = first.status().output.thermal_load_permille;
@@ -396,7 +397,7 @@ fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forget
     next.set_coil();
     let now = next.hardware().heat();
     assert!(now <= heat && now.to_bits() > heat.to_bits() / 10 * 9);
-    // A reset of the settings and other ones judge the same heat.
+    // A reset of the settings and other settings keep the same heat.
     let before = first.hardware().heat().to_bits();
     first.reset_settings().expect("nothing is played");
     let looser = [COIL[0], COIL[1], change(Setting::PowerLimit, 1.0)];

@@ -17,7 +17,7 @@ fn motion(speed: f32, force: f32) -> Motion {
     Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("finite")
 }
 
-/// Motion that a host tells at `tick`: speed, mm/s, and force, N, with a position and a contact.
+/// Motion that a host sends at `tick`: speed, mm/s, and force, N, with a position and a contact.
 fn told(
     [speed, force]: [f32; 2],
     position_mm: Option<f32>,
@@ -33,7 +33,7 @@ fn told(
     Timed::from_host(sample, tick)
 }
 
-/// Motion of a tool of which nothing is known but what `sensors` have read last.
+/// Motion of a tool about which nothing is known except what `sensors` have read last.
 fn motion_of(sensors: &Sensors, config: &InputConfig) -> Timed {
     Estimator::new().motion(sensors, config)
 }
@@ -134,10 +134,11 @@ fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
             .follow(timed, &Estimator::new(), &config, now)
             .contact;
         assert_eq!(touches, !railed && code > 300, "code {code}");
-        // The force that was known last is not followed any further.
+        // While the force is at a rail, the time of the motion stays that of the last good force.
         let at = if railed { 1 } else { now };
         assert_eq!(timed.at, Some(at), "code {code}");
-        // A conversion that is not of its tick says nothing about the rail, and a good one ends it.
+        // A conversion that does not belong to its tick says nothing about the rail, and a good conversion ends that
+        // state.
         sensors.read(now + 1, 0, AdcCode(0), false);
         assert_eq!(sensors.is_railed(), railed);
         sensors.read(now + 2, 0, AdcCode(20_000), true);

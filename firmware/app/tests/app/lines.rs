@@ -25,7 +25,7 @@ const PRESSED: AdcCode = AdcCode(20_000);
 
 const WAVELENGTH_MM: f32 = 0.61;
 
-/// A texture that is silent but for a line of 1 m/s².
+/// A texture that is silent except for a line of 1 m/s².
 fn library() -> Vec<u8> {
     let line = LineSpec {
         wavelength_mm: WAVELENGTH_MM,
@@ -48,7 +48,7 @@ fn config(path_per_count: f64) -> InputConfig {
     InputConfig::new(&settings_with(&[path]))
 }
 
-/// A stylus whose tool moves, as its update sees it: the sensors are read at each tick.
+/// The parts of a stylus with a moving tool that an update uses: the sensors are read at each tick.
 struct Moved<P> {
     config: InputConfig,
     encoder: Encoder,
@@ -62,7 +62,7 @@ struct Moved<P> {
 }
 
 impl<P: Fn(f64) -> f64> Moved<P> {
-    /// A tool at `position_mm` at each time, s, whose counter stood at `start` at the origin.
+    /// A tool that is at `position_mm` at each time, s. Its counter is at `start` at the origin.
     fn new(count_mm: f64, start: i64, position_mm: P) -> Self {
         Self {
             config: config(count_mm),
@@ -77,7 +77,7 @@ impl<P: Fn(f64) -> f64> Moved<P> {
         }
     }
 
-    /// Reads the ticks of a block; the time of the last of them, s.
+    /// Reads the ticks of a block, and returns the time of the last tick, s.
     fn read_block(&mut self) -> f64 {
         for _ in 0..UPDATE_INTERVAL_SAMPLES {
             self.tick += 1;
@@ -90,7 +90,8 @@ impl<P: Fn(f64) -> f64> Moved<P> {
         self.tick as f64 / RATE
     }
 
-    /// The interaction of the next block by the sensors, and the time at which its last sample is felt.
+    /// Returns the interaction of the next block by the sensors, and the time at which the block's last sample is felt,
+    /// s.
     fn block(&mut self) -> (Interaction, f64) {
         let now_s = self.read_block();
         let chosen = self.estimator.motion(&self.sensors, &self.config);
@@ -103,8 +104,8 @@ fn mm(position: Position) -> f64 {
     position.steps() as f64 / 4_294_967_296.0
 }
 
-/// Differences of the position that is felt from that of the tool, mm, after `settled` s, once per block, with their
-/// times, s.
+/// Returns the differences between the position that is felt and the tool's, mm, once per block after `settled` s, with
+/// their times, s.
 ///
 /// The origin is the beginning of the count at the first block.
 fn errors(moved: &mut Moved<impl Fn(f64) -> f64>, seconds: f64, settled: f64) -> Vec<(f64, f64)> {
@@ -133,13 +134,13 @@ fn worst(errors: &[(f64, f64)]) -> f64 {
     magnitudes.fold(0.0, f64::max)
 }
 
-/// Residual noise of the position between counts: less than half a count RMS, and no more than a count.
+/// The remaining noise of the position within a count is less than half a count RMS, and at most a count.
 #[test]
 fn a_steady_hand_is_felt_within_a_count_without_a_lag() {
     for speed in [
         20.0, 20.37, 33.3, 50.1, 99.3, 100.0, 151.7, 299.1, 300.0, -20.0, -100.7, -300.0,
     ] {
-        // Not at the edge of a count, where the encoder's own noise would decide.
+        // The tool is not at the edge of a count, where the encoder's own noise would dominate.
         for (start, offset) in [(0, 0.0071), (12_345, 0.0033)] {
             let mut moved = Moved::new(COUNT_MM, start, |t| speed * t + offset);
             let errors = errors(&mut moved, 4.0, 0.3);
@@ -157,7 +158,7 @@ fn a_hand_that_accelerates_is_felt_within_a_count() {
     assert!(worst(&errors) < COUNT_MM, "{}", worst(&errors));
 }
 
-/// A stroke of 100 mm/s forwards and back, whose speed turns within `turn` s. It begins within a count.
+/// A stroke of 100 mm/s forwards and back that reverses within `turn` s. It begins within a count.
 fn stroke(turn: f64) -> impl Fn(f64) -> f64 {
     const SPEED: f64 = 100.0;
     const BEGIN_MM: f64 = 0.0033;
@@ -174,13 +175,14 @@ fn stroke(turn: f64) -> impl Fn(f64) -> f64 {
     }
 }
 
-/// A place is the same forwards and backwards, through the turn and after it.
+/// A place has the same position forwards and backwards, during the reversal and after it.
 #[test]
 fn a_hand_that_turns_retraces_within_a_count() {
     let mut moved = Moved::new(COUNT_MM, 60_000, stroke(0.9));
     let all = errors(&mut moved, 1.9, 0.3);
     assert!(worst(&all) < COUNT_MM, "{}", worst(&all));
-    // A turn that is faster than the filter is off by some counts while the hand turns, and no longer.
+    // If the hand reverses faster than the filter follows, the position is off by some counts, but only during the
+    // reversal.
     let mut moved = Moved::new(COUNT_MM, 60_000, stroke(0.3));
     let all = errors(&mut moved, 1.9, 0.3);
     assert!(worst(&all) < 3.0 * COUNT_MM, "{}", worst(&all));
@@ -188,7 +190,7 @@ fn a_hand_that_turns_retraces_within_a_count() {
     assert!(worst(&after) < COUNT_MM, "{}", worst(&after));
 }
 
-/// The counter of 16 bits and the sum of 32 bits wrap while the tool goes on.
+/// The counter of 16 bits and the sum of 32 bits wrap while the tool moves.
 #[test]
 fn a_counter_that_wraps_does_not_move_the_tool() {
     // 2000 counts per tick are 10 million per second; the sum wraps after 215 s.
@@ -196,7 +198,7 @@ fn a_counter_that_wraps_does_not_move_the_tool() {
     let mut moved = Moved::new(FINE_MM, 65_000, |t| 1000.0 * t);
     let errors = errors(&mut moved, 230.0, 0.3);
     assert!(moved.estimator.counts() < 0, "the sum went past 2³¹");
-    // A count is a whole number of steps of 2⁻³² mm, which is off by up to 3·10⁻⁶ here.
+    // A count is rounded to a whole number of steps of 2⁻³² mm, which is a relative error of up to 3·10⁻⁶ here.
     let path_mm = 230.0 * 1000.0;
     assert!(worst(&errors) < 0.01 + path_mm * 3e-6, "{}", worst(&errors));
     let steps = errors.windows(2).map(|pair| (0.0, pair[1].1 - pair[0].1));
@@ -216,7 +218,7 @@ fn an_encoder_that_counts_backwards_or_not_at_all_is_followed() {
     }
 }
 
-/// Samples of the line for a tool that moves, and the time at which the first one is felt, s.
+/// Returns samples of the line for a tool that moves, and the time at which the first sample is felt, s.
 fn samples(moved: &mut Moved<impl Fn(f64) -> f64>, seconds: f64) -> (Vec<f64>, f64) {
     let bytes = library();
     let library = Library::decode(&bytes).expect("valid");
@@ -254,7 +256,7 @@ fn told(speed: f64, position_mm: Option<f64>) -> MotionSample {
     }
 }
 
-/// A host that tells positions each millisecond, up to half of one early or late, and a speed without its sign.
+/// A host sends positions each millisecond, up to half a millisecond early or late, and a speed without a sign.
 #[test]
 fn a_hosts_positions_are_followed_without_their_jitter() {
     let position_mm = |t: f64| 50.0 + 30.0 * (TAU * 0.7 * t).sin();
@@ -308,7 +310,7 @@ fn without_positions_of_the_host_its_signed_speed_is_summed_and_the_encoder_does
     }
 }
 
-/// A place that the host sets anew is taken up at once, however far.
+/// If the host sets a new place, the position jumps there at once, however far it is.
 #[test]
 fn a_place_that_the_host_sets_anew_is_taken_up_at_once() {
     let config = config(COUNT_MM);

@@ -1,4 +1,4 @@
-//! Probes and responses: the samples that come out, the ends of a probe, and what each request changes.
+//! Probes and responses: the codes that are put out, the ends of a probe, and what each request changes.
 
 use fake_stylus::device::{MOTION, SteppedStylus, change, play_request, response_for};
 use fake_stylus::library::{library, texture};
@@ -54,7 +54,7 @@ fn change_setting(stylus: &mut SteppedStylus, setting: Setting, value: f32) {
     changed.expect("in range, and nothing is played");
 }
 
-/// One tick, with its codes; and the poll that follows every millisecond, of a host that is heard.
+/// Runs one tick, with the keep-alives and polls of a host that is heard, and returns its codes.
 fn tick(stylus: &SteppedStylus) -> (u64, bool, [DacCode; OVERSAMPLING]) {
     let mut control = stylus.control.borrow_mut();
     let device = control.device();
@@ -69,7 +69,8 @@ fn tick(stylus: &SteppedStylus) -> (u64, bool, [DacCode; OVERSAMPLING]) {
     (now, muted, codes)
 }
 
-/// Checks every code of a probe, from the request to rest, against samples, equaliser and safety stages alone.
+/// Checks every code of a probe, from the request to rest, against a computation by samples, equaliser and safety
+/// stages only.
 fn check_codes(
     stylus: &SteppedStylus,
     request: &ProbeStart,
@@ -96,7 +97,7 @@ fn check_codes(
             let at = at.filter(|&at| at < count);
             let sample = at.map_or(0, |at| period[at % period.len()]);
             let sample = OutputSample((f32::from(sample) * step) as i32);
-            // Without a section there is no stage, which would round.
+            // Without a section there is no equaliser stage that would round.
             if equaliser.is_empty() {
                 return sample;
             }
@@ -124,7 +125,7 @@ fn check_codes(
 proptest! {
     #![proptest_config(budget::config(12))]
 
-    /// Bit for bit: whatever the waveform, the rate, the phase of the blocks, and the equaliser.
+    /// The codes agree bit for bit, whatever the waveform, the rate, the phase of the blocks, and the equaliser.
     #[test]
     fn a_probe_puts_out_its_samples_from_the_tick_it_said_and_ends_by_itself(
         period in prop::collection::vec(-32_767i16..=32_767, 1..MAX_PROBE_SAMPLES),
@@ -132,7 +133,7 @@ proptest! {
         through in prop::sample::select(vec![ProbeThrough::Nothing, ProbeThrough::Proposed, ProbeThrough::Stored]),
     ) {
         let mut stylus = ready();
-        // So that what a short probe plays is heard at all.
+        // A short soft start lets even a short probe be heard.
         change_setting(&mut stylus, Setting::SoftStart, 5.0);
         for _ in 0..wait {
             tick(&stylus);
@@ -143,7 +144,7 @@ proptest! {
             set(&mut stylus, ResponseChange::Store { id }).expect("it was proposed");
         }
         let rate_hz = if fast { 10_000 } else { 5_000 };
-        // At least 0.1 s, for the same reason.
+        // The probe lasts at least 0.1 s, for the same reason.
         let periods = periods.max((1_000 / period.len()) as u16 + 1);
         let request = ProbeStart { rate_hz, through, ..load(&stylus, &period, periods) };
         let mut settings = stylus.hardware().settings;
@@ -168,7 +169,7 @@ fn a_probe_ends_with_a_stop_and_with_a_host_that_is_not_heard_and_may_begin_agai
             tick(&stylus);
         }
         assert!(stylus.sounds());
-        // Nothing else begins, and nothing changes meanwhile.
+        // Meanwhile nothing else begins to play and nothing changes.
         assert_eq!(start(&stylus, &request), Err(ProbeError::Playing));
         let mut control = stylus.control.borrow_mut();
         let held = ProbeError::Refused(PlayError::Held { by: LINK });
@@ -180,7 +181,7 @@ fn a_probe_ends_with_a_stop_and_with_a_host_that_is_not_heard_and_may_begin_agai
             control.stop().expect("it is played");
         }
         drop(control);
-        // The last keep-alive was of the tick before.
+        // The last keep-alive came at the tick before.
         for _ in 0..LINK_LOST_AFTER_MS + 100 {
             stylus.control.millisecond();
         }
@@ -193,7 +194,7 @@ fn a_probe_ends_with_a_stop_and_with_a_host_that_is_not_heard_and_may_begin_agai
 fn a_probe_that_cannot_be_played_is_refused_and_says_why() {
     let stylus = ready();
     let request = load(&stylus, &[1, 2, 3], 4);
-    // The request with one change.
+    // The request, with one field changed.
     let with = |change: &dyn Fn(&mut ProbeStart)| {
         let mut changed = request;
         change(&mut changed);
@@ -234,7 +235,7 @@ fn a_probe_that_cannot_be_played_is_refused_and_says_why() {
     assert_eq!(beyond, Err(ProbeError::Offset { offset }));
     stylus.play(play_request("texture 0")).expect("it is there");
     assert_eq!(start(&stylus, &request), Err(ProbeError::Playing));
-    // Nobody knows what an unknown coil bears.
+    // Nothing is played before the coil's settings are set, because its limits are unknown.
     let unset = SteppedStylus::boot();
     let refused = start(&unset, &self::load(&unset, &[1, 2, 3], 4));
     let missing = SettingSet::REQUIRED;
@@ -256,7 +257,7 @@ fn a_response_is_stored_by_its_hash_alone_and_goes_stale_with_the_settings_it_wa
     let other = control.begin_response(LinkId::Usb, store);
     drop(control);
     assert_eq!(other, Err(ResponseError::OtherLink { from: LINK }));
-    // A change of settings ends the proposal, which was checked with those of before.
+    // A change of settings ends the proposal, which was checked against the previous settings.
     change_setting(&mut stylus, Setting::ForceZero, 5_000.0);
     assert_eq!(set(&mut stylus, store), unknown);
     propose(&stylus, &response).expect("it is valid");
@@ -280,7 +281,7 @@ fn a_response_is_stored_by_its_hash_alone_and_goes_stale_with_the_settings_it_wa
         let differing = SettingSet::NONE.with(setting, true);
         let stored = stylus.control.borrow().response().stored;
         assert_eq!(stored.expect("it stays").stale, differing);
-        // The gain is what a response brings, and the others are what it was measured with.
+        // A response sets the gain itself; the other settings must be those with which it was measured.
         let refused = propose(&stylus, &response).err();
         let stale = ResponseError::Stale { differing };
         assert_eq!(refused, (setting != Setting::OutputGain).then_some(stale));
@@ -321,7 +322,7 @@ fn an_equaliser_that_may_not_be_played_is_not_even_proposed() {
     }
 }
 
-/// The texture's own samples through the sections alone, at both rates; at the cost of the sections.
+/// The output is the texture's samples through the sections, at both rates, and costs the sections in addition.
 #[test]
 fn a_stored_response_equalises_every_texture_and_one_that_no_longer_fits_the_budget_is_refused() {
     for (rate, response) in [5_000, 10_000].map(|hz| (hz, response_for(&Settings::default()))) {
@@ -355,7 +356,7 @@ fn a_stored_response_equalises_every_texture_and_one_that_no_longer_fits_the_bud
         let samples = UPDATE_INTERVAL_TICKS * per_tick;
         let mut sum = 0;
         for block in 0..400 {
-            // Without contact in the end, so that both fall silent.
+            // The last blocks have no contact, so that both fall silent.
             let interaction = if block < 300 {
                 Interaction::touching(motion)
             } else {

@@ -1,4 +1,4 @@
-//! Blocks against the samples put in, with and without loss.
+//! Blocks of the recorder compared with the samples that were put in, with and without loss.
 
 use model_format::AdcCode;
 use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample};
@@ -16,7 +16,7 @@ fn sample(tick: u64) -> RecordSample {
     }
 }
 
-/// Ticks whose conversions are not all of their own are one of seven.
+/// Returns true if all conversions of `tick` belong to it, which is false for one tick in seven.
 fn is_whole(tick: u64) -> bool {
     tick % 7 != 3
 }
@@ -95,7 +95,7 @@ proptest! {
         let block_of = |tick: u64| (tick - start) / BLOCK_SAMPLES as u64;
         let lost: std::collections::BTreeSet<_> = lost_ticks.iter().map(|&tick| block_of(tick)).collect();
         let last_seen = (start..tick).rev().find(|tick| !lost_ticks.contains(tick)).expect("the first comes");
-        // Blocks that have ended as far as the reader can know.
+        // Number of blocks that have ended, as far as the reader can know.
         let over = (last_seen + 1 - start) / BLOCK_SAMPLES as u64;
         whole.extend((0..over).filter(|block| !lost.contains(block)).map(|block| block as u32));
         prop_assert_eq!(&came, &whole);

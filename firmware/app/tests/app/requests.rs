@@ -1,4 +1,4 @@
-//! Requests end to end on a device in memory: what a host sees, and what the tick is told.
+//! Requests end to end on a device in memory: what a host sees, and what the tick receives.
 
 use std::iter;
 
@@ -46,7 +46,7 @@ fn mute(stylus: &SteppedStylus) -> Vec<MuteReason> {
     stylus.status().output.mute.iter().collect()
 }
 
-/// Number of beginnings from silence, and of changes without one.
+/// Number of starts from silence, and of changes without silence.
 fn starts_and_switches(stylus: &SteppedStylus) -> (usize, usize) {
     let hardware = stylus.hardware();
     (hardware.starts, hardware.switches)
@@ -64,7 +64,7 @@ fn scene_request(name: &str) -> PlayRequest {
     }
 }
 
-/// A library with a scene of each of two textures, one of them for a rate that no stylus plays.
+/// A library with two textures and a scene of each; one texture has a rate that no stylus plays.
 fn library_with_scenes() -> Vec<u8> {
     let textures = [texture("right", 40, 1, 5_000), texture("fast", 4, 1, 8_000)];
     let scenes = [scene("bench", 0, 5_000), scene("fast", 1, 8_000)];
@@ -101,7 +101,7 @@ fn a_request_that_is_refused_says_why_and_leaves_what_was_played() {
         let error = refusal(&stylus, PlayRequest { gain, ..request });
         assert!(matches!(error, PlayError::Gain { .. }), "{error:?}");
     }
-    // A scene that costs too much is refused with the arithmetic.
+    // A scene that costs too much is refused, and the error shows the arithmetic of its cost.
     let library = Library::decode(&bytes).expect("valid");
     let plan = Plan::new(&library.scene("bench").expect("it is there"), &library);
     let cost = plan.expect("valid").worst_case();
@@ -166,7 +166,7 @@ fn what_is_played_changes_without_a_mute_where_gain_and_rate_stay_and_in_silence
             matches!(activity, Activity::Playing { selection, .. } if selection == request.selection)
         );
     }
-    // Of two requests during a fade-out the last one begins.
+    // After two requests during a fade-out, the last one begins.
     for gain in [0.5, 0.25] {
         let request = play_request("slow");
         let played = stylus.play(PlayRequest { gain, ..request });
@@ -183,8 +183,8 @@ fn what_is_played_changes_without_a_mute_where_gain_and_rate_stay_and_in_silence
 fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
     let mut stylus = SteppedStylus::ready(&library(1, 4, 1));
     let most = MAX_PIN_MEAN_SQUARE;
-    // The coil's three, the hard limit, and what follows: the peak in V, the mean square in V², the power in W, and if
-    // the image's cap is tighter.
+    // The coil's three settings and the hard limit, then the limits that follow: the peak in V, the mean square in V²,
+    // the power in W, and whether the image's cap is tighter.
     for (values, (peak_volt, mean_square, coil_watt, is_capped)) in [
         ([8.0, 1.0, 0.1, 0.5], (0.5, most, 0.01, true)),
         ([8.0, 10.0, 0.25, 0.5], (0.5, 0.02, 0.25, false)),
@@ -206,7 +206,7 @@ fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
             .collect();
         stylus.change_settings(&changes).expect("nothing plays");
         let limits = stylus.status().limits;
-        // The peak is of whole steps of the converter.
+        // The peak is a whole number of the converter's steps.
         let below = peak_volt - limits.peak_volt;
         assert!(
             (-1e-6..DacCode::STEP.0).contains(&below),
@@ -216,7 +216,7 @@ fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
         let off = off.max((limits.coil_watt - coil_watt).abs());
         assert!(off < 1e-6, "{values:?}: {limits:?}");
         assert_eq!(limits.is_capped, is_capped, "{values:?}");
-        // They are those of the tick, and the same while something plays, at whatever gain.
+        // The reported limits are those of the tick, and stay the same while something plays at any gain.
         let quiet = PlayRequest {
             gain: 0.25,
             ..play_request("texture 0")
@@ -282,7 +282,7 @@ fn the_longest_arithmetic_fits_its_answer() {
         ..Surface::of_texture(texture)
     };
     longest.surfaces = (0..16).map(surface).collect();
-    // The last two alone can be come upon.
+    // The path only reaches the last two surfaces.
     let region = |(start_mm, surface)| Region {
         start_mm,
         end_mm: start_mm + 10.0,
@@ -316,7 +316,7 @@ fn another_library_takes_over_in_silence_and_one_that_is_not_there_or_fails_does
     assert!(!stylus.sounds());
     plays(&stylus, &play_request("texture 1"));
     assert_eq!(stylus.hardware().exchanges, 2);
-    // A copy that fails leaves none, and the next activation works.
+    // If the copy to RAM fails, no library is active, and the next activation works.
     stylus.hardware().bad_loads = 1;
     let slot = SlotId::A;
     let failed = Err(ActivateError::NotCopied { slot });
@@ -349,7 +349,7 @@ fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
         let stale = MuteReason::Stale as usize;
         let began = stylus.status().output.mute_counts[stale];
         assert_eq!(began, counts[stale] + 1, "it began once");
-        // And it comes back.
+        // The sound returns.
         stylus.run(300);
         assert!(stylus.sounds());
     }
@@ -383,7 +383,7 @@ fn settings_change_at_rest_alone_and_reach_the_device() {
     assert_eq!(stylus.status().settings, SettingsState::default());
 }
 
-/// Each wait is a turn of the other tasks: of the watchdog's feeder, of the links, of the poll that mutes.
+/// At each wait other tasks have their turn: the watchdog's feeder, the links, the poll that mutes.
 #[test]
 fn a_commit_waits_between_the_steps_of_its_decoding_and_a_stop_is_served_meanwhile() {
     let mut stylus = playing();
@@ -416,8 +416,8 @@ fn a_commit_waits_between_the_steps_of_its_decoding_and_a_stop_is_served_meanwhi
         },
     );
     committed.expect("it is valid");
-    // Once per 4096 bytes read, once per step of the checksum, and once per step of nodes, which ends beyond the bytes
-    // of a step by less than as many.
+    // One wait per 4096 bytes read, one per step of the checksum, and one per step of nodes. A step of nodes may exceed
+    // the bytes of a step by up to as many again.
     let steps = bytes.len() / limits::STEP_BYTES;
     let fewest = bytes.len() / 4096 + steps + steps / 2;
     assert!(waits >= fewest, "{waits} waits, {fewest} are due");
@@ -426,7 +426,7 @@ fn a_commit_waits_between_the_steps_of_its_decoding_and_a_stop_is_served_meanwhi
     assert!(quiet < waits, "the commit was still under way");
 }
 
-/// A library in RAM that was not decoded to its end must not be seen by a plan.
+/// A plan must not use a library in RAM that is not yet completely decoded.
 #[test]
 fn a_request_in_the_middle_of_an_activation_is_refused_and_does_not_disturb_it() {
     let mut stylus = playing();
@@ -450,7 +450,7 @@ fn a_request_in_the_middle_of_an_activation_is_refused_and_does_not_disturb_it()
         },
     );
     assert_eq!(activated.expect("it is valid").slot, slot);
-    // Beside those of the check of the bytes, those of the copy in pieces of 8 KB.
+    // In addition to the waits of the check of the bytes, there are those of the copy in steps of 8 KB.
     let fewest = second.len() / 4096 + second.len() / 8192;
     assert!(waits >= fewest, "{waits} waits, {fewest} are due");
     plays(&stylus, &play_request("texture 1"));
@@ -467,7 +467,7 @@ fn nothing_plays_until_each_setting_of_the_coil_was_set_by_someone() {
         assert_eq!(refused, PlayError::SettingsNotSet { missing });
         let status = stylus.status();
         assert!(!status.output.amplifier && !status.settings.set.contains(coil.setting));
-        // The value of the default counts as soon as somebody has set it.
+        // A default value counts as set as soon as somebody has set it.
         let default = change(coil.setting, coil.setting.spec().default);
         stylus.change_settings(&[default]).expect("in range");
         missing = missing.with(coil.setting, false);
@@ -606,7 +606,7 @@ fn recordings_are_started_and_stopped_once() {
     let again = control.record_start(LinkId::Serial);
     assert_eq!(again, Err(RecordError::Recording));
     drop(control);
-    // The blocks go to the link that has begun, and not to the one that was refused.
+    // The blocks go to the link that began the recording, and not to the link that was refused.
     let block = iter::repeat_with(|| {
         stylus.hardware().tick();
         stylus.control.borrow_mut().next_block()

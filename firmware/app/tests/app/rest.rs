@@ -1,4 +1,4 @@
-//! A trial at rest: the tool in the air, with the noise that the converter gives there, moved or not.
+//! A test at rest: the tool is in the air, moved or not, with the noise that the converter has there.
 
 use fake_stylus::device::settings_with;
 use model_format::link::{Setting, Settings};
@@ -9,7 +9,7 @@ use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::scene::{Plan, ScenePlayer};
 
-/// A texture that is at its level from the force of one code on.
+/// A texture that has its full level from a force of one code on.
 fn library() -> Vec<u8> {
     let node = NodeSpec::new(400.0, CodeSpec::lattice(vec![-20_000, 9_000]));
     let spec = TextureSpec::new("loud", &[1.0], &[0.000_1], vec![node]);
@@ -21,7 +21,7 @@ fn texture(bytes: &[u8]) -> Texture<'_> {
     library.textures().next().expect("it has one")
 }
 
-/// The way from the converter's code to the DAC's, as the image goes it.
+/// The path from the converter's code to the DAC's code, as in the image.
 struct Stylus<'a> {
     input: InputConfig,
     sensors: Sensors,
@@ -46,7 +46,7 @@ impl<'a> Stylus<'a> {
         }
     }
 
-    /// Plays a block after the ticks in which `counts` and `code` were read; the codes at the DAC.
+    /// Reads `counts` and `code` in the ticks of a block, plays the block, and returns the codes at the DAC.
     fn block(&mut self, counts: i16, mut code: impl FnMut() -> AdcCode) -> Vec<DacCode> {
         for _ in 0..UPDATE_INTERVAL_SAMPLES {
             self.tick += 1;
@@ -65,8 +65,8 @@ impl<'a> Stylus<'a> {
     }
 }
 
-/// A minute of Gaussian noise around the zero of the force, for a sensor of 2 N/V and for a coarse one, whose noise is
-/// above the least threshold.
+/// A minute of Gaussian noise around the zero of the force, for a sensor of 2 N/V, and for a coarse sensor whose noise
+/// is above the least threshold.
 #[test]
 fn noise_at_rest_is_exact_silence_and_costs_what_silence_costs() {
     const ZERO: i32 = 3000;
@@ -91,7 +91,7 @@ fn noise_at_rest_is_exact_silence_and_costs_what_silence_costs() {
             );
             assert!(stylus.player.block().stages().is_empty());
         }
-        // The same hand is heard once it presses, so that the silence was not that of a stylus that plays nothing.
+        // Once the hand presses, it is heard, so the silence was not that of a stylus that plays nothing.
         let pressed = (0..100).flat_map(|_| stylus.block(3, || AdcCode(20_000)));
         assert!(
             pressed

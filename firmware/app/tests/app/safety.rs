@@ -23,7 +23,7 @@ const DELAY_CODES: f64 = 13.5;
 /// The codes of one tick at mid-scale.
 const REST: [DacCode; OVERSAMPLING] = [DacCode::MID_SCALE; OVERSAMPLING];
 
-/// Settings that pass a signal unchanged but for `changes`.
+/// Settings that pass a signal unchanged, except for `changes`.
 fn transparent_but(changes: &[(Setting, f32)]) -> Settings {
     let transparent = [
         (Setting::HardLimit, 1.45),
@@ -36,7 +36,7 @@ fn transparent_but(changes: &[(Setting, f32)]) -> Settings {
     with(&[&transparent, changes].concat())
 }
 
-/// Any settings of the output's stages; the ends of the ranges are frequent.
+/// Any settings of the output's stages; the ends of the ranges occur often.
 fn any_settings() -> impl Strategy<Value = Settings> {
     let output = [
         Setting::OutputGain,
@@ -87,7 +87,7 @@ fn any_input() -> impl Strategy<Value = Vec<(i32, i32, bool, u16)>> {
     )
 }
 
-/// Samples of such an input, each with the next one: each piece alternates between two levels.
+/// Samples of an input, in pairs of each sample and the next; each piece of the input alternates between two levels.
 fn samples(pieces: &[(i32, i32, bool, u16)]) -> impl Iterator<Item = ([OutputSample; 2], bool)> {
     pieces.iter().flat_map(|&(a, b, muted, length)| {
         let level = move |n: u16| OutputSample(if n % 7 < 3 { a } else { b });
@@ -111,7 +111,7 @@ fn power(settings: &Settings, offset: i32) -> f64 {
         * f64::from(settings.get(Setting::AmplifierGain));
     let limit = settings.get(Setting::CoilResistance) * settings.get(Setting::PowerLimit);
     let at_the_pin = (f64::from(offset) * f64::from(DacCode::STEP.0)).powi(2);
-    // Whatever the settings say, the coil that the image is built for has its limit there.
+    // Whatever the settings are, the cap of the image bounds the coil.
     (volt * volt / f64::from(limit)).max(at_the_pin / f64::from(MAX_PIN_MEAN_SQUARE))
 }
 
@@ -161,7 +161,8 @@ fn sine(amplitude: f64, hertz: f64, n: u32) -> OutputSample {
 proptest! {
     #![proptest_config(budget::config(300))]
 
-    /// As no device does it, which mutes before settings change. Only the slew limit yields to a lower hard limit.
+    /// No device does this, because a device mutes before settings change. Only the slew limit gives way to a lower
+    /// hard limit.
     #[test]
     fn a_change_of_settings_in_the_middle_of_playing_keeps_every_other_limit_and_overflows_nothing(
         all in prop::collection::vec((any_settings(), 0.0f32..=4.0, any_input()), 2..4),
@@ -185,7 +186,7 @@ proptest! {
             }
             before = None;
         }
-        // Whatever was before: what the last settings mute is silent as they say.
+        // Whatever happened before: the mute under the last settings ends in silence after their time.
         let (settings, gain, _) = all.last().expect("there are two");
         let config = Config::at_rate(settings, *gain, rate);
         for _ in 0..config.mute_ticks() {
@@ -194,7 +195,7 @@ proptest! {
         prop_assert!(state.is_at_rest());
     }
 
-    /// The heat is the mean square of what was put out, whatever settings came and went.
+    /// The heat is the mean square of what was put out, however the settings changed meanwhile.
     #[test]
     fn no_history_of_changes_cools_the_coil_or_loses_heat(
         all in prop::collection::vec((any_settings(), 0.0f32..=4.0, any_input()), 1..6),
@@ -234,7 +235,7 @@ proptest! {
             }
         }
         let load = f64::from(state.thermal_load_permille(&config)) / 1000.0;
-        // The device's value is below the model by at most the round-off, and seldom much above it.
+        // The device's value is below the model by no more than the round-off, and seldom much above the model.
         prop_assert!(load > coil.rise - 0.005 && load < coil.rise * 1.01 + 0.1, "{load} {}", coil.rise);
     }
 
@@ -254,7 +255,7 @@ proptest! {
         for (sample, _) in samples(&input) {
             prop_assert_eq!(process(&mut state, &config, sample, true), REST);
         }
-        // 5 ms are for the detection of stale inputs.
+        // 2 ms are for the detection of stale inputs.
         let allowed_ms = 100 - STALE_AFTER_MS.max(LINK_LOST_AFTER_MS) - 2;
         prop_assert!(config.mute_ticks() <= allowed_ms * TICKS_PER_MS, "{} samples", config.mute_ticks());
     }
@@ -289,7 +290,7 @@ proptest! {
         prop_assert_eq!(process(&mut state, &config, [OutputSample(level); 2], false), REST);
     }
 
-    /// The mute ramp takes the same time at both rates, and limits of codes are the same.
+    /// The mute ramp takes the same time at both rates, and the limits of codes are the same.
     #[test]
     fn what_a_limit_is_in_time_it_is_at_both_rates(settings in any_settings()) {
         let [slow, fast] = PlayRate::ALL.map(|rate| Config::at_rate(&settings, 1.0, rate));
@@ -305,7 +306,7 @@ fn within_the_limits_the_output_is_the_input_times_the_gain() {
     // 0.05 V per m/s² and 5 m/s² are 0.25 V.
     for n in 0..SAMPLE_RATE_HZ {
         let codes = offsets(state.process(&config, sine(5.0, 100.0, n), false));
-        // At 100 Hz a corner of 2 Hz turns the phase by 0.02 rad.
+        // At 100 Hz a corner at 2 Hz shifts the phase by 0.02 rad.
         for (code, offset) in (n * OVERSAMPLING as u32..).zip(codes) {
             let volt = f64::from(offset) * f64::from(DacCode::STEP.0);
             let seconds = (f64::from(code) - DELAY_CODES) / PIN_RATE;
@@ -344,7 +345,7 @@ fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
     };
     let rise = envelope(0, 3_000, false);
     let full = rise[290];
-    // A quarter of a second is half of the ramp, half a second all of it.
+    // A quarter of a second is half of the ramp, and half a second is all of it.
     assert!(
         (rise[124] - full / 2).abs() < full / 50,
         "{} of {full}",
@@ -390,7 +391,7 @@ fn an_endless_overload_is_held_below_the_power_limit_without_a_jump() {
     assert!(state.counters().thermally_limited > 20 * SAMPLE_RATE_HZ);
 }
 
-/// The loudest that a host can tell: a coil that bears anything behind an amplifier of hardly any gain.
+/// The loudest settings that a host can set: a coil that bears anything, behind an amplifier of hardly any gain.
 fn all_protection_told_away() -> Settings {
     let loosest = |setting: Setting| match setting.tighter() {
         Some(Tighter::Lower) => Some((setting, setting.spec().highest)),
@@ -423,7 +424,7 @@ fn no_settings_drive_the_pin_beyond_the_mean_square_that_this_image_is_built_for
     let mean = square / (f64::from(SECONDS) * PIN_RATE);
     let most = f64::from(MAX_PIN_MEAN_SQUARE);
     let seconds = f64::from(MAX_THERMAL_TIME_CONSTANT_S);
-    // It may end at 1.1 of the limit, and began at three quarters.
+    // The heat began at three quarters of the limit and may end at 1.1 of the limit.
     let above = 1.1 + 0.35 * seconds / f64::from(SECONDS);
     assert!(
         mean <= most * above,
@@ -494,7 +495,7 @@ fn ticks_that_are_missed_warm_the_coil_by_the_code_that_was_held() {
     };
     let [none, one, most, more] = [0, 1, MOST_HELD_TICKS, 1_000_000].map(play);
     assert!(none < one && one < most);
-    // After these the output is at mid-scale.
+    // After [`MOST_HELD_TICKS`] ticks the output is at mid-scale, so further ticks add no heat.
     assert_eq!(most, more);
 }
 
@@ -515,8 +516,8 @@ fn counters_count_what_was_changed() {
     assert!(counters(&[(Setting::SlewLimit, 0.1)]).slew_limited > 900);
 }
 
-/// A tone below 2 kHz, and the same at the other rate: the codes differ by the filters' delays alone, so that what one
-/// puts out, in the steady state, has the other's power.
+/// A tone below 2 kHz at both rates: in the steady state the codes differ only by the filters' delays, so their power
+/// is the same.
 #[test]
 fn a_tone_has_the_same_power_at_both_rates() {
     let power = |rate: PlayRate, hertz: f64| {

@@ -1,4 +1,4 @@
-//! Measurements of the self test on a device in memory: what is refused, and what is left behind.
+//! Measurements of the self test on a device in memory: what is refused, and what remains afterwards.
 
 use fake_stylus::BoardOf;
 use fake_stylus::device::{SteppedStylus, change, play_request};
@@ -86,7 +86,7 @@ fn the_output_is_moved_only_where_the_amplifier_is_known_to_be_off() {
     assert_eq!(refused, Err(SelfTestError::AmplifierMayBeOn));
     assert_eq!(stylus.hardware().test_codes, 0);
     assert!(measure(&mut stylus, output(true)).is_ok());
-    // It is said for one measurement.
+    // `disconnected` holds for one measurement only.
     let refused = measure(&mut stylus, output(false));
     assert_eq!(refused, Err(SelfTestError::AmplifierMayBeOn));
     let known = change(Setting::EnableWired, 1.0);
@@ -104,7 +104,7 @@ fn an_empty_slot_is_empty_again_after_its_flash_was_measured() {
     assert_eq!((values.not_erased, values.wrong), (0, 0));
     assert_eq!(values.words, FLASH_TEST_BYTES / 32);
     assert_eq!(slots(&mut stylus), [SlotState::Empty, SlotState::Empty]);
-    // An upload finds it as before.
+    // An upload works as before.
     assert!(stylus.upload(&library(1, 20, 1)).is_ok());
 }
 

@@ -1,5 +1,6 @@
-//! Power cuts at the operations of an upload, in four ways: each leaves the old library or the new one, and a device
-//! that accepts the next upload. And two faults in a row, after which one library is left: nothing erases it unasked.
+//! Losses of power at the operations of an upload, in four ways: each leaves the old library or the new one, and a
+//! device that accepts the next upload. Also two faults in succession that leave one library, which nothing erases
+//! unasked.
 
 use embassy_futures::block_on;
 use fake_stylus::device::SteppedStylus;
@@ -16,7 +17,7 @@ use stylus_app::upload::Uploader;
 
 use crate::budget::{self, Chance};
 
-/// Uploads `bytes` as a device does that has booted; the slot that takes them.
+/// Uploads `bytes` like a device after its boot, and returns the slot that takes them.
 fn uploaded(flash: &mut SimulatedFlash<'_>, bytes: &[u8]) -> SlotId {
     let committed = block_on(async {
         let mut store = SlotStore::open(flash).await;
@@ -45,11 +46,11 @@ fn booted(memory: Memory) -> Option<u32> {
     })
 }
 
-/// Cuts an upload of `new` into `slot` over `before` at every erasure, at the header, and at one in `share` of the
-/// other writes, and uploads again after some cuts. A device with `before` boots with the checksum `old`.
+/// Loses power in an upload of `new` into `slot` over `before`: at every erasure, at the header, and at one in `share`
+/// of the other writes. Uploads again after some of these. A device with `before` boots with the checksum `old`.
 fn cut(before: &Memory, old: Option<u32>, new: &[u8], slot: SlotId, share: usize) {
     let new_crc = announcement(new).crc32;
-    // The last word of a slot's library area is followed by its header, which ends the upload.
+    // The header follows the last word of a slot's library area, and its write ends the upload.
     let header = ((slot.index() + 1) * SLOT_BYTES - SLOT_HEADER_BYTES) / WORD_BYTES;
     let mut chance = Chance::new(budget::seed(), share as u64);
     let (mut cuts, mut sealed) = (0, 0);
@@ -157,7 +158,7 @@ fn a_library_whose_copy_fails_leaves_the_other_one_active_at_a_start() {
     let flash = SimulatedFlash::new(two([1, 2]));
     let mut stylus = SteppedStylus::boot_from_on(flash, hardware);
     assert_eq!(stylus.storage.slots().active, Some(SlotId::A));
-    // Both can be read, so the newer one may go.
+    // Both libraries can be read, so the newer one may be replaced.
     let begun = begin(&mut stylus, &small("new"), false);
     assert_eq!(begun.map(|progress| progress.slot), Ok(SlotId::B));
 }
@@ -244,7 +245,7 @@ fn in_safe_mode_the_slots_are_not_read_until_a_request_needs_them() {
     let mut stylus = boot();
     stylus.request(async |storage, _| storage.read_slots().await);
     assert!(SlotId::ALL.iter().all(|&slot| is_valid(&stylus, slot)));
-    // Nothing is active, so the older one goes.
+    // No slot is active, so the older library is replaced.
     let begun = begin(&mut stylus, &small("new"), false);
     assert_eq!(begun.map(|progress| progress.slot), Ok(SlotId::A));
 }

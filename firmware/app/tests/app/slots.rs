@@ -10,7 +10,7 @@ use stylus_app::upload::Uploader;
 use fake_stylus::flash::{Memory, SimulatedFlash};
 use fake_stylus::library::{announcement, library, small_texture, upload};
 
-/// Flash with two libraries, of which the one in slot B is newer.
+/// Flash with two libraries; the one in slot B is newer.
 fn two_libraries() -> (Memory, Vec<u8>, Vec<u8>) {
     let (first, second) = (library(1, 10, 1), library(3, 20, 2));
     let mut flash = SimulatedFlash::two_slots();
@@ -78,7 +78,7 @@ fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
         );
         assert_eq!(store.newest(), Some(SlotId::A));
     }
-    // Outside of the library it does no harm.
+    // Outside of the library a faulty word does no harm.
     let mut memory = memory;
     memory.set_faulty(SLOT_BYTES + second.len().next_multiple_of(32));
     assert_eq!(opened(memory).newest(), Some(SlotId::B));
@@ -108,7 +108,7 @@ fn a_changed_bit_makes_a_slot_invalid_wherever_it_is() {
 fn a_slot_that_goes_bad_while_the_device_runs_is_not_handed_out() {
     let (memory, first, _) = two_libraries();
     let mut flash = SimulatedFlash::new(memory);
-    // Opening the store reads each word once, and so does returning the library.
+    // Opening the store reads each word once, and returning the library reads each word again.
     flash.wears_out = Some((64, 2));
     let mut store = block_on(SlotStore::open(flash));
     assert_eq!(

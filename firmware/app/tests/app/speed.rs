@@ -1,4 +1,4 @@
-//! Speed from the encoder's counts: its noise and its delay, beside the mean of the last 20 ms.
+//! Speed from the encoder's counts: its noise and its delay, compared with those of the mean of the last 20 ms.
 
 use std::f64::consts::TAU;
 
@@ -15,13 +15,13 @@ const RATE: f64 = SAMPLE_RATE_HZ as f64;
 /// Path per count of the encoder, mm.
 const COUNT_MM: f64 = 0.01;
 
-/// Blocks of the mean that the estimate is compared with: 20 ms.
+/// Number of blocks of the mean with which the estimate is compared: 20 ms.
 const MEAN_BLOCKS: usize = 10;
 
 /// Speeds at the ends of blocks: the time, s, the estimate and the mean of 20 ms, mm/s.
 type Followed = Vec<(f64, [f64; 2])>;
 
-/// Follows a tool at `position_mm` at each time, s, but leaves out the updates of the blocks in `late`.
+/// Follows a tool that is at `position_mm` at each time, s, but leaves out the updates of the blocks in `late`.
 fn follow(position_mm: impl Fn(f64) -> f64, seconds: f64, late: &[usize]) -> Followed {
     let config = InputConfig::new(&settings_with(&[(Setting::PathPerCount, COUNT_MM as f32)]));
     let count = |tick: u64| (position_mm(tick as f64 / RATE) / COUNT_MM).floor() as i64;
@@ -48,7 +48,7 @@ fn follow(position_mm: impl Fn(f64) -> f64, seconds: f64, late: &[usize]) -> Fol
     followed
 }
 
-/// Root mean squares of both speeds' differences from `speed`, after `settled` s.
+/// RMS differences of both speeds from `speed`, after `settled` s.
 fn errors(followed: &Followed, settled: f64, speed: impl Fn(f64) -> f64) -> [f64; 2] {
     let after: Vec<_> = followed.iter().filter(|(t, _)| *t > settled).collect();
     [0, 1].map(|of| {
@@ -58,7 +58,7 @@ fn errors(followed: &Followed, settled: f64, speed: impl Fn(f64) -> f64) -> [f64
     })
 }
 
-/// Noise at a steady `speed`, over places within a count and speeds within 2 %, mm/s.
+/// Noise at a steady `speed`, over places within a count and over speeds within 2 %, mm/s.
 fn noise(speed: f64) -> [f64; 2] {
     let mut squares = [0.0; 2];
     for case in 0..32 {
@@ -72,7 +72,7 @@ fn noise(speed: f64) -> [f64; 2] {
     squares.map(f64::sqrt)
 }
 
-/// Delay at a constant acceleration of `mm_s2`, from `speed` on, ms.
+/// Delay at a constant acceleration of `mm_s2`, mm/s², from `speed` on, ms.
 fn delay(speed: f64, mm_s2: f64) -> [f64; 2] {
     let followed = follow(|t| speed * t + mm_s2 / 2.0 * t * t, 0.6, &[]);
     let after: Vec<_> = followed.iter().filter(|(t, _)| *t > 0.1).collect();
@@ -82,7 +82,7 @@ fn delay(speed: f64, mm_s2: f64) -> [f64; 2] {
     })
 }
 
-/// Delay, ms, and gain of a tremor of `hz` by a fifth of `speed`.
+/// Delay, ms, and gain of a tremor at `hz` whose amplitude is a fifth of `speed`.
 fn tremor(speed: f64, hz: f64) -> [[f64; 2]; 2] {
     let turns = TAU * hz;
     let depth = 0.2 * speed;
@@ -103,8 +103,8 @@ fn tremor(speed: f64, hz: f64) -> [[f64; 2]; 2] {
     ]
 }
 
-/// Time until a change from `before` to `after` mm/s at once is followed within a tenth, ms, and the largest share of
-/// the change that is shown; the worst of all ticks of a block.
+/// Time until an abrupt change from `before` to `after` mm/s is followed within a tenth, ms, and the largest ratio of
+/// the shown change to the true one; the worst over all ticks of a block.
 fn step(before: f64, after: f64) -> [[f64; 2]; 2] {
     let (mut longest, mut most) = ([0.0; 2], [0.0; 2]);
     for tick in 0..UPDATE_INTERVAL_TICKS {
@@ -115,7 +115,7 @@ fn step(before: f64, after: f64) -> [[f64; 2]; 2] {
                 let share = (found[of] - before) / (after - before);
                 most[of] = f64::max(most[of], share);
                 if (share - 1.0).abs() > 0.1 {
-                    // Until the next update.
+                    // The value holds until the next update, 2 ms later.
                     longest[of] = f64::max(longest[of], (t - at) * 1e3 + 2.0);
                 }
             }
@@ -124,14 +124,14 @@ fn step(before: f64, after: f64) -> [[f64; 2]; 2] {
     [longest, most]
 }
 
-/// Root mean square error of a stroke that goes back and forth at up to `speed`, `hz` times per second, mm/s.
+/// RMS error of the speed of a stroke that goes back and forth at up to `speed`, `hz` times per second, mm/s.
 fn reversals(speed: f64, hz: f64) -> [f64; 2] {
     let turns = TAU * hz;
     let followed = follow(|t| 0.003 - speed / turns * (turns * t).cos(), 2.0, &[]);
     errors(&followed, 0.25, |t| speed * (turns * t).sin().abs())
 }
 
-/// The table of `host-tools/COSTS.md`, in which no noise is worse than the mean of 20 ms by more than a tenth.
+/// The table of `host-tools/COSTS.md`. No noise in it exceeds that of the mean of 20 ms by more than a tenth.
 #[test]
 fn table_of_the_speed_has_less_delay_than_a_mean_at_no_more_noise() {
     let row = |what: String, [estimate, mean]: [f64; 2], most: f64| {
@@ -185,7 +185,8 @@ proptest! {
     ) {
         let one_count = COUNT_MM * RATE / f64::from(2 * UPDATE_INTERVAL_TICKS);
         for (t, [found, _]) in follow(|t| start + speed * t, 0.3, &[]).into_iter().skip(2) {
-            // Two blocks' counts are within a count of the path, and the estimate within one of them.
+            // The counts of two blocks differ from the path by less than a count, and the estimate is within a count of
+            // them.
             prop_assert!((found - speed.abs()).abs() < 2.01 * one_count, "{speed} at {t}: {found}");
         }
     }
@@ -200,12 +201,12 @@ fn a_hand_that_stops_is_exactly_at_rest_after_the_blocks_of_a_rest() {
         assert!(followed.iter().filter(moves).count() > 40, "{speed} mm/s");
         let last = followed.iter().rfind(|(_, found)| found[0] != 0.0);
         let last_s = last.expect("it moved").0;
-        // The last count came up to a count's time before the hand stopped.
+        // The last count comes at most the time of a count before the hand stops.
         assert!(last_s < 0.3 + rest_s, "{speed} mm/s: {last_s}");
     }
 }
 
-/// Counts that flicker, because the tool rests at the edge of one, are no more than the slowest stroke.
+/// Counts that flicker, because the tool rests at the edge of a count, give at most the speed of the slowest stroke.
 #[test]
 fn a_tool_that_rests_at_the_edge_of_a_count_is_as_good_as_at_rest() {
     let shaken = |t: f64| 0.000_1 * (t * 54_321.7).sin();

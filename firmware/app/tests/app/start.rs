@@ -9,7 +9,7 @@ const FAULT: Ended = Ended::ByFault {
 };
 const CLOCK_FAILED: Ended = Ended::ByFault { clock_failed: true };
 
-/// The start after a run that got to `stage` and ended so.
+/// The record for the start after a run that reached `stage` and ended as `ended`.
 fn after(before: Kept, stage: Option<StartStage>, healthy: bool, ended: Ended) -> Kept {
     let run = Kept {
         stage,

@@ -29,7 +29,7 @@ use crate::self_test::{flash, measure};
 const FLASH_BYTES: usize = 2 * BANK_BYTES;
 const VERSION: ImageVersion = ImageVersion::new([2, 3, 4]);
 
-/// A driver of the simulated flash that blocks, until power is lost.
+/// A blocking driver of the simulated flash, until power is lost.
 struct Blocking<'a>(SimulatedFlash<'a>);
 
 impl Blocking<'_> {
@@ -46,9 +46,9 @@ impl Blocking<'_> {
     }
 }
 
-/// The result of `work`; none if power is lost, after which it waits forever.
+/// Returns the result of `work`; none if power is lost, after which `work` waits forever.
 fn polled<R>(work: impl Future<Output = R>) -> Option<R> {
-    // Many times the operations of one call.
+    // Many more than the operations of one call.
     const POLLS: usize = 10_000;
     let mut work = pin!(work);
     let mut poll = || {
@@ -90,7 +90,7 @@ impl NorFlash for Blocking<'_> {
     }
 }
 
-/// Bytes of an image, or of anything else, that `seed` tells from others.
+/// Bytes that are different for each `seed`, for an image or other content.
 fn pattern(seed: u32, length: usize) -> Vec<u8> {
     let byte = |at: usize| (at as u32 ^ seed).wrapping_mul(0x9E37_79B9) >> 24;
     (0..length).map(|at| byte(at) as u8).collect()
@@ -120,7 +120,7 @@ fn committed() -> Committed {
 /// Record of the commit.
 const COMMIT: Record = Record::marked(mark::SWAP, 1, [2, 3, 5]);
 
-/// The device of [`committed`] before the word of the commit.
+/// The device of [`committed`] before the word of the commit is written.
 fn received() -> Committed {
     let [mut code, mut slots] = [Memory::blank(BANK_BYTES), Memory::blank(BANK_BYTES)];
     let (old, mut new) = (image(1, ACTIVE.len()), image(2, 290_000));
@@ -154,7 +154,7 @@ fn part(memory: &Memory, range: std::ops::Range<u32>) -> &[u8] {
     &memory.bytes()[range.start as usize..range.end as usize]
 }
 
-/// Runs the bootloader, with a mishap; returns the flash after it, and true if the power held.
+/// Runs the bootloader, with a mishap; returns the flash afterwards, and true if power was not lost.
 fn boot(memory: Memory, mishap: Option<(usize, Cut)>) -> (Memory, bool) {
     let flash = SimulatedFlash::new(memory);
     if let Some((operations, cut)) = mishap {
@@ -175,7 +175,8 @@ fn operations(memory: &Memory) -> Vec<Operation> {
     seen
 }
 
-/// Numbers of operations at which cuts may differ: all but the words within a copied sector, of which each end counts.
+/// Numbers of operations at which losses of power may differ: all except the words within a copied sector, of which the
+/// first and last count.
 fn edges(operations: &[Operation]) -> Vec<usize> {
     let is_inner = |operation: &Operation| match operation {
         Operation::Erase { .. } => false,
@@ -192,8 +193,8 @@ fn edges(operations: &[Operation]) -> Vec<usize> {
         .collect()
 }
 
-/// Boots `before` with each of these cuts, then to the end. Asserts that a whole image is active and everything else is
-/// as it was, and returns the flash, and true if the active image is the new one.
+/// Boots `before` with a loss of power at each of `cuts`, then to the end. Asserts that a whole image is active and
+/// everything else is unchanged. Returns the flash, and true if the active image is the new one.
 fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memory, bool) {
     let cut = |memory, cut: &(usize, Cut)| boot(memory, Some(*cut)).0;
     let (after, holds) = boot(cuts.iter().fold(before.clone(), cut), None);
@@ -210,7 +211,8 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
     (after, is_new)
 }
 
-/// Cuts these operations of an exchange, and of the way back, in so many manners, which differ from case to case.
+/// Loses power at these operations (`numbers`) of an exchange and of the way back, in `manners` manners, which differ
+/// from case to case.
 fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
     let images = committed();
     let (trial, _) = boot(images.memory.clone(), None);
@@ -227,7 +229,7 @@ fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
                     assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
                     continue;
                 }
-                // A cut at the end is a reset on the trial, which puts the old image back.
+                // A loss of power at the end is a reset on the trial, which restores the old image.
                 assert!(
                     is_new || number + 1 == operations.len(),
                     "{cut:?} at {number}"
@@ -309,12 +311,12 @@ fn a_slot_without_the_image_that_a_record_asks_for_is_left_alone_until_a_step_ha
         memory.perform(Operation::Erase { sector }, Cut::After);
     };
     let library = library::library(1, 20, 1);
-    // The first upload into a slot erases its header's sector, then that of its first byte.
+    // The first upload into a slot erases the header's sector, then the first sector.
     for (before, erased, after) in [
         (&images.memory, 0, (&images.old, mark::REVERT)),
         (&trial, 3, (&images.new, mark::BOOT)),
         (&trial, 1, (&images.new, mark::BOOT)),
-        // The way back does not read it.
+        // The way back does not read the first sector.
         (&trial, 0, (&images.old, mark::REVERT)),
     ] {
         let mut memory = before.clone();
@@ -329,15 +331,15 @@ fn a_slot_without_the_image_that_a_record_asks_for_is_left_alone_until_a_step_ha
     }
 }
 
-/// A device on trial of its second image, in two banks.
+/// A device on trial with its second image, in two banks.
 fn on_trial(images: &Committed) -> [Memory; 2] {
     let (mut code, _) = boot(images.memory.clone(), None);
     let slots = code.split_off(BANK_BYTES);
     [code, slots]
 }
 
-/// Confirms the image, whose word then fails in so many of a thousand reads; gives the other slot to a library where
-/// the device allows it; and starts many times. Returns false if the active image is none.
+/// Confirms the image; the confirmation's word then fails in `per_mille` of a thousand reads. Gives the other slot to a
+/// library if the device allows it, and starts many times. Returns false if the active image is not an image.
 fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> bool {
     let [mut code, mut slots] = banks;
     let library = library::library(1, 20, 1);
@@ -345,7 +347,7 @@ fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> b
     for start in 0..40 {
         code.seed(seed * 1000 + start);
         let mut memory = code.joined(slots);
-        // It has just started on trial.
+        // At the first start the device is on trial already.
         if start > 0 {
             memory = boot(memory, None).0;
         }
@@ -362,7 +364,7 @@ fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> b
                 stylus.request(async |storage, stage| storage.update_confirm(stage).await);
             confirm.expect("it is on trial");
         }
-        // A record that reads as if it were on trial keeps the slot.
+        // While the record reads as on trial, the slot cannot be given to the library.
         let is_given_up = start == 1 && stylus.upload(&library).is_ok();
         let (slots_flash, _, records) = stylus.storage.into_flash();
         (code, slots) = (records.expect("they are set").memory, slots_flash.memory);
@@ -586,7 +588,7 @@ fn after_a_cut_in_the_word_of_a_commit_the_phase_is_that_of_the_running_image_an
             let mut stylus = SteppedStylus::ready(&library::library(1, 4, 1));
             stylus.storage.set_updates(Updates::new(store, RUNNING));
             let is_new = part(&memory, ACTIVE) == images.new;
-            // A start does what the one before has told.
+            // A start does what the previous start has reported.
             assert!(
                 is_asked.is_none_or(|is_asked| is_asked == is_new),
                 "{cut:?}"

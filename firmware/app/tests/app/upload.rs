@@ -1,4 +1,4 @@
-//! Uploads that fail for other reasons than a power cut.
+//! Uploads that fail for other reasons than a loss of power.
 
 use embassy_futures::block_on;
 use embassy_futures::poll_once;
@@ -186,8 +186,8 @@ fn bytes_that_are_no_library_or_not_those_announced_are_not_sealed() {
     assert_library_is_left(&mut store, &old);
 }
 
-/// Uploads into a device with a mishap of the operation `at`, and returns the error, after checking that the library
-/// before is there and that the next upload succeeds.
+/// Uploads into a device with a mishap at the operation `at`, and returns the error. Checks that the old library is
+/// still there and that the next upload succeeds.
 fn with_mishap(at: usize, mishap: Mishap) -> Option<UploadError> {
     let new = library(1, 30, 2);
     let (memory, old) = flash_with_library();
@@ -213,7 +213,8 @@ fn a_fault_of_the_flash_is_told_with_its_place() {
     let slot = SlotId::B;
     let header = MAX_LIBRARY_BYTES as u32;
     let (erase, write) = (FlashOperation::Erase, FlashOperation::Write);
-    // Operation 0 erases the header's sector, 1 the first, 2 writes the first word; the header comes last.
+    // Operation 0 erases the header's sector, operation 1 the first sector, and operation 2 writes the first word; the
+    // header comes last.
     for (at, operation, offset) in [
         (0, erase, 3 * 128 * 1024),
         (1, erase, 0),
@@ -232,7 +233,7 @@ fn a_fault_of_the_flash_is_told_with_its_place() {
         let error = UploadError::ReadBack { slot, offset };
         assert_eq!(with_mishap(at, Mishap::Corrupt), Some(error), "{at}");
     }
-    // There is no such operation.
+    // There is no later operation.
     assert_eq!(with_mishap(3 + words, Mishap::Refuse), None);
 }
 
@@ -261,7 +262,7 @@ fn a_call_that_is_dropped_half_way_ends_the_upload() {
     let (mut uploader, mut store, old) = device();
     let new = library(1, 30, 2);
     begun(&mut uploader, &mut store, &new, usize::MAX);
-    // A commit yields while it reads. A caller that drops it there ends the upload.
+    // A commit yields while it reads. If its caller drops it there, the upload ends.
     assert!(poll_once(uploader.commit(&mut store)).is_pending());
     assert_eq!(uploader.state(), UploadState::Idle);
     assert_eq!(store.newest(), Some(SlotId::A));

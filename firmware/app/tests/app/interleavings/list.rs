@@ -1,4 +1,4 @@
-//! The list of requests, and the libraries that they are about.
+//! The list of requests, and the libraries that the requests use.
 
 use std::sync::LazyLock;
 
@@ -33,7 +33,7 @@ pub struct Request {
     pub answered: bool,
     /// True if the request renews the lease of a host that plays.
     pub renews: bool,
-    /// True if a second frame of its host follows, which applies the change of settings that this one proposes.
+    /// True if a second frame of its host follows, which applies the change that this request proposes.
     pub then_applies: bool,
 }
 
@@ -78,7 +78,7 @@ fn told<T: Topic>(name: &'static str, body: &impl Serialize) -> Request {
     }
 }
 
-/// A change of settings in two steps.
+/// A change of settings in two steps: a proposal and its application.
 pub fn changed(name: &'static str, values: &[SettingChange]) -> Request {
     Request {
         then_applies: true,
@@ -101,7 +101,7 @@ pub fn applied(name: &'static str, token: ProposalToken) -> Request {
     asked::<SettingsApplyEndpoint>(name, &token)
 }
 
-/// All requests. Those that come first change what is played or stored, and are drawn more often.
+/// All requests. The first [`FIRST`] of them change what is played or stored, and are chosen more often.
 pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
     let slow = play("texture 0", 1.0);
     let by_sensors = PlayRequest {
@@ -196,13 +196,13 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
     ]
 });
 
-/// Bytes of the first chunk of an upload in two.
+/// Bytes of the first chunk of an upload in two chunks.
 const HALF: usize = 64;
 
-/// Number of the requests that come first.
+/// Number of requests at the beginning of [`REQUESTS`] that are chosen more often.
 pub const FIRST: usize = 19;
 
-/// Sample of the probe, of which the DC blocker leaves some.
+/// Value of all samples of the probe, large enough that some of it passes the DC blocker.
 const PROBE: i16 = 30_000;
 
 /// Name of the texture and of the scene for 10 kHz; all others are for 5 kHz.

@@ -1,12 +1,13 @@
 //! Interleavings of the requests of two hosts on two links, which do not wait for answers, with the storage's task, the
 //! poll and the tick.
 //!
-//! The application is the device's own, on the shared fake hardware. An executor draws at each await which task goes
-//! on; ticks and polls are late by up to a millisecond. [`REQUESTS`] is the list of requests: a new one is covered by a
-//! line in it, and a new await by itself, because every one of them is a point at which the executor draws.
+//! The application is the device's own, on the shared fake hardware. At each await, an executor chooses at random which
+//! task continues; ticks and polls are late by up to a millisecond. [`REQUESTS`] is the list of requests. A new request
+//! is covered by a line in this list, and a new await is covered without any change, because the executor chooses at
+//! every await.
 //!
-//! Held at each point: what `Watch` in `world.rs` looks at. Held at the end: every request was answered once, and the
-//! device plays again.
+//! Checked at each point: what `Watch` in `world.rs` looks at. Checked at the end: every request was answered once, and
+//! the device plays again.
 
 mod list;
 mod world;
@@ -19,10 +20,10 @@ use crate::budget::{self, Chance};
 use list::{FIRST, REQUESTS, Request};
 use world::{Beginning, Checked, Choice, LATEST_POLL_TICKS, World};
 
-/// Choices of a schedule after which it counts as endless.
+/// Number of choices of a schedule after which it counts as endless.
 const MOST_CHOICES: usize = 200_000;
 
-/// A mistake after each step of the storage, so that the check can show that it would notice.
+/// A mistake made after each step of the storage, to show that the check would notice it.
 pub type Mistake = fn(&mut Control<Hardware>);
 
 /// Nothing goes wrong.
@@ -53,7 +54,7 @@ fn wander(world: &mut World, chance: &mut Chance) -> Checked {
     world.plays_again()
 }
 
-/// Runs `cases` drawn schedules of up to so many requests of each host.
+/// Runs `cases` random schedules of up to `most` requests of each host.
 fn run(cases: u32, most: usize, mistake: Mistake) -> Checked {
     let beginnings = [true, false].map(Beginning::new);
     for case in 0..u64::from(budget::cases(cases)) {
@@ -61,7 +62,7 @@ fn run(cases: u32, most: usize, mistake: Mistake) -> Checked {
         let lists: [Vec<Request>; 2] = [(); 2].map(|()| {
             let length = 1 + chance.below(most);
             let draw = |_| {
-                // Half of them of the first ones.
+                // Half of the requests are chosen from the first ones only.
                 let among = [FIRST, REQUESTS.len()][chance.below(2)];
                 REQUESTS[chance.below(among)].clone()
             };
@@ -89,7 +90,7 @@ fn schedules_of_few_and_of_many_requests_keep_the_rules() {
 
 #[test]
 fn the_check_finds_a_play_that_comes_while_a_setting_is_stored_and_a_device_that_stays_locked() {
-    // Playing is not locked meanwhile.
+    // The mistake: playing is not prevented meanwhile.
     let found = run(10_000, 2, Control::end_self_test);
     let found = found.expect_err("the lock is left out");
     assert!(found.contains("setting"), "{found}");

@@ -1,4 +1,4 @@
-//! A device with two hosts, whose tasks go on one step at a time, and what must hold at each.
+//! A device with two hosts, whose tasks continue one step at a time, and what must hold at each step.
 
 use std::pin::Pin;
 use std::task::{Context, Waker};
@@ -24,13 +24,13 @@ use super::list::{LIBRARIES, REQUESTS, Request, applied, changed, rate_of};
 /// Time within which the output is silent after a mute begins, ticks: 100 ms, and the lateness of the poll.
 const SILENT_WITHIN_TICKS: u64 = (100 * TICKS_PER_MS) as u64 + LATEST_POLL_TICKS;
 
-/// Ticks after which the poll comes at the latest, under random schedules.
+/// Largest number of ticks between two polls under random schedules.
 pub const LATEST_POLL_TICKS: u64 = 2 * TICKS_PER_MS as u64;
 
 /// Time after which nothing may be under way any more, ms: an activation waits 500 ms for rest.
 const SETTLED_AFTER_MS: u32 = 1_500;
 
-/// Settings in flash: the coil's, and ramps as short as they can be if `brief`.
+/// Settings in flash: the coil's, and the shortest possible ramps if `brief`.
 fn stored_settings(brief: bool) -> Memory {
     let mut flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
     let range = 0..2 * SECTOR_BYTES as u32;
@@ -61,12 +61,12 @@ impl Beginning {
     }
 }
 
-/// The task that goes on.
+/// The task that continues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
     /// The link of this host serves its next frame.
     Host(usize),
-    /// The storage goes on to its next await.
+    /// The storage continues to its next await.
     Storage,
     /// A millisecond: its ticks, then the poll.
     Millisecond,
@@ -149,7 +149,7 @@ impl Watch {
 /// The links of the two hosts.
 const LINKS: [LinkId; 2] = [LinkId::Usb, LinkId::Serial];
 
-/// A host: its frames that were not sent yet.
+/// A host, with its frames that have not been sent yet.
 struct Host {
     requests: Vec<Request>,
     sent: usize,
@@ -237,7 +237,8 @@ impl World {
         }
     }
 
-    /// Number of the host that plays, or else of the one that was heard last: what it has played may fade.
+    /// Number of the host that plays, or else of the host whose lease was renewed last, because what it played may
+    /// still fade.
     fn holder(&self) -> usize {
         let holder = self.control.borrow().status().lease.holder;
         let number = LINKS.iter().position(|&link| Some(link) == holder);
@@ -269,7 +270,7 @@ impl World {
             && !self.requests.is_storage_busy()
     }
 
-    /// The tasks that can go on, of those that need no time.
+    /// The tasks that can continue without waiting for time to pass.
     pub fn ready(&self) -> impl Iterator<Item = Choice> + use<> {
         let hosts = [0, 1].map(|index| {
             let host = &self.hosts[index];
@@ -338,7 +339,7 @@ impl World {
             if waited_ms > SETTLED_AFTER_MS {
                 return Err("a request is never done".to_owned());
             }
-            // A request for flash goes on many times per millisecond.
+            // A request for flash continues many times per millisecond.
             for _ in 0..16 {
                 if let Some(choice) = self.ready().next() {
                     self.go_on(choice)?;

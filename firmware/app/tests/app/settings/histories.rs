@@ -1,4 +1,4 @@
-//! Random histories of changes, power cuts and lost words.
+//! Random histories of changes, losses of power and lost words.
 
 use embassy_futures::block_on;
 use fake_stylus::device::{COIL, response_for};
@@ -14,22 +14,23 @@ use crate::budget::{self, Chance};
 /// One step of a stylus's life.
 #[derive(Clone, Copy, Debug)]
 enum Step {
-    /// A setting is set to a share of its range.
+    /// A setting is set to a fraction of its range.
     Set { setting: usize, share: u16 },
-    /// A setting is set to a share of its range, and power is lost at an operation of the flash.
+    /// A setting is set to a fraction of its range, and power is lost at an operation of the flash.
     CutSet {
         setting: usize,
         share: u16,
         at: usize,
         how: usize,
     },
-    /// A response with a share of the gain's range is stored.
+    /// A response is stored, with a gain at a fraction of the gain's range.
     Respond { share: u16 },
-    /// A response with a share of the gain's range is stored, and power is lost at an operation of the flash.
+    /// A response is stored, with a gain at a fraction of the gain's range, and power is lost at an operation of the
+    /// flash.
     CutRespond { share: u16, at: usize, how: usize },
-    /// Power is lost at an operation of the mending at a start.
+    /// Power is lost at an operation by which a start mends the copies.
     CutStart { at: usize, how: usize },
-    /// A word of a copy's last record, or one a few words before, faults, flips a bit, or becomes unstable.
+    /// A word of a copy's last record, or a word shortly before that record, faults, flips a bit, or becomes unstable.
     Damage {
         copy: usize,
         word: usize,
@@ -59,7 +60,7 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Number of one of [`NEARLY_FULL`], or none for blank flash.
+/// Index of one of [`NEARLY_FULL`], or none for blank flash.
 fn beginning() -> impl Strategy<Value = Option<usize>> {
     prop::option::of(0..NEARLY_FULL.len())
 }
@@ -73,8 +74,8 @@ fn is_weaker(setting: Setting, value: f32, than: f32) -> bool {
     }
 }
 
-/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as
-/// the cut left it. Without a cut, as the work left it.
+/// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`. `memory` is then the
+/// flash as the loss left it, or as `work` left it if there are fewer operations.
 fn cut(memory: &mut Memory, at: usize, how: usize, work: impl AsyncFnOnce(&mut Store<'_, '_>)) {
     let kinds = |number| how..how + usize::from(number == at);
     *memory = cuts(memory, kinds, work).swap_remove(0);
@@ -119,7 +120,7 @@ impl Life {
         self.acknowledge(change);
     }
 
-    /// The result of `work` on the store, whose flash stays as the work leaves it.
+    /// Returns the result of `work` on the store, whose flash stays as `work` leaves it.
     fn with_store<T>(&mut self, work: impl AsyncFnOnce(&mut Store<'_, '_>) -> T) -> T {
         let mut flash = SimulatedFlash::new(self.memory.clone());
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
@@ -224,7 +225,7 @@ fn value(setting: usize, share: u16) -> SettingChange {
     change(setting, value)
 }
 
-/// Numbers of the operations of the next change that erase.
+/// Numbers of those operations of the next change that erase.
 fn erasures(memory: &Memory) -> Vec<usize> {
     let (mut erasures, mut number) = (Vec::new(), 0);
     let mut flash = SimulatedFlash::observed(memory.clone(), |_, operation| {
@@ -242,8 +243,8 @@ fn erasures(memory: &Memory) -> Vec<usize> {
 proptest! {
     #![proptest_config(budget::config(1_500))]
 
-    /// While something may be played, no limit is weaker than the last value that was acknowledged, or whose storing
-    /// was cut, whatever the power does and whichever words are lost. Loss of power alone never keeps the stylus from
+    /// While something may be played, no limit is weaker than the last value that was acknowledged or whose storing was
+    /// cut, whenever power is lost and whichever words are lost. Loss of power by itself never keeps the stylus from
     /// playing. The store can always be written again.
     #[test]
     fn no_limit_becomes_weaker_while_something_may_be_played_and_cuts_alone_never_silence(
@@ -263,8 +264,8 @@ proptest! {
     }
 }
 
-/// No limit becomes weaker by a cut erasure that leaves any mixture of whole, erased and unreadable words, so that a
-/// copy may end with any of its older records.
+/// An interrupted erasure may leave any mixture of whole, erased and unreadable words, so that a copy may end with any
+/// of its older records. No limit becomes weaker by this.
 #[test]
 fn no_limit_becomes_weaker_by_what_a_cut_erasure_leaves() {
     let mut chance = Chance::new(budget::seed(), 0);

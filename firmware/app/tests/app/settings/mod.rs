@@ -34,7 +34,7 @@ fn open(memory: Memory) -> SettingsStore<SimulatedFlash<'static>> {
     block_on(SettingsStore::open(SimulatedFlash::new(memory), RANGE))
 }
 
-/// Opens the settings in `memory`, and returns what the flash holds afterwards besides.
+/// Opens the settings in `memory`, and replaces it by what the flash holds afterwards.
 fn opened(memory: &mut Memory) -> (Settings, SettingsState) {
     let mut flash = SimulatedFlash::new(memory.clone());
     let store = block_on(SettingsStore::open(&mut flash, RANGE));
@@ -55,8 +55,8 @@ fn set(memory: Memory, changes: &[SettingChange]) -> Memory {
 
 type Store<'a, 'b> = SettingsStore<&'a mut SimulatedFlash<'b>>;
 
-/// The flash after cuts of `work` on the store in `memory`, which `kinds` of each of its operations tells, and as the
-/// work leaves it.
+/// Returns the flash after losses of power during `work` on the store in `memory`, in the manners that `kinds` gives
+/// for each of its operations, and last the flash as `work` leaves it.
 fn cuts(
     memory: &Memory,
     kinds: impl Fn(usize) -> Range<usize>,
@@ -82,16 +82,18 @@ fn cuts(
     left
 }
 
-/// Changes from the first to the last of the flashes that [`NEARLY_FULL`] holds for each number of lost places.
+/// Number of changes from the first to the last of the flashes that [`NEARLY_FULL`] holds for each number of lost
+/// places.
 const LAST_CHANGES: usize = 6;
 
-/// Flashes with the coil's settings before the last changes until one erases, without lost places in a copy and with.
+/// Flashes with the coil's settings, shortly before the change that erases a copy, with and without lost places in a
+/// copy.
 static NEARLY_FULL: LazyLock<Vec<Memory>> = LazyLock::new(|| {
     let lost_places = [[0, 0], [1, 0], [0, 1], [3, 0], [0, 3]];
     lost_places.into_iter().flat_map(nearly_full).collect()
 });
 
-/// The flashes of which the copies have lost so many places by refused writes.
+/// The flashes of [`NEARLY_FULL`] whose copies have lost so many places (`lost_places`) by refused writes.
 fn nearly_full(lost_places: [usize; 2]) -> Vec<Memory> {
     let again = change(Setting::ForceZero, Setting::ForceZero.spec().default);
     let mut memory = set(blank(), &COIL);
@@ -105,7 +107,7 @@ fn nearly_full(lost_places: [usize; 2]) -> Vec<Memory> {
         }
     }
     let lost: usize = lost_places.iter().sum();
-    // A change of the last three places of a copy erases it before.
+    // A change that would take one of the last three places of a copy erases the copy first.
     let last = CHANGES_PER_COPY as usize - 3 - COIL.len() - 2 * lost;
     memory = set(memory, &vec![again; last - LAST_CHANGES]);
     let next = |memory: &Memory| Some(set(memory.clone(), &[again]));
@@ -130,7 +132,7 @@ fn what_cannot_be_read_at_all_is_lost_and_told_and_a_reset_begins_anew() {
     assert_eq!(store.settings(), Settings::default());
     assert_eq!(store.state().lost, SettingSet::ALL);
     assert_eq!(store.state().set, SettingSet::NONE);
-    // A change is stored although there is no room, and the others stay lost.
+    // A change is stored although a copy has no room, and the other settings stay lost.
     let changed = block_on(store.set(change(Setting::HardLimit, 0.25))).expect("it is in range");
     let lost = SettingSet::ALL.with(Setting::HardLimit, false);
     assert_eq!(store.state().lost, lost);
@@ -150,7 +152,7 @@ fn what_is_set_is_there_after_a_restart_whatever_went_before() {
     let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
     let mut expected = Settings::default();
     let mut set = SettingSet::NONE;
-    // More changes than a copy holds, so that each is erased several times.
+    // More changes than a copy holds, so that each copy is erased several times.
     for round in 0..6 * CHANGES_PER_COPY {
         let setting = Setting::ALL[round as usize % (Setting::ALL.len() - 1)];
         let spec = setting.spec();
@@ -176,7 +178,7 @@ fn what_is_set_is_there_after_a_restart_whatever_went_before() {
     assert_eq!(opened(&mut flash.memory), (expected, state));
 }
 
-/// The trap of a map of single values: a limit whose last value is lost must not become the one before.
+/// A limit whose last value is lost must not take its previous value, as it would in a map of single values.
 #[test]
 fn any_lost_word_of_one_copy_leaves_every_setting_as_it_was() {
     let tight = [
@@ -191,14 +193,14 @@ fn any_lost_word_of_one_copy_leaves_every_setting_as_it_was() {
             for damage in [Memory::set_faulty, Memory::flip_bit, Memory::set_unstable] {
                 let mut memory = memory.clone();
                 damage(&mut memory, offset);
-                // An unstable word may be right at one start and wrong at the next.
+                // An unstable word may read right at one start and wrongly at the next.
                 for _ in 0..3 {
                     let (settings, state) = opened(&mut memory);
                     assert_eq!(settings, expected.0, "copy {copy}, byte {offset}");
                     let known = (state.set, state.lost, state.differing);
                     assert_eq!(known, (expected.1.set, SettingSet::NONE, SettingSet::NONE));
                 }
-                // It was mended: the other copy may be lost now.
+                // The copy was mended, so the other copy may be lost now.
                 let offsets: Vec<_> = last_record(&memory, 1 - copy).collect();
                 memory.set_faulty(offsets[1]);
                 assert_eq!(
@@ -248,7 +250,7 @@ fn copies_that_differ_give_the_tighter_limit_and_say_so() {
     ] {
         for (before, after) in [(loose, tight), (tight, loose)] {
             let memory = set(set(blank(), &COIL), &[change(setting, before)]);
-            // Power goes between the first copy and the second.
+            // Power is lost between the writes of the first copy and the second.
             let kinds = |number| 0..usize::from(number == RECORD_WORDS);
             let mut memory = cuts(&memory, kinds, async |store| {
                 let set = store.set(change(setting, after)).await;
@@ -263,7 +265,7 @@ fn copies_that_differ_give_the_tighter_limit_and_say_so() {
             );
             assert_eq!(state.differing, SettingSet::NONE.with(setting, true));
             assert!(state.mended && state.check_playable().is_ok());
-            // Both copies hold it from then on.
+            // From then on both copies hold the value.
             let (settings, state) = opened(&mut memory);
             assert_eq!((settings.get(setting), state.mended), (tight, false));
         }
@@ -298,7 +300,7 @@ fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told
             SettingSet::NONE,
             "what could not be erased does not play"
         );
-        // When the flash works again, so does the store.
+        // When the flash works again, the store works again.
         flash.fate.spare();
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
         assert_eq!(block_on(store.reset()), Ok(Settings::default()));

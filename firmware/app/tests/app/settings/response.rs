@@ -1,4 +1,5 @@
-//! The actuator's response beside the settings: with all that belongs to it or not at all, wherever the power is cut.
+//! The actuator's response, stored with the settings: all that belongs to it changes or nothing, wherever power is
+//! lost.
 
 use embassy_futures::block_on;
 use fake_stylus::device::{COIL, change, response_for};
@@ -19,8 +20,9 @@ pub fn found(memory: &Memory) -> (Settings, Option<Response>) {
     (store.settings(), store.response())
 }
 
-/// A response that is stored, or replaced, changes with the gain that belongs to it, and with the last operation alone
-/// that its acknowledgement needs: a start after a cut, and one after a cut in the mending of that, finds one of both.
+/// A response is stored or replaced together with its gain, and only by the last operation that its acknowledgement
+/// needs. A start after a loss of power, or after another loss while that start mends the copies, finds the old state
+/// or the new one.
 #[test]
 fn a_cut_while_a_response_is_stored_leaves_all_of_the_old_or_all_of_the_new() {
     let blank = set(blank(), &COIL);
@@ -63,7 +65,8 @@ fn a_cut_while_a_response_is_stored_leaves_all_of_the_old_or_all_of_the_new() {
     }
     let mut flash = SimulatedFlash::new(memory);
     let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-    // A change of another setting keeps the response, its removal keeps the settings, and a reset removes all.
+    // A change of another setting keeps the response, a removal of the response keeps the settings, and a reset removes
+    // all.
     block_on(store.set(change(Setting::ForceZero, 5_000.0))).expect("in range");
     assert_eq!(store.response(), Some(second));
     block_on(store.set_response(None)).expect("the flash works");
