@@ -1,6 +1,5 @@
 //! The tick, 5000 times per second: one sample, or two of a plan at 10 kHz.
 //!
-//! TIM6 counts 200 µs. Its update event is the trigger: it starts the converter's sequence, and interrupts. The handler
 //! TIM6 counts 200 µs. Its update event is the trigger: it starts the converter's sequence and raises the interrupt.
 //! The handler reads the conversions of the previous trigger, computes the samples, and writes their eight codes into
 //! the ring of [`output`]. TIM7 and DMA put the codes out, the first one 212.5 µs after the trigger. So only timers set
@@ -245,14 +244,13 @@ pub fn stop() {
 ///
 /// Codes that are written more than 137.5 µs after the trigger go into the next slot. The output holds the last code
 /// until then, and the codes continue from it within the slew limit.
-/// then, and the codes continue from it within the slew limit.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.tick")]
 extern "C" fn TIM6_DAC() {
     let delay = inputs::since_trigger();
     let begin = DWT::cycle_count();
     alive::begin();
-    // A zero clears a flag of a timer, a one leaves it.
+    // Writing 0 clears a flag of a timer; writing 1 leaves it.
     TIM6.sr().write(|w| w.set_uif(false));
     // SAFETY: this is the handler that owns the value.
     let tick = unsafe { TICK.in_handler() };
