@@ -50,7 +50,7 @@ pub struct Hardware {
     guard_marks: fn() -> Marks,
     settings: Settings,
     kept_heat: Option<Heat>,
-    /// Durations of the ticks that requests for cycles have taken out of the histogram, and the number of these ticks.
+    /// Range of the durations that requests for cycles have taken out of the histogram, and the number of those ticks.
     taken: CycleRange,
     counted: u32,
     muted: bool,

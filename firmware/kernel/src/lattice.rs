@@ -14,8 +14,8 @@
 //!
 //! From the excitation to each signal the gain, averaged over frequency, is at most 1. So with white excitation no
 //! signal has a higher variance than the excitation, whatever the texture, and one scale fits all: one standard
-//! deviation is 2²⁸, full scale is eight standard deviations. Any other excitation can raise the variance by at most
-//! its highest spectral density, relative to white noise. `fit` whitens its codebooks ([`crate::feed`]), so that this
+//! deviation is 2²⁸, full scale is eight standard deviations. With any other excitation the variance is at most its
+//! highest spectral density, relative to white noise. `fit` whitens its codebooks ([`crate::feed`]), so that this
 //! density is nearly 1. Another program's codebook may be a tone on a resonance. Its pieces of at most 80 ms have
 //! random signs, which keeps the density below 280 at 5 kHz and 560 at 10 kHz: signals of 17 or 24 standard deviations.
 //! Moments, with a mean length of at most 5000 samples, allow 5600: 75 standard deviations, more than a fed texture's

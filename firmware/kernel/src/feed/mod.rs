@@ -94,7 +94,7 @@ impl Feed {
 
     /// Returns the next sample at `point` of the texture with this `material`: mean 0, variance 1, in steps of 2⁻²⁵,
     /// saturated at full scale.
-    // Not inlined, because two callers would each have a copy and the code is in a small memory.
+    // Not inlined, so that its code exists only once, because the memory that holds it is small.
     #[inline(never)]
     pub fn next_sample(&mut self, material: &Material<'_>, point: &GridPoint) -> i32 {
         let source = match &material.codebooks {

@@ -26,7 +26,7 @@ pub const FED_LATTICE: StageCost = StageCost {
 };
 
 /// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade,
-/// the choice of a piece, and the level. It covers the count of updates in QEMU.
+/// the choice of a piece, and the level. A test counts updates in QEMU against it.
 pub const FEED: u32 = 450;
 
 /// Stick-slip of a voice, in addition to the voice.
