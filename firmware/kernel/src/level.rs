@@ -43,7 +43,8 @@ pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -
             (terms.sum::<u64>() / u64::from(ONE)) as u32
         }
         LevelLaw::Logarithm => {
-            // Binary digits after the point of twice the amplitude's logarithm times a weight.
+            // Digits after the point of the amplitude's logarithm: those of `log2`, of the weights, and one for the
+            // square.
             const FRACTION_BITS: u32 = LOG2_FRACTION_BITS + ONE.ilog2() + 1;
             let (mut sum, mut lowest, mut highest) = (0, f32::MAX, 0.0f32);
             for (power, weight) in terms() {

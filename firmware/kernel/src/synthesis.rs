@@ -115,8 +115,9 @@ impl Frame {
     /// levels of the previous frame, to their new values in `samples` samples.
     ///
     /// The work is bounded, and is not part of a sample's. For a plain lattice of order 400 it takes at most ten
-    /// thousand instructions on a Cortex-M4; with fractions, a tail, and levels averaged in dB, twelve thousand. `cargo
-    /// test -p qemu-tests` counts them. A motion that does not change can be held instead, see [`Frame::hold`].
+    /// thousand instructions on a Cortex-M4; with fractions, a tail, and levels averaged in dB, it takes twelve
+    /// thousand. `cargo test -p qemu-tests` counts them. A motion that does not change can be held instead, see
+    /// [`Frame::hold`].
     pub fn update<A: Arithmetic>(
         &mut self,
         texture: &Texture<'_>,

@@ -165,8 +165,8 @@ pub fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
 /// Returns the addresses of the first sum in `rotations` and of the end of the sums, which are the last third of the
 /// words of `rotations`.
 ///
-/// A rotation overwrites only sums that have been read: rotation i ends at word 3 i + 3, and sum i + 1 of n is word 2 n
-/// + i + 1.
+/// A rotation overwrites only sums that have been read: rotation i ends at word 3 i + 3; of n sums, sum i + 1 is word 2
+/// n + i + 1.
 fn sums_in(rotations: &mut [Rotation]) -> core::ops::Range<usize> {
     let words = rotations.as_mut_ptr_range();
     let stages = rotations.len();

@@ -111,9 +111,9 @@ fn codebooks_with_the_highest_peaks_do_not_saturate_the_fixtures() {
     }
 }
 
-/// A tone in blocks, of the longest moments, on a pole just inside the unit circle. Its spectral density is E[L²]/E[L]
-/// = 1.12 · 5000 there, which is 75 standard deviations, above full scale. The state then reaches full scale but does
-/// not exceed it, and decays afterwards. Plays ten minutes.
+/// A tone in blocks, of the longest moments, on a pole just inside the unit circle. There its spectral density is
+/// E[L²]/E[L] = 1.12 · 5000, which is 75 standard deviations, above full scale. The state then reaches full scale but
+/// does not exceed it, and decays afterwards. Plays ten minutes.
 #[test]
 fn a_tone_of_moments_on_a_resonance_saturates_and_dies_away_after_it() {
     let codebook = blocks_of_ones(std::iter::repeat_n(0, 400));

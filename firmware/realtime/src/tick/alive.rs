@@ -50,7 +50,7 @@ pub fn is_running() -> bool {
     RUNNING.load(Ordering::Relaxed) == RUNNING_MARK
 }
 
-/// Clears [`RUNNING`], including what it held before a reset.
+/// Clears what [`is_running`] reports, including a tick from before a reset.
 #[inline(always)]
 pub fn clear_running() {
     RUNNING.store(0, Ordering::Relaxed);
