@@ -4,7 +4,7 @@ use std::{env, error::Error, fs, path::Path};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=build.rs");
-    // Only the image is linked here; the emulator's guest has a map of its own.
+    // Only the image is linked here; the emulator's guest has its own memory map.
     if env::var_os("CARGO_FEATURE_IMAGE").is_none() || env::var("CARGO_CFG_TARGET_ARCH")? != "arm" {
         return Ok(());
     }
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     ] {
         println!("cargo::rustc-link-arg-bin=stylus-firmware={argument}");
     }
-    // The file that is flashed holds both. Without the bootloader the image is linked for checks alone.
+    // The file that is flashed holds image and bootloader. Without the bootloader the image is linked only for checks.
     println!("cargo::rerun-if-env-changed=STYLUS_BOOTLOADER");
     if let Some(file) = env::var_os("STYLUS_BOOTLOADER") {
         println!("cargo::rerun-if-changed={}", Path::new(&file).display());
@@ -47,10 +47,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A linker script for what is flashed besides the image: the bootloader, and a word of ones in each sector of the
-/// record of updates, by which whatever flashes erases them: the bootloader has nothing to do at the first start. The
-/// word is the sector's last, far from the first places for records, because a probe fills up its page with
-/// programmed ones, and the manual does not say that such a word takes another programming (RM0433 section 4.3.9).
+/// Returns a linker script for everything that is flashed in addition to the image: the bootloader, and a word of ones
+/// in each sector of the record of updates. Because of these words, the flashing tool erases the sectors, so the
+/// bootloader has nothing to do at the first start. The word is the sector's last and lies far from the first places
+/// for records. The reason: a debug probe fills up its page with programmed ones, and the manual does not say that such
+/// a word can be programmed again (RM0433 section 4.3.9).
 fn both(bootloader: &[u8]) -> String {
     let words = bootloader.chunks(4).map(|part| {
         let mut word = [0xFF; 4];

@@ -39,7 +39,7 @@ use crate::play::{update, voice};
 use crate::tick;
 use crate::tick::output::amplifier;
 
-/// All hardware except flash and wires.
+/// All hardware except flash and links.
 pub struct Hardware {
     library: LibraryRam,
     /// The recorder, which packs samples into blocks.
@@ -50,17 +50,16 @@ pub struct Hardware {
     guard_marks: fn() -> Marks,
     settings: Settings,
     kept_heat: Option<Heat>,
-    /// Durations of the ticks that requests for cycles have taken, and their number.
+    /// Range of the durations that requests for cycles have taken out of the histogram, and the number of those ticks.
     taken: CycleRange,
     counted: u32,
     muted: bool,
-    /// Number of the first tick that has seen the present mute.
+    /// The first tick that has seen the present state of the mute.
     muted_since: u64,
 }
 
 impl Hardware {
-    /// Hardware that plays and records nothing. There is one, because there is one consuming end of the recorder's
-    /// queue.
+    /// Hardware that plays and records nothing. There is only one, because the recorder's queue has one consuming end.
     pub fn new(
         recorder: Recorder<'static>,
         reset: ResetReport,
@@ -69,7 +68,7 @@ impl Hardware {
         link_counters: fn() -> [LinkCounters; 2],
         guard_marks: fn() -> Marks,
     ) -> Self {
-        // SAFETY: this runs once, because the caller gives its only recorder away.
+        // SAFETY: this runs once, because the caller gives up its only recorder.
         let library = unsafe { LibraryRam::new() };
         Self {
             library,
@@ -109,7 +108,7 @@ impl Device for Hardware {
 
     fn now(&self) -> u64 {
         if self.start.safe_mode {
-            // No tick counts.
+            // No tick runs, so embassy's clock is converted to ticks.
             return Instant::now().as_micros() * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
         }
         tick::now()
@@ -232,7 +231,7 @@ impl Device for Hardware {
             Piece::Probe(_) => 0,
         };
         tick::stop();
-        // SAFETY: the tick was told to play nothing, and no task runs in the middle of a tick.
+        // SAFETY: the tick was stopped, and no task runs in the middle of a tick.
         unsafe {
             voice::clear();
             direction::start(seed)?;
@@ -248,7 +247,7 @@ impl Device for Hardware {
 
     fn clear(&mut self) {
         tick::stop();
-        // SAFETY: the tick was told to play nothing.
+        // SAFETY: the tick was stopped.
         unsafe { direction::clear() };
     }
 
@@ -276,7 +275,7 @@ impl Device for Hardware {
     }
 
     fn token_seed(&self) -> u64 {
-        // A counter of cycles at the instant of a request, and the chip's own number.
+        // A counter of cycles at the instant of a request, combined with the chip's unique number.
         let chip = uid::uid()
             .iter()
             .fold(0u64, |sum, byte| sum.rotate_left(11) ^ u64::from(*byte));
@@ -293,7 +292,7 @@ impl Device for Hardware {
 
     fn begin_load(&mut self) {
         self.clear();
-        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just forgotten.
+        // SAFETY: only the director and the next plan hold textures beyond a call, and both were just cleared.
         unsafe { self.library.begin() };
     }
 

@@ -1,19 +1,19 @@
 //! The stylus's image for the STM32H743 on a NUCLEO-H743ZI2.
 //!
-//! | room | content |
+//! | module | content |
 //! |---|---|
-//! | `fault` | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
+//! | `fault` | how the program ends: handlers, watchdog, stack, and the records of the reasons |
 //! | `flash` | library slots and settings in flash |
 //! | `self_test` | measurements of the self test |
 //! | `device` | the hardware as `stylus_app::control` sees it |
-//! | `link` | requests, over two wires |
+//! | `link` | requests, over the two links |
 //!
-//! What is in time, `boot`, `play` and `tick`, is the package `stylus-realtime`, which all rooms may import.
-//! Rooms import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test` imports
-//! `flash`; `flash` imports `fault`. Only `main` sees all.
+//! The time-critical modules `boot`, `play` and `tick` are in the package `stylus-realtime`, which all modules may
+//! import. Modules import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test`
+//! imports `flash`; `flash` imports `fault`. Only `main` imports all.
 //!
-//! The pins stand at the head of `tick::inputs`, `tick::output`, `link::serial` and `link::usb`; LED LD1 on PB0
-//! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.
+//! The pins are listed at the beginning of `tick::inputs`, `tick::output`, `link::serial` and `link::usb`. LED LD1 on
+//! PB0 blinks while all is well, LD3 on PB14 lights after a fault, and in safe mode the two blink in turn.
 #![no_std]
 #![cfg(all(target_arch = "arm", feature = "image"))]
 
@@ -77,7 +77,7 @@ async fn main(spawner: Spawner) {
     record::enter(Some(StartStage::Inputs));
     spawner.spawn(watchdog::feed().unwrap());
     inputs::start(board.inputs);
-    // The defaults hold until the settings are read.
+    // The defaults apply until the settings are read.
     let settings = Settings::default();
     update::start(InputConfig::new(&settings));
     tick::start(
@@ -90,12 +90,12 @@ async fn main(spawner: Spawner) {
     priority::enable();
     serve(spawner, hardware, board.links, board.leds, takes_unsigned).await;
     tick::supply::guard();
-    // Last: everything that ends the program at mid-scale is in place.
+    // This comes last, when everything that ends the program at mid-scale is in place.
     spawner.spawn(raising::raise_amplifier().unwrap());
 }
 
 /// Prepares what every later step needs: memory, watchdog, clocks, time and priorities. Returns the peripherals, and
-/// what this start knows of the last one and of itself.
+/// what is known about the last run and about this start.
 fn begin() -> (Peripherals, ResetFlags, Before, StartReport) {
     let Some(mut core) = cortex_m::Peripherals::take() else {
         defmt::unreachable!("the core peripherals are taken once");
@@ -133,7 +133,7 @@ fn begin() -> (Peripherals, ResetFlags, Before, StartReport) {
 
 /// The board's peripherals, by their use.
 struct Board {
-    /// B1, which pulls its pin up.
+    /// B1; its pin is high while the button is pressed.
     button: Input<'static>,
     leds: Leds,
     links: Links,
@@ -156,8 +156,8 @@ impl Board {
                 usart: p.USART3,
                 tx: p.PD8,
                 rx: p.PD9,
-                // In safe mode USB stays off if the start hung at the links, because more can hang in it than in the
-                // serial port.
+                // In safe mode USB stays off if the start hung at the links, because USB can hang in more places than
+                // the serial port.
                 usb: (!start.safe_mode || start.hung_stage != Some(StartStage::Links)).then_some((
                     p.USB_OTG_FS,
                     p.PA12,
@@ -240,7 +240,7 @@ async fn note_healthy() {
     record::note_healthy();
 }
 
-/// Marks of the guards in [`fault`]; the rest is left at zero.
+/// Marks of the guards in [`fault`]; the other marks stay zero.
 fn guard_marks() -> Marks {
     Marks {
         stack_bytes: stack::bytes(),
@@ -279,7 +279,7 @@ struct Leds {
     safe_mode: bool,
 }
 
-/// Blinks while the executor runs, and logs the use of the stack every ten seconds. In safe mode both LEDs blink in
+/// Blinks LD1 while the executor runs, and logs the use of the stack every ten seconds. In safe mode both LEDs blink in
 /// turn, four times as fast.
 #[embassy_executor::task]
 async fn blink(mut leds: Leds) -> ! {

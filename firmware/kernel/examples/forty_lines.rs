@@ -1,16 +1,17 @@
-//! The kernel in forty lines, on any target: the bytes of a library in, samples out. `play` allocates nothing and needs
-//! no operating system, so a firmware can have it as it is.
+//! The kernel in forty lines, on any target: reads the bytes of a library and writes samples. `play` allocates nothing
+//! and needs no operating system, so a firmware can use it unchanged.
 //!
 //!     cargo run --locked -p stylus-kernel --example forty_lines -- demo-out/textures.lib
 
 use model_format::{DecodeError, Library, MillimetresPerSecond, Newton, OutputSample};
 use stylus_kernel::{Motion, MotionError, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-/// Plays the first texture of `library` into `output`, 5000 or 10 000 samples per second as the texture says, in steps
-/// of 2⁻²⁰ m/s². `motion` gives the tool's motion at a sample; it is asked once per update interval of ten.
+/// Plays the first texture of `library` into `output`, at 5000 or 10 000 samples per second, which the texture
+/// determines, in steps of 2⁻²⁰ m/s². `motion` returns the tool's motion at a sample; it is called once per update
+/// interval of ten.
 ///
 /// # Errors
-/// Bytes that are no library that a stylus plays.
+/// The bytes are not a library that a stylus plays.
 pub fn play(
     library: &[u8],
     motion: impl Fn(usize) -> Motion,

@@ -1,5 +1,5 @@
-//! The arithmetic of the inner loops, as a trait: a processor whose instructions a compiler does not find brings its
-//! own implementation. [`Portable`] is the reference, and every other gives the same bits.
+//! The arithmetic of the inner loops, as a trait: a processor with instructions that compilers do not use brings its
+//! own implementation. [`Portable`] is the reference, and every other implementation gives the same bits.
 
 use core::cell::Cell;
 use core::sync::atomic::{Ordering, compiler_fence};
@@ -13,12 +13,12 @@ pub trait Arithmetic: Copy {
     /// Passes `forward` through the stages of a lattice, the last of `rotations` first, and returns the output; see
     /// [`crate::lattice`].
     ///
-    /// `backward` holds one word more than there are stages. Word m - 1 is the backward signal that stage m reads and
-    /// word m the one that it writes. The caller writes word 0.
+    /// `backward` holds one word more than there are stages. Stage m reads its backward signal from word m - 1 and
+    /// writes word m. The caller writes word 0.
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32;
 
-    /// Writes the rotation of each stage of `run`, by the sum of its four nodes' θ, to `rotations`, of which there are
-    /// as many.
+    /// Computes the rotation of each stage of `run` from the sum of its four nodes' θ, and writes it to `rotations`,
+    /// which holds one rotation per stage.
     ///
     /// Each product with a factor is truncated by itself, and their sum goes through [`Rotation::from_sum`].
     #[inline]
@@ -26,11 +26,11 @@ pub trait Arithmetic: Copy {
         theta::mean_rotations(run, rotations);
     }
 
-    /// Passes a block of samples through, and puts the outputs in their places: the bits of a call of
-    /// [`Arithmetic::rotate`] per sample. It writes word 0 too.
+    /// Passes a block of samples through, replacing each by its output: the same bits as a call of
+    /// [`Arithmetic::rotate`] per sample. Unlike that call, it also writes word 0.
     ///
-    /// No device knows so many samples ahead. This is for programs that do, on processors that take several samples at
-    /// once.
+    /// No device knows so many samples ahead. This is for programs that know them, on processors that compute several
+    /// samples at once.
     fn rotate_block(rotations: &[Rotation], backward: &mut [i32], samples: &mut [i32]) {
         for sample in samples {
             *sample = Self::rotate(rotations, backward, *sample);
@@ -51,8 +51,8 @@ impl Arithmetic for Portable {
             let up;
             (forward, up) = rotated(rotation, forward, pair[0].get());
             pair[1].set(up);
-            // This is no instruction. It keeps the compiler from running ahead along the forward path, because that
-            // takes more registers than there are and doubles the time of a stage on a Cortex-M4.
+            // The fence is no instruction. It keeps the compiler from running ahead along the forward path, which needs
+            // more registers than there are and doubles the time of a stage on a Cortex-M4.
             compiler_fence(Ordering::SeqCst);
         }
         forward
@@ -67,7 +67,7 @@ pub fn rotated(rotation: Rotation, forward: i32, backward: i32) -> (i32, i32) {
         i64::from(forward),
         i64::from(backward),
     );
-    // One 64-bit sum and one truncation each: two separate products would break the bound by a step.
+    // One 64-bit sum and one truncation each, because two separate products would break the bound by a step.
     let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
     let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);
     (down.saturating_add(down), up.saturating_add(up))

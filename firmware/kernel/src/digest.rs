@@ -1,8 +1,8 @@
-//! One number for what a texture plays: a digest of its first words along a fixed stroke.
+//! A digest of the first words of a texture along a fixed stroke: one number that identifies what it plays.
 //!
-//! Two platforms on which a library's texture has one digest play the same bits: each sample depends on all before it.
-//! The stroke goes to and fro between -256 and 256 mm/s, rests at each turn, presses up to 2.75 N, and lifts off now
-//! and then. It reaches the middle, the edges and the outside of every grid that a hand can follow.
+//! Two platforms play the same bits if their digests agree, because each sample depends on all before it. The stroke
+//! goes back and forth between -256 and 256 mm/s, rests at each turn, presses up to 2.75 N, and lifts off now and then.
+//! It reaches the middle, the edges and the outside of every grid that a hand can follow.
 
 use model_format::{MillimetresPerSecond, Newton, OutputSample};
 
@@ -11,16 +11,16 @@ use crate::grid::Motion;
 use crate::position::Position;
 use crate::scene::{ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer};
 
-/// Number of words that a texture's digest is of: 10 s at 5 kHz.
+/// Number of words in a texture's digest: 10 s at 5 kHz.
 pub const DIGEST_WORDS: u32 = 50_000;
 
-/// Seed of the textures that digests are compared of.
+/// Seed with which textures are played for their digests.
 pub const DIGEST_SEED: u64 = 1;
 
 /// Time from one block to the next, s.
 const BLOCK_S: f64 = 0.002;
 
-/// A digest of words that depends on each and on their order: FNV-1a (Fowler, Noll and Vo), 32 bits, over whole words.
+/// A digest that depends on each word and on their order: FNV-1a (Fowler, Noll and Vo), 32 bits, over whole words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest(u32);
 
@@ -32,7 +32,7 @@ impl Default for Digest {
 }
 
 impl Digest {
-    /// Takes the word of `sample`.
+    /// Adds the word of `sample`.
     #[inline]
     pub fn add(&mut self, sample: OutputSample) {
         self.0 = (self.0 ^ sample.0.cast_unsigned()).wrapping_mul(0x0100_0193);
@@ -60,15 +60,15 @@ pub struct Stroke {
 impl Stroke {
     /// The stroke at block `block` of a plan at `sample_rate_hz`. It repeats after 1536 blocks.
     ///
-    /// All numbers but positions have few digits, so that they are exact. A position is an integer times one factor,
-    /// which every platform rounds alike.
+    /// All numbers except positions have few digits, so that they are exact. A position is an integer times one factor,
+    /// which every platform rounds in the same way.
     pub fn at(block: u32, sample_rate_hz: u32) -> Self {
-        // Halves of the mean speed in a block, mm/s: a triangle from 128 to -128 and back, in 512 blocks.
+        // Half the mean speed of a block, mm/s: a triangle from 128 to -128 and back, in 512 blocks.
         const TURN: i32 = 256;
         const FASTEST: i32 = 128;
         let phase = (block % (2 * TURN as u32)).cast_signed();
         let speed = (phase - TURN).abs() - FASTEST;
-        // The sum of these over the blocks before, which is 0 after each period.
+        // Sum of these half speeds over the earlier blocks, which is 0 after each period.
         let falling = |blocks: i32| FASTEST * blocks - blocks * (blocks - 1) / 2;
         let rising = |blocks: i32| blocks * (blocks - 1) / 2 - FASTEST * blocks;
         let gone = if phase <= TURN {
@@ -90,7 +90,7 @@ impl Stroke {
         }
     }
 
-    /// The interaction of this moment, with contact as `detector` finds it in the force.
+    /// Returns the interaction at this block, with contact as `detector` finds it from the force.
     pub fn interaction(&self, detector: &mut ContactDetector) -> Interaction {
         let motion = Motion::new(MillimetresPerSecond(self.speed_mm_s), Newton(self.force_n));
         let motion = motion.unwrap_or(Motion::REST);
@@ -101,7 +101,7 @@ impl Stroke {
     }
 }
 
-/// Plays the first [`DIGEST_WORDS`] words of `plan` along the stroke, with [`DIGEST_SEED`], by the arithmetic `A`.
+/// Plays the first [`DIGEST_WORDS`] words of `plan` along the stroke, with [`DIGEST_SEED`] and the arithmetic `A`.
 pub fn of_plan<A: Arithmetic>(plan: Plan<'_>) -> Digest {
     let (rate, samples) = (plan.sample_rate_hz(), plan.block_samples());
     let mut player = ScenePlayer::<A>::new(plan, DIGEST_SEED);

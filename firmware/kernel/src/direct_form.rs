@@ -2,11 +2,11 @@
 //!
 //! `stylus frontier` compares it with the lattice. It needs the feature `direct-form`, which no image has.
 //!
-//! The predictors h of the four nodes around the motion are averaged, as the paper does, and so is the power σ² of the
-//! prediction error. It is cheaper than a lattice, but its stability depends on its coefficients: between two stable
-//! nodes it may be unstable, and then it saturates.
+//! The predictors h of the four nodes around the motion are averaged, as in the paper, and so is the power σ² of the
+//! prediction error. The direct form is cheaper than a lattice, but its stability depends on its coefficients: between
+//! two stable nodes it may be unstable, and then it saturates.
 //!
-//! Its predictors are no part of a library. A host makes them from the nodes of a lattice, and hands over those around
+//! The predictors are not part of a library. A host computes them from the nodes of a lattice, and passes those around
 //! the motion. The history is kept in fixed point at the texture's own scale: its loudest node's RMS lies between a
 //! sixteenth and an eighth of full scale. Sums are exact in 64 bits, and truncated toward zero once per sample.
 
@@ -18,16 +18,16 @@ use crate::fixed::{saturate, shift_toward_zero};
 use crate::grid::{GridPoint, ONE};
 use crate::level::{Levels, Ramp, rms_at};
 
-/// Digits after the point of a sample's sum, in steps of the history.
+/// Binary digits after the point of a sample's sum, relative to a step of the history.
 pub const SUM_FRACTION_BITS: u32 = 20;
 
-/// Digits after the point of a coefficient at exponent 0.
+/// Binary digits after the point of a coefficient at exponent 0.
 pub const COEFFICIENT_FRACTION_BITS: u32 = 31;
 
 /// Largest exponent: coefficients of up to 2¹⁰ in magnitude.
 pub const MAX_EXPONENT: u32 = 10;
 
-/// Bound that Σ|code| of a node stays below, so that no sum of products overflows, whatever the history.
+/// Upper bound of Σ|code| of a node, not reached, so that no sum of products overflows, whatever the history.
 pub const CODE_SUM_LIMIT: u64 = (1 << 32) - MAX_ORDER as u64;
 
 /// The frame of a motion: coefficients and the level.
@@ -37,7 +37,7 @@ pub struct DirectFrame {
     coefficients: [i32; MAX_ORDER],
     taps: usize,
     exponent: u32,
-    /// Steps of the history per step of the output, as a power of two.
+    /// Binary logarithm of the number of steps of the history per step of the output.
     scale_bits: u32,
     deviation: Ramp,
     fade: Ramp,
@@ -64,9 +64,9 @@ impl DirectFrame {
         }
     }
 
-    /// Makes this the frame of `point` on the grid of `texture`, the one that it was made for. `predictors` are those
-    /// of the point's nodes, each with as many codes as the texture's highest order and a Σ|code| below
-    /// [`CODE_SUM_LIMIT`]. Levels go from `from`, those of the frame before, to their new values in `samples` samples.
+    /// Makes this the frame of `point` on the grid of `texture`, for which it was created. `predictors` are those of
+    /// the point's nodes, each with as many codes as the texture's highest order and a Σ|code| below
+    /// [`CODE_SUM_LIMIT`]. Levels go from `from`, the previous frame's, to new values in `samples` samples.
     pub fn update(
         &mut self,
         texture: &Texture<'_>,
@@ -93,7 +93,7 @@ impl DirectFrame {
         self.fade = Ramp::between(from.fade, point.fade, samples);
     }
 
-    /// The levels with `left` samples of their ramps to come.
+    /// The levels when `left` samples of their ramps remain.
     pub fn levels(&self, left: u32) -> Levels {
         Levels {
             amplitude: self.deviation.value(left),
@@ -161,8 +161,8 @@ impl DirectState {
         (output, saturated)
     }
 
-    /// The next sample of a texture: `excitation`, in steps of 2⁻²⁸ of a standard deviation, through the filter of
-    /// `frame`, with `left` samples of its ramps to come. The flag is true if the filter was saturated.
+    /// Returns the next sample of a texture: `excitation`, in steps of 2⁻²⁸ of a standard deviation, through the filter
+    /// of `frame`, when `left` samples of its ramps remain. The flag is true if the filter was saturated.
     #[inline]
     pub fn next_sample(
         &mut self,

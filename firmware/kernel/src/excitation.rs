@@ -2,11 +2,11 @@
 //!
 //! A permuted congruential generator (PCG-XSH-RR, period 2⁶⁴) gives 32 uniform bits per sample: one for the sign, 31
 //! for the half-normal quantile. The quantile is read from a table with sixteen linear pieces in each octave of the
-//! tail's probability, so that its relative resolution is the same from the middle out to 6 σ, with no rejection and
-//! no loop.
+//! tail's probability. So its relative resolution is the same from the middle out to 6 σ, with no rejection and no
+//! loop.
 //!
-//! The generator begins at the hash of the seed. States that differ in some of their higher bits only would give
-//! correlated noise.
+//! The generator begins at the hash of the seed, because states that differ only in some of their higher bits would
+//! give correlated noise.
 
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -57,7 +57,7 @@ pub(crate) const fn hashed(seed: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// The Gaussian sample of 32 uniform bits.
+/// Returns the Gaussian sample for 32 uniform bits.
 #[inline(always)]
 fn gaussian(bits: u32) -> i32 {
     const FRACTION: u32 = 16;
@@ -74,7 +74,7 @@ fn gaussian(bits: u32) -> i32 {
     (magnitude ^ sign) - sign
 }
 
-/// The table, from the middle (x = 0 at v = 2³²) outwards, each entry by Newton's method from the one before.
+/// The table, from the middle (x = 0 at v = 2³²) outwards, each entry by Newton's method from the previous one.
 const fn quantiles() -> [i32; OCTAVES * PIECES + 1] {
     let mut table = [0; OCTAVES * PIECES + 1];
     let mut x = 0.0;
@@ -120,7 +120,7 @@ const fn upper_tail(x: f64) -> f64 {
     }
 }
 
-/// eˣ for x ≤ 0, at compile time: the series near zero, squared back up.
+/// eˣ for x ≤ 0, at compile time: the series for a small fraction of x, squared repeatedly.
 const fn exp(x: f64) -> f64 {
     const HALVINGS: u32 = 8;
     let small = x / (1u32 << HALVINGS) as f64;
@@ -144,7 +144,7 @@ mod tests {
 
     const UNIT: f64 = (1u32 << FRACTION_BITS) as f64;
 
-    /// Probability that the magnitude exceeds `x`, by an independent library.
+    /// Probability that the magnitude exceeds `x`, computed by an independent library.
     fn two_sided_tail(x: f64) -> f64 {
         libm::erfc(x / core::f64::consts::SQRT_2)
     }
@@ -160,7 +160,7 @@ mod tests {
         }
     }
 
-    /// All 2³² inputs are too many for every run; every 257th covers each piece of each octave that has that many.
+    /// All 2³² inputs are too many for every run. Every 257th covers each piece of each octave that is long enough.
     #[test]
     fn moments_over_the_generators_range_are_those_of_a_standard_normal() {
         let (mut count, mut square, mut fourth) = (0.0, 0.0, 0.0);
@@ -241,11 +241,11 @@ mod tests {
         assert_eq!(hashed(step.wrapping_mul(2)), 0x06c4_5d18_8009_454f);
     }
 
-    /// The correlation of the noise of two seeds at the same samples, in standard deviations of that of independent
-    /// noise.
+    /// Correlation of the noise of two seeds at the same samples, in standard deviations of the correlation of
+    /// independent noise.
     ///
     /// Without the hash, states that differ in one of the bits 51 to 58 rotate their outputs alike in one sample of 32,
-    /// and correlate by 0.013 to 0.026: 6.5 to 13 deviations of so many samples.
+    /// and correlate by 0.013 to 0.026, which is 6.5 to 13 standard deviations for this many samples.
     fn correlation(one: u64, other: u64) -> f64 {
         const N: usize = 1 << 18;
         let mut sources = [one, other].map(Excitation::new);
@@ -258,8 +258,8 @@ mod tests {
         (products.sum::<f64>() / libm::sqrt(N as f64)).abs()
     }
 
-    /// The bound is exceeded by chance once in 10⁹ correlations, of which there is one per pair of seeds. The hash of
-    /// a seed is that of a scene's second voice.
+    /// By chance the bound is exceeded once in 10⁹ correlations; each pair of seeds gives one correlation. The hash of
+    /// a seed is the seed of a scene's second voice.
     #[test]
     fn related_seeds_give_uncorrelated_noise() {
         const BOUND: f64 = 6.1;

@@ -1,16 +1,16 @@
 //! Fixed-point steps that round toward zero, so that no rounding adds energy or a bias.
 
-/// The upper half of `sum`, truncated toward zero. A negative sum without a fraction comes out one step nearer to zero,
-/// never farther.
+/// The upper half of `sum`, truncated toward zero. A negative sum whose lower half is zero comes out one step nearer to
+/// zero, never farther.
 ///
-/// One instruction after the product on ARM: `add hi, hi, hi, lsr #31`.
+/// On ARM this takes one instruction after the product: `add hi, hi, hi, lsr #31`.
 #[inline(always)]
 pub fn high_word_toward_zero(sum: i64) -> i32 {
     let high = (sum >> 32) as i32;
     high - (high >> 31)
 }
 
-/// The upper half of `product`. One instruction together with the product on ARM.
+/// The upper half of `product`. On ARM this takes one instruction together with the product.
 #[inline(always)]
 pub fn high_word(product: i64) -> i32 {
     (product >> 32) as i32
@@ -22,14 +22,14 @@ pub fn high_product(word: i32, half: i16) -> i32 {
     ((i64::from(word) * i64::from(half)) >> 16) as i32
 }
 
-/// The upper half of `product`, rounded to nearest: one instruction together with the product on ARM.
+/// The upper half of `product`, rounded to nearest. On ARM this takes one instruction together with the product.
 #[inline(always)]
 pub fn high_word_rounded(product: i64) -> i32 {
     ((product + (1 << 31)) >> 32) as i32
 }
 
-/// `word` plus the upper half of `product`, rounded to nearest once. The sum must fit in a word. One instruction
-/// together with the product on ARM.
+/// `word` plus the upper half of `product`, rounded to nearest once. The sum must fit in a word. On ARM this takes one
+/// instruction together with the product.
 #[inline(always)]
 pub fn plus_high_word(word: i32, product: i64) -> i32 {
     (((i64::from(word) << 32) + product + (1 << 31)) >> 32) as i32
@@ -37,15 +37,15 @@ pub fn plus_high_word(word: i32, product: i64) -> i32 {
 
 /// `value` / 2^`bits`, truncated toward zero, for `bits` below 64.
 ///
-/// It is a sum and a shift, because a division, even by a power of two that is not a constant, takes a time that
-/// depends on the data.
+/// Computed as a sum and a shift, because the time of a division depends on the data, even by a power of two unless it
+/// is a constant.
 #[inline(always)]
 pub fn shift_toward_zero(value: i64, bits: u32) -> i64 {
     let below_one = (1i64 << bits) - 1;
     (value + ((value >> 63) & below_one)) >> bits
 }
 
-/// `value` in 32 bits, saturated; the flag is true if saturation changed it.
+/// `value` saturated to 32 bits; the flag is true if saturation changed it.
 #[inline(always)]
 pub fn saturate(value: i64) -> (i32, bool) {
     let (word, sign) = (value as i32, (value >> 63) as i32);

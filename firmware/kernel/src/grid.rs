@@ -9,7 +9,7 @@ pub struct Motion {
     force_n: f32,
 }
 
-/// A motion that no sensor should give.
+/// A motion that no sensor should produce.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionError {
     /// The speed is NaN or infinite.
@@ -36,7 +36,7 @@ impl Motion {
         force_n: 0.0,
     };
 
-    /// A motion. The speed's sign is dropped, and a negative force is no contact.
+    /// Creates a motion. The speed's sign is dropped, and a negative force counts as no contact.
     ///
     /// # Errors
     /// A speed or force that is not finite.
@@ -70,7 +70,7 @@ pub const ONE: u32 = 1 << 16;
 /// A position on a grid: the four nodes around it with their bilinear weights, and the fade of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridPoint {
-    /// (speed index, force index) of the nodes. At an edge two of them are the same node, one with weight zero.
+    /// Nodes as (speed index, force index). At an edge two of them are the same node, one of them with weight zero.
     pub nodes: [(usize, usize); 4],
     /// Weights of the nodes in steps of 2⁻¹⁶. They add up to exactly [`ONE`].
     pub weights: [u32; 4],
@@ -80,12 +80,12 @@ pub struct GridPoint {
 }
 
 impl GridPoint {
-    /// Finds `motion` on the grid of `texture`. Above the grid its edge counts.
+    /// Finds `motion` on the grid of `texture`. Above the grid, the values at its edge apply.
     pub fn locate(texture: &Texture<'_>, motion: Motion) -> Self {
         let law = texture.fade_law();
         let speed = AxisPosition::on(texture.speed_axis(), motion.speed_mm_s, law);
         let force = AxisPosition::on(texture.force_axis(), motion.force_n, law);
-        // Rounding one product and taking the others as differences keeps the sum exact, and none is negative.
+        // One product is rounded and the others are differences, so the sum stays exact and no weight is negative.
         let both = ((u64::from(speed.fraction) * u64::from(force.fraction)) >> 16) as u32;
         Self {
             nodes: [
@@ -104,14 +104,14 @@ impl GridPoint {
         }
     }
 
-    /// The bilinear mean of a node's quantity.
+    /// Returns the bilinear mean of a quantity of the nodes.
     pub fn mean(&self, quantity: impl Fn(usize, usize) -> f32) -> f32 {
         let quantities = self.nodes.map(|(speed, force)| quantity(speed, force));
         mean(&self.weights, &quantities)
     }
 }
 
-/// The mean of four nodes' `quantities` with their `weights`, in single precision.
+/// Returns the mean of four nodes' `quantities` with their `weights`, in single precision.
 pub(crate) fn mean(weights: &[u32; 4], quantities: &[f32; 4]) -> f32 {
     let mut sum = 0.0;
     for (quantity, &weight) in quantities.iter().zip(weights) {
@@ -170,7 +170,7 @@ fn steps(fraction: f32) -> u32 {
 
 /// The root of a fraction below one, in steps of 2⁻¹⁶, rounded to nearest.
 fn root_steps(fraction: f32) -> u32 {
-    /// Digits of the root that are rounded away.
+    /// Extra binary digits of the root, which are rounded away.
     const MORE_BITS: u32 = 8;
     const SCALE: u64 = 1 << (2 * (ONE.ilog2() + MORE_BITS));
     // A power of two scales a float exactly; the integer root is exact too.

@@ -4,26 +4,26 @@
 //! f[m-1] = cos θ[m] · f[m] - sin θ[m] · g[m-1]      for m = M .. 1, with g the backward signals of the sample before,
 //! g[m]   = sin θ[m] · f[m] + cos θ[m] · g[m-1]      f[M] the excitation, f[0] = g[0] the output, k = sin θ
 //! ```
-//! Every stage is a rotation, so that the norm of `(f[M], g)` is that of `(f[0], g)`. The state cannot grow, even if
-//! all θ change at every sample, and whatever the history (Laroche, J. Audio Eng. Soc. 55(6), 2007). The same holds
-//! in integers, because cos² + sin² ≤ 1 holds in them and products are truncated toward zero: f² + g² never grows in
-//! any stage, and shrinks by at least one step in every stage whose signals are not zero. Without excitation the state
-//! therefore decays to exactly zero. Saturation can only shrink the norm too. This holds for any excitation, words at
-//! full scale included: no signal has more energy than state and excitation had together, so that an impulse adds at
-//! most itself.
+//! Every stage is a rotation, so that `(f[M], g)` before and `(f[0], g)` after a sample have the same norm. The state
+//! cannot grow, even if all θ change at every sample, and whatever the history (Laroche, J. Audio Eng. Soc. 55(6),
+//! 2007). The same holds in integers, because cos² + sin² ≤ 1 holds in them and products are truncated toward zero: the
+//! sum f² + g² never grows in any stage, and shrinks by at least one step in every stage whose signals are not zero.
+//! Without excitation the state therefore decays to exactly zero. Saturation can also only shrink the norm. This holds
+//! for any excitation, including words at full scale: no signal has more energy than state and excitation had together,
+//! so that an impulse adds at most its own energy.
 //!
-//! From the excitation to each signal the gain, averaged over frequency, is at most 1. White excitation therefore gives
-//! all signals its variance at most, whatever the texture, so that one scale fits all: one standard deviation is 2²⁸,
-//! full scale is eight standard deviations. Any other excitation gives at most its highest spectral density, relative
-//! to white noise. `fit` whitens its codebooks ([`crate::feed`]), so that this is nearly 1. Another program's codebook
-//! may be a tone on a resonance. Its pieces of at most 80 ms have random signs, which keeps the density below 280 at
-//! 5 kHz and 560 at 10 kHz: signals of 17 or 24 standard deviations. Moments, of at most 5000 samples in the mean,
-//! allow 5600: 75 standard deviations, more than a fed texture's full scale. Where signals reach full scale they
-//! saturate, and `status` counts it.
+//! From the excitation to each signal the gain, averaged over frequency, is at most 1. So with white excitation no
+//! signal has a higher variance than the excitation, whatever the texture, and one scale fits all: one standard
+//! deviation is 2²⁸, full scale is eight standard deviations. With any other excitation the variance is at most its
+//! highest spectral density, relative to white noise. `fit` whitens its codebooks ([`crate::feed`]), so that this
+//! density is nearly 1. Another program's codebook may be a tone on a resonance. Its pieces of at most 80 ms have
+//! random signs, which keeps the density below 280 at 5 kHz and 560 at 10 kHz: signals of 17 or 24 standard deviations.
+//! Moments, with a mean length of at most 5000 samples, allow 5600: 75 standard deviations, more than a fed texture's
+//! full scale. Signals that reach full scale saturate, and `status` counts this.
 //!
-//! A fed excitation has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two. Its lattice
-//! therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations. Round-off is 92 to 95
-//! dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more with steps of 2⁻²⁸.
+//! A fed excitation has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two pieces. Its
+//! lattice therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations. Round-off is 92
+//! to 95 dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more with steps of 2⁻²⁸.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
@@ -37,10 +37,10 @@ use crate::level::{Levels, Ramp, rms_of};
 use crate::nodes::Nodes;
 use crate::rotation::Rotation;
 
-/// Digits after the point of the gain in m/s²: full scale of the lattice times full gain is that of the output.
+/// Binary digits after the point of the gain, m/s². The lattice's full scale times full gain is the output's.
 pub(crate) const GAIN_FRACTION_BITS: u32 = 23;
 
-/// Digits that a product of lattice and gain loses to become a sample of the output.
+/// Bits by which a product of lattice and gain is shifted down to become a sample of the output.
 const OUTPUT_SHIFT: u32 = 31;
 
 /// The frame of a motion: rotations of all stages, and the level.
@@ -54,7 +54,7 @@ pub struct LatticeFrame {
 /// The state of a lattice: the backward signals.
 #[derive(Clone, Debug)]
 pub struct LatticeState {
-    /// g[0] to g[M]. The last is written and never read.
+    /// g[0] to g[M]. The last one is written and never read.
     backward: [i32; MAX_ORDER + 1],
 }
 
@@ -78,8 +78,8 @@ impl LatticeFrame {
         (self.stages, self.gain) = (stages, Ramp::new());
     }
 
-    /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
-    /// from `from`, that of the frame before, to its new value in `samples` samples.
+    /// Makes this the frame of `point` on the grid of `texture`, a lattice with at most as many stages as this frame.
+    /// The level goes from `from`, the level of the previous frame, to its new value in `samples` samples.
     pub fn update<A: Arithmetic>(
         &mut self,
         texture: &Texture<'_>,
@@ -95,13 +95,13 @@ impl LatticeFrame {
         self.gain = Ramp::between(from.amplitude, gain as u32, samples);
     }
 
-    /// Restarts the level's ramp at `from`, for a motion and a gain that have not changed. The frame is then what
-    /// [`LatticeFrame::update`] would make, in some ten instructions.
+    /// Restarts the level's ramp at `from`, for a motion and a gain that have not changed. The frame is then the same
+    /// as after [`LatticeFrame::update`], in some ten instructions.
     pub fn hold(&mut self, from: Levels, samples: u32) {
         self.gain = self.gain.again(from.amplitude, samples);
     }
 
-    /// The level with `left` samples of the ramp to come, the fade included.
+    /// The level, including the fade, when `left` samples of the ramp remain.
     pub fn levels(&self, left: u32) -> Levels {
         Levels {
             amplitude: self.gain.value(left),
@@ -114,8 +114,8 @@ impl LatticeFrame {
         &self.rotations[..self.stages]
     }
 
-    /// Output of the lattice at the level with `left` samples of the ramp to come. The flag is true if the lattice is
-    /// at full scale.
+    /// Output of the lattice at the level when `left` samples of the ramp remain. The flag is true if the lattice is at
+    /// full scale.
     #[inline(always)]
     fn output(&self, filtered: i32, left: u32) -> (OutputSample, bool) {
         let gain = self.gain.value(left);
@@ -123,8 +123,8 @@ impl LatticeFrame {
         (OutputSample(output as i32), is_full_scale(filtered))
     }
 
-    /// As [`LatticeFrame::output`], of a lattice in the steps of a fed excitation. The flag is true if excitation,
-    /// lattice or output are at full scale.
+    /// Like [`LatticeFrame::output`], for a lattice in the steps of a fed excitation. The flag is true if excitation,
+    /// lattice or output is at full scale.
     #[inline(always)]
     fn fed_output(&self, excitation: i32, filtered: i32, left: u32) -> (OutputSample, bool) {
         let product = i64::from(filtered) * i64::from(self.gain.value(left));
@@ -143,13 +143,13 @@ impl LatticeState {
         }
     }
 
-    /// A lattice of `stages` stages, at most [`MAX_ORDER`], that has been played for ever: its backward signals are
+    /// A lattice of `stages` stages, at most [`MAX_ORDER`], as if it had been played forever: its backward signals are
     /// the next `stages` samples of `source`.
     ///
-    /// That is the stationary state of any rotations. A sample maps excitation and state, independent signals of unit
-    /// variance, orthogonally to the state after it and the signal that leaves the last stage; these are then
-    /// independent and of unit variance too. It holds at each sample by itself, so a state that was left while the
-    /// coefficients moved, and is taken up with others, is stationary as well.
+    /// This is the stationary state for any rotations. Each sample maps excitation and state, independent signals of
+    /// unit variance, orthogonally to the next state and the signal that leaves the last stage. So these are
+    /// independent and of unit variance, too. This holds at each single sample, so a state that was left while the
+    /// coefficients moved, and continues with other coefficients, is stationary as well.
     pub fn stationary(stages: usize, source: &mut Excitation) -> Self {
         let mut state = Self::new();
         for backward in &mut state.backward[..stages.min(MAX_ORDER)] {
@@ -158,7 +158,7 @@ impl LatticeState {
         state
     }
 
-    /// As [`LatticeState::stationary`], in the steps of a fed excitation.
+    /// Like [`LatticeState::stationary`], in the steps of a fed excitation.
     pub fn fed_stationary(stages: usize, source: &mut Excitation) -> Self {
         let mut state = Self::new();
         for backward in &mut state.backward[..stages.min(MAX_ORDER)] {
@@ -179,7 +179,7 @@ impl LatticeState {
         &self.backward[..stages]
     }
 
-    /// Returns whether the state of `stages` stages is zero, so that they never put out anything without an excitation.
+    /// Returns whether the state of `stages` stages is zero, so that they output only zeros until the next excitation.
     pub fn is_silent(&self, stages: usize) -> bool {
         self.backward(stages).iter().all(|&g| g == 0)
     }
@@ -194,16 +194,16 @@ impl LatticeState {
         output
     }
 
-    /// Passes a block of excitation through and puts the outputs in its place, as a call of [`LatticeState::filter`]
-    /// per sample does; see [`Arithmetic::rotate_block`].
+    /// Passes a block of excitation through and replaces it by the outputs, like a call of [`LatticeState::filter`] per
+    /// sample; see [`Arithmetic::rotate_block`].
     pub fn filter_block<A: Arithmetic>(&mut self, rotations: &[Rotation], samples: &mut [i32]) {
         let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
         let backward = &mut self.backward[..=rotations.len()];
         A::rotate_block(rotations, backward, samples);
     }
 
-    /// The next sample of a texture: `excitation` through the lattice of `frame`, at its level with `left` samples of
-    /// its ramp to come. The flag is true if the lattice is at full scale.
+    /// Returns the next sample of a texture: `excitation` through the lattice of `frame`, at its level when `left`
+    /// samples of its ramp remain. The flag is true if the lattice is at full scale.
     #[inline]
     pub fn next_sample<A: Arithmetic>(
         &mut self,
@@ -215,7 +215,7 @@ impl LatticeState {
         frame.output(filtered, left)
     }
 
-    /// As [`LatticeState::next_sample`], of a fed texture: a step of `excitation` is 2⁻²⁵.
+    /// Like [`LatticeState::next_sample`], for a fed texture: a step of `excitation` is 2⁻²⁵.
     #[inline]
     pub fn next_fed_sample<A: Arithmetic>(
         &mut self,
@@ -227,8 +227,8 @@ impl LatticeState {
         frame.fed_output(excitation, filtered, left)
     }
 
-    /// The next samples, as a call of [`LatticeState::next_sample`] for each gives them. `samples` holds the excitation
-    /// and then the output; `left` samples of the ramp were to come before the first. Returns how many are at full
+    /// Computes the next samples, like a call of [`LatticeState::next_sample`] for each. `samples` holds the excitation
+    /// and then the output. Before the first sample, `left` samples of the ramp remained. Returns how many are at full
     /// scale.
     pub fn next_block<A: Arithmetic>(
         &mut self,
@@ -245,8 +245,8 @@ impl LatticeState {
         })
     }
 
-    /// As [`LatticeState::next_block`], of a fed texture: the samples of [`LatticeState::next_fed_sample`], which go
-    /// to `outputs`. `excitation` holds as many.
+    /// Like [`LatticeState::next_block`], for a fed texture: the samples of [`LatticeState::next_fed_sample`], written
+    /// to `outputs`. `excitation` has the same length.
     pub fn next_fed_block<A: Arithmetic>(
         &mut self,
         frame: &LatticeFrame,
@@ -265,7 +265,7 @@ impl LatticeState {
     }
 }
 
-/// The samples of a ramp that are to come after each sample of a block, `left` before the first.
+/// Samples of a ramp that remain after each sample of a block, if `left` remained before the first.
 fn ramp_from(left: u32) -> impl Iterator<Item = u32> {
     (1..).map(move |played| left.saturating_sub(played))
 }

@@ -7,7 +7,7 @@ use crate::logarithm::{LOG2_FRACTION_BITS, exp2, log2};
 
 /// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`.
 ///
-/// `power` · 4^`bits` must be below 2⁶⁴, as every valid node's is for the bits that this crate asks for.
+/// `power` · 4^`bits` must be below 2⁶⁴, which holds for every valid node and the bits that this crate uses.
 pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
     // A power of two scales a float exactly; the integer root is exact too.
     let scaled = (power * (1u64 << bits) as f32 * (1u64 << bits) as f32) as u64;
@@ -25,11 +25,11 @@ pub fn rms_at(
     rms_of(&point.weights, law, bits, &powers)
 }
 
-/// The RMS in steps of 2^-`bits` between four nodes of these `powers`, with their `weights`, by `law`.
+/// Returns the RMS in steps of 2^-`bits` between four nodes of these `powers`, with their `weights`, by `law`.
 ///
-/// At a node it is [`rms_in_steps`] of the node's power, by every law. By amplitude and by logarithm it is never
-/// outside of the range of the nodes that have a weight, and does not turn back along an edge of a cell. The mean power
-/// is one of single precision.
+/// At a node it is [`rms_in_steps`] of the node's power, by every law. By amplitude and by logarithm, the RMS is never
+/// outside the range of the nodes that have a weight, and is monotonic along an edge of a cell. The mean of powers is
+/// computed in single precision.
 pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -> u32 {
     let terms = || {
         let terms = powers.iter().copied().zip(weights.iter().copied());
@@ -43,11 +43,12 @@ pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -
             (terms.sum::<u64>() / u64::from(ONE)) as u32
         }
         LevelLaw::Logarithm => {
-            // Twice the amplitude's logarithm, with the digits of the weights.
+            // Digits after the point of the amplitude's logarithm: those of `log2`, of the weights, and one for the
+            // square.
             const FRACTION_BITS: u32 = LOG2_FRACTION_BITS + ONE.ilog2() + 1;
             let (mut sum, mut lowest, mut highest) = (0, f32::MAX, 0.0f32);
             for (power, weight) in terms() {
-                // Comparisons, because minimum and maximum are calls of a library on ARM.
+                // Comparisons, because minimum and maximum are library calls on ARM.
                 if power < lowest {
                     lowest = power;
                 }
@@ -56,7 +57,7 @@ pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -
                 }
                 sum += i64::from(weight) * log2(power);
             }
-            // At a node both bounds are its own level. Elsewhere they take off what the logarithm rounds.
+            // At a node both bounds are its own level. Elsewhere they remove the rounding error of the logarithm.
             exp2(sum + (i64::from(bits) << FRACTION_BITS), FRACTION_BITS)
                 .max(rms_in_steps(lowest, bits))
                 .min(rms_in_steps(highest, bits))
@@ -64,7 +65,7 @@ pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -
     }
 }
 
-/// A quantity that goes in equal steps from its value to that of the next frame, so that no change clicks.
+/// A quantity that goes in equal steps from its value in one frame to that in the next, so that no change clicks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ramp {
     target: i32,
@@ -72,13 +73,13 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// A ramp that rests at zero.
+    /// A ramp that stays at zero.
     pub const fn new() -> Self {
         Self { target: 0, step: 0 }
     }
 
-    /// A ramp from `from`, which must not be negative, to `target` in `samples` steps; a larger target than 2³¹ - 1 is
-    /// clamped to it.
+    /// A ramp from `from`, which must not be negative, to `target` in `samples` steps. A target above 2³¹ - 1 is
+    /// clamped to 2³¹ - 1.
     pub fn between(from: i32, target: u32, samples: u32) -> Self {
         let target = target.min(i32::MAX as u32) as i32;
         Self {
@@ -93,16 +94,16 @@ impl Ramp {
         Self::between(from, self.target.cast_unsigned(), samples)
     }
 
-    /// The value with `left` samples of the ramp still to come. At the end it is exactly the target.
+    /// The value when `left` samples of the ramp remain. At the end it is exactly the target.
     #[inline(always)]
     pub fn value(self, left: u32) -> i32 {
         self.target - self.step * left as i32
     }
 }
 
-/// Values of a frame's ramps, from which the next frame goes on.
+/// Values of a frame's ramps, from which the next frame continues.
 ///
-/// The units are those of the texture's frames. They are the same for all frames of one texture.
+/// The units are those of the texture's frames, and are the same for all frames of one texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Levels {
     pub(crate) amplitude: i32,

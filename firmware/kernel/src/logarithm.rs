@@ -1,6 +1,6 @@
 //! Logarithm and power of two in fixed point, for levels that are averaged in dB.
 //!
-//! All is integer arithmetic, so that every processor gives the same bits. Both together are within 10⁻⁵ dB.
+//! All arithmetic is in integers, so that every processor gives the same bits. Both together are within 10⁻⁵ dB.
 
 /// Digits after the point of a logarithm.
 pub const LOG2_FRACTION_BITS: u32 = 24;
@@ -8,10 +8,10 @@ pub const LOG2_FRACTION_BITS: u32 = 24;
 /// Digits after the point of the mantissas below.
 const MANTISSA_BITS: u32 = 31;
 
-/// Binary digits of a place in the tables of centres.
+/// Binary digits of an index into the tables of centres.
 const CENTRE_BITS: u32 = 5;
 
-/// Number of centres: 1, 1 + 2⁻⁵ and on, up to 2.
+/// Number of centres: 1, 1 + 2⁻⁵, 1 + 2 · 2⁻⁵, and so on up to 2.
 const CENTRES: usize = (1 << CENTRE_BITS) + 1;
 
 /// 1 / centre in steps of 2⁻³¹, rounded down.
@@ -26,7 +26,7 @@ const RECIPROCALS: [u32; CENTRES] = {
     reciprocals
 };
 
-/// log₂ of one over each of [`RECIPROCALS`] as they are stored, in steps of 2⁻³¹, rounded down.
+/// log₂ of the inverse of each of [`RECIPROCALS`] as they are stored, in steps of 2⁻³¹, rounded down.
 const LOGARITHMS: [u32; CENTRES] = {
     let mut logarithms = [0; CENTRES];
     let mut place = 0;
@@ -46,8 +46,8 @@ const LOGARITHMS: [u32; CENTRES] = {
     logarithms
 };
 
-/// Digits after the point of a mantissa's distance from its centre, relative to the centre: it is at most 2⁻⁶ in
-/// magnitude.
+/// Digits after the point of a mantissa's distance from its centre, relative to the centre. The distance is at most 2⁻⁶
+/// in magnitude.
 const DISTANCE_BITS: u32 = 36;
 
 /// (-1)ⁿ⁺¹ / (n ln 2) for n of 1 to 4, in steps of 2⁻²⁹: the series of log₂(1 + x), whose remainder is below 10⁻⁹ for x
@@ -68,22 +68,22 @@ const LOG2_SERIES: [i32; 4] = {
 const SERIES_BITS: u32 = 29;
 
 /// log₂ of `value` in steps of 2⁻²⁴, rounded down, for a positive finite `value`. It is within two steps of the exact
-/// one, exact for powers of two, and larger for every larger value.
+/// logarithm, exact for powers of two, and larger for every larger value.
 ///
-/// Zero counts as the smallest positive value. The mantissa is the nearest centre times 1 + x, and log₂(1 + x) a
-/// series.
+/// Zero counts as the smallest positive value. The mantissa is the nearest centre times 1 + x, and log₂(1 + x) is
+/// computed as a series.
 pub fn log2(value: f32) -> i64 {
     const STORED_BITS: u32 = f32::MANTISSA_DIGITS - 1;
-    /// Exponent of a value's lowest stored digit where the exponent field is 0 or 1.
+    /// Exponent of a value's lowest stored digit if the exponent field is 0 or 1.
     const LOWEST: i32 = f32::MIN_EXP - f32::MANTISSA_DIGITS as i32;
     let bits = value.to_bits() & (u32::MAX >> 1);
     let field = bits >> STORED_BITS;
     let hidden = u32::from(field > 0) << STORED_BITS;
     let digits = ((bits & ((1 << STORED_BITS) - 1)) | hidden).max(1);
-    // `value` is mantissa · 2^exponent with a mantissa of 1 to 2.
+    // `value` is mantissa · 2^exponent with a mantissa from 1 to 2.
     let exponent = LOWEST + field.max(1) as i32 - 1 + digits.ilog2() as i32;
     let mantissa = digits << (MANTISSA_BITS - digits.ilog2());
-    // A digit more than the place's, rounded off.
+    // One binary digit more than the index has, rounded off.
     let halves = (mantissa >> (MANTISSA_BITS - CENTRE_BITS - 1)) - (2 << CENTRE_BITS);
     let place = halves.div_ceil(2) as usize;
     let ratio = u64::from(mantissa) * u64::from(RECIPROCALS[place]);
@@ -107,7 +107,7 @@ fn high_word(a: i32, b: i32) -> i32 {
 
 /// 2^(`exponent` · 2⁻`fraction_bits`), rounded down, at most `u32::MAX`; `fraction_bits` are 32 to 62.
 ///
-/// It never falls where `exponent` rises, because all terms of the series are positive and rounded down.
+/// The result never falls while `exponent` rises, because all terms of the series are positive and rounded down.
 pub fn exp2(exponent: i64, fraction_bits: u32) -> u32 {
     let whole = exponent >> fraction_bits;
     let fraction = (exponent - (whole << fraction_bits)) as u64;
@@ -119,7 +119,7 @@ pub fn exp2(exponent: i64, fraction_bits: u32) -> u32 {
     }
 }
 
-/// 2^x in steps of 2⁻³¹, for x in steps of 2⁻³²: 1 up to less than 2.
+/// 2^x in steps of 2⁻³¹, for x in steps of 2⁻³²; the result is at least 1 and below 2.
 fn exp2_of_fraction(x: u32) -> u64 {
     let mut sum = 0;
     for coefficient in EXP2_SERIES.into_iter().rev() {
@@ -128,7 +128,7 @@ fn exp2_of_fraction(x: u32) -> u64 {
     sum
 }
 
-/// (ln 2)ⁿ / n! in steps of 2⁻³¹: the series of 2^x, whose rest is below 10⁻⁸ for x below 1.
+/// (ln 2)ⁿ / n! in steps of 2⁻³¹: the series of 2^x, whose remainder is below 10⁻⁸ for x below 1.
 const EXP2_SERIES: [u64; 10] = {
     let mut series = [0; 10];
     let (mut n, mut term) = (0, 1.0);
@@ -163,7 +163,7 @@ mod tests {
         }
     }
 
-    /// All mantissas at one exponent; the others differ by whole numbers.
+    /// All mantissas at one exponent; logarithms at other exponents differ by whole numbers.
     #[test]
     fn log2_is_larger_for_every_larger_value_and_within_two_steps_of_the_exact_one() {
         let mut before = log2(1.0) - 1;

@@ -1,4 +1,4 @@
-//! The four nodes of a lattice around a motion, cut into runs of stages that all of them store alike.
+//! The four nodes of a lattice around a motion, cut into runs of stages that all four nodes store in the same form.
 
 use model_format::{Coefficients, Tail, Texture};
 
@@ -42,7 +42,7 @@ impl<'a> Nodes<'a> {
         nodes
     }
 
-    /// Writes the rotations of the stages between the nodes to `rotations`, the first stage first. Stages that a node's
+    /// Writes the rotations interpolated between the nodes to `rotations`, the first stage first. Stages that a node's
     /// model lacks have θ = 0.
     pub(crate) fn interpolate<A: Arithmetic>(&self, mut rotations: &mut [Rotation]) {
         let mut done = 0;
@@ -57,10 +57,10 @@ impl<'a> Nodes<'a> {
         rotations.fill(Rotation::NONE);
     }
 
-    /// The run from stage `done` on with its number of stages, at most `most`; none where no node has a stage left.
+    /// The run that begins at stage `done`, and its number of stages, at most `most`; none if no node has a stage left.
     ///
-    /// A texture has tails in all of its nodes with stages beyond those of 16 bits, or in none, so that a run of tails
-    /// is one.
+    /// In a texture, either all nodes with stages beyond those of 16 bits have tails, or none has. So a run of tails
+    /// contains nothing else.
     fn run(&self, done: usize, most: usize) -> Option<(Run<'a>, usize)> {
         let mut stages = most;
         let (mut coded, mut fine, mut tailed) = (None, None, None);
@@ -93,7 +93,7 @@ impl<'a> Nodes<'a> {
         Some((run, stages))
     }
 
-    /// The codes of `stages` stages from `done` on, those of node `other` where a node has none.
+    /// Returns the codes of `stages` stages from `done` on, those of node `other` for a node that has none.
     fn codes(&self, done: usize, stages: usize, other: usize) -> Codes<'a> {
         let mut run = Codes {
             codes: [&self.codes[other][done..done + stages]; 4],
@@ -108,7 +108,7 @@ impl<'a> Nodes<'a> {
         run
     }
 
-    /// As [`Nodes::codes`], with fractions.
+    /// Like [`Nodes::codes`], with fractions.
     fn fine(&self, done: usize, stages: usize, codes: Codes<'a>, other: usize) -> Run<'a> {
         let mut fractions = [&self.fractions[other][done..done + stages]; 4];
         let mut factors = [0; 4];
@@ -125,7 +125,7 @@ impl<'a> Nodes<'a> {
         }
     }
 
-    /// As [`Nodes::codes`], of tails.
+    /// Like [`Nodes::codes`], for tails.
     fn tail(&self, done: usize, stages: usize, other: usize) -> Run<'a> {
         let first = |index: usize| done.saturating_sub(self.codes[index].len());
         let own = |index: usize| {

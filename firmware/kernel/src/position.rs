@@ -1,10 +1,10 @@
-//! Position of the tool along its path, exact over kilometres, and its way from block to block.
+//! Position of the tool along its path, exact over kilometres, and its movement from block to block.
 //!
-//! A position is 64 bits in steps of 2⁻³² mm, so that the phase of the finest line is exact to 10⁻⁵ of a turn at any
-//! distance that a hand goes, and forwards and backwards give the same. It wraps after 4295 km.
+//! A position has 64 bits in steps of 2⁻³² mm, so that the phase of the finest line is exact to 10⁻⁵ of a turn at any
+//! distance that a hand moves, and is the same forwards and backwards. It wraps after 4295 km.
 //!
-//! The position is told for the **last sample of a block**, see [`Track`]. Who tells it and does not know the future
-//! predicts it from the speed, because a position that is late by a block lets a surface lag behind the hand.
+//! The position is given for the **last sample of a block**, see [`Track`]. A caller that does not know the future must
+//! predict it from the speed, because a position that is late by a block makes a surface lag behind the hand.
 
 /// A position along the path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,13 +17,13 @@ impl Position {
     /// The path's origin.
     pub const ORIGIN: Self = Self(0);
 
-    /// The position `mm` from the origin. Beyond 2147 km it is the last that there is; NaN is the origin.
+    /// The position `mm` from the origin. Beyond 2147 km it is the last one that exists; NaN is the origin.
     pub fn from_mm(mm: f32) -> Self {
         // A power of two scales a float exactly.
         Self((mm * (1u64 << Self::FRACTION_BITS) as f32) as i64)
     }
 
-    /// As [`Position::from_mm`], with the digits that a long path needs.
+    /// Like [`Position::from_mm`], with the digits that a long path needs.
     pub fn from_exact_mm(mm: f64) -> Self {
         Self((mm * (1u64 << Self::FRACTION_BITS) as f64) as i64)
     }
@@ -45,9 +45,9 @@ impl Position {
     }
 }
 
-/// Distance of a `speed_mm_s` in `samples` samples, in steps of a [`Position`]. Speeds above 1 km/s count as that.
+/// Distance at `speed_mm_s` in `samples` samples, in steps of a [`Position`]. Speeds are limited to 1 km/s.
 pub fn distance_steps(speed_mm_s: f32, samples: u32, sample_rate_hz: u32) -> i64 {
-    /// Binary digits after the point of the speed. A speed has 24 digits, and is at most 2²⁰.
+    /// Binary digits after the point of the speed. A speed has 24 digits, and is at most 2²⁰ mm/s.
     const SPEED_BITS: u32 = 20;
     const FASTEST_MM_S: f32 = 1.0e6;
     let speed = speed_mm_s.clamp(-FASTEST_MM_S, FASTEST_MM_S);
@@ -57,18 +57,18 @@ pub fn distance_steps(speed_mm_s: f32, samples: u32, sample_rate_hz: u32) -> i64
     distance / i64::from(sample_rate_hz.max(1))
 }
 
-/// The way of the tool in a block.
+/// Movement of the tool in a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Passage {
-    /// Position at the end of the block before.
+    /// Position at the end of the previous block.
     pub from: Position,
     /// Position at the block's last sample.
     pub to: Position,
-    /// True if the speed does not explain the way: the hand was told to be elsewhere.
+    /// True if the speed does not explain the distance: the position given for the hand was elsewhere.
     pub jumps: bool,
 }
 
-/// Follower of the position, which is told, or else is the integral of the speed.
+/// Follower of the position, which is either given or the integral of the speed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Track {
     passage: Option<Passage>,
@@ -84,11 +84,11 @@ impl Track {
         }
     }
 
-    /// The way of the next block, of `samples` samples, at `speed_mm_s`: to the position that is `told`, or else ahead
-    /// by the speed. `left` is the number of samples of the block before that are not played.
+    /// Returns the movement in the next block, of `samples` samples, at `speed_mm_s`: to the position `told`, or else
+    /// ahead by the speed. `left` is the number of samples of the previous block that are not played.
     ///
-    /// A hand that accelerates goes up to twice the way of its speed at the block's beginning, and [`SLACK_STEPS`]
-    /// besides. More than that is a jump.
+    /// A hand that accelerates moves up to twice the distance of its speed at the block's beginning, plus
+    /// [`SLACK_STEPS`]. More than that is a jump.
     pub fn advance(
         &mut self,
         told: Option<Position>,
@@ -100,7 +100,7 @@ impl Track {
         let expected = distance_steps(speed_mm_s, samples, sample_rate_hz);
         let from = match self.passage {
             Some(before) => before.with_left(left, self.samples),
-            // As if the tool had come at its speed, so that a line that is too fast is silent at once.
+            // As if the tool had come at its speed, so that a line that is too fast is silent from the beginning.
             None => told.map_or(Position::ORIGIN, |told| told.ahead(-expected)),
         };
         let to = told.unwrap_or(from.ahead(expected));
@@ -115,11 +115,11 @@ impl Track {
     }
 }
 
-/// Way that a hand may go in a block beyond twice its speed: 0.5 mm, because a speed that a host tells may lag.
+/// Distance in a block that is allowed beyond twice the speed: 0.5 mm, because a speed from a host may lag.
 pub const SLACK_STEPS: u64 = (1 << Position::FRACTION_BITS) / 2;
 
 impl Passage {
-    /// The position with `left` of `samples` samples to come.
+    /// The position when `left` of `samples` samples remain.
     fn with_left(self, left: u32, samples: u32) -> Position {
         let share = self.to.since(self.from) / i64::from(samples.max(1));
         self.to.ahead(share.wrapping_mul(-i64::from(left)))

@@ -1,12 +1,12 @@
-//! Rotations (cos θ, sin θ) in 32 bits that never lengthen a vector, in the integers themselves.
+//! Rotations (cos θ, sin θ) in 32 bits that never lengthen a vector, even in integer arithmetic.
 //!
-//! θ comes as a **sum**, in steps of which [`SUM_QUARTER_TURN`] are π/2: what a mean of stored codes is before anything
-//! is rounded. Sine and cosine of the nearest angle of a table are turned by the rest, an angle of at most π/1152, by a
+//! θ comes as a **sum**, in steps of which [`SUM_QUARTER_TURN`] are π/2: a mean of stored codes before anything is
+//! rounded. Sine and cosine of the nearest angle of a table are turned by the rest, an angle of at most π/1152, by a
 //! series of second order whose slope is chosen for that range. The table's radius is below one by more than all
-//! round-off, so that cos² + sin² ≤ 2⁶² holds exactly. The lattice's bound on energy rests on this.
+//! round-off, so that cos² + sin² ≤ 2⁶² holds exactly. The lattice's bound on energy relies on this.
 //!
-//! The table has 288 steps per quarter turn and not a power of two: with 256 the series would be 4.2 steps of 2⁻³¹ off.
-//! It goes on for two quarters, so that one index finds sine and cosine without a branch on the sign.
+//! The table has 288 steps per quarter turn, because with 256, a power of two, the series would be 4.2 steps of 2⁻³¹
+//! off. It covers three quarter turns, -π/2 to π, so that one index finds sine and cosine without a branch on the sign.
 
 pub use model_format::THETA_FRACTION_BITS;
 
@@ -27,7 +27,7 @@ pub const SUM_QUARTER_TURN: i32 = (TABLE_STEPS as i32) << STEP_BITS;
 /// Steps of a sum per step of an interpolated θ, π/2²⁴.
 pub const SUM_PER_THETA: i32 = SUM_QUARTER_TURN / THETA_QUARTER_TURN;
 
-/// Last binary digits of a sum that a rotation does not take. They hold what the truncated products of a mean lose, so
+/// Lowest binary digits of a sum that a rotation ignores. They absorb what the truncated products of a mean lose, so
 /// that the mean of equal angles is that angle.
 pub const SPARE_BITS: u32 = 3;
 
@@ -38,13 +38,13 @@ const _: () = assert!(SUM_PER_THETA * THETA_QUARTER_TURN == SUM_QUARTER_TURN);
 const RADIUS_DEFICIT: f64 = 1.5;
 
 /// Sines in Q31, times the radius, of the angles from -π/2 to π by steps of the table. The cosine of an angle is the
-/// sine [`TABLE_STEPS`] further on.
+/// entry [`TABLE_STEPS`] further on.
 pub static SINES: [i32; 3 * TABLE_STEPS + 1] = sines();
 
-/// Angle of a step of the table in steps of 2⁻³², which times the rest of a sum gives its sine.
+/// Angle of a step of the table in steps of 2⁻³². Multiplied by the rest of a sum, it gives the sine of the rest.
 ///
-/// It is smaller than the angle by h²/8, with h half of it. The error of the sine, φ³/6 - φ·h²/8, is then at most h³/24
-/// from -h to h, a fourth of that of the angle itself.
+/// The value is smaller than the angle by a relative h²/8, where h is half the angle. The error of the sine, φ³/6 -
+/// φ·h²/8, is then at most h³/24 from -h to h, a fourth of the error with the angle itself.
 pub const ANGLE: i32 = {
     let step = core::f64::consts::FRAC_PI_2 / TABLE_STEPS as f64;
     (step * (1.0 - step * step / 32.0) * (1u64 << 32) as f64 + 0.5) as i32
@@ -52,7 +52,7 @@ pub const ANGLE: i32 = {
 
 /// A rotation by θ = arcsin k, in steps of 2⁻³¹. cos² + sin² ≤ 2⁶² holds in the integers.
 ///
-/// The negative of the sine is kept as well, so that the lattice needs no instruction to make it. The three words have
+/// The negative of the sine is stored as well, so that the lattice needs no instruction for it. The three words have
 /// this order because a processor's own [`crate::arithmetic::Arithmetic`] may load them at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
@@ -73,9 +73,9 @@ impl Rotation {
         neg_sin: 0,
     };
 
-    /// The rotation by `theta`, in steps of π/2²⁴ rad. Values beyond ±[`THETA_QUARTER_TURN`] count as that.
+    /// The rotation by `theta`, in steps of π/2²⁴ rad, clamped to ±[`THETA_QUARTER_TURN`].
     ///
-    /// Sine and cosine are within 4 steps of 2⁻³¹ of the exact ones.
+    /// Sine and cosine are within 4 steps of 2⁻³¹ of the exact values.
     #[inline]
     pub fn from_theta(theta: i32) -> Self {
         Self::from_sum(theta.clamp(-THETA_QUARTER_TURN, THETA_QUARTER_TURN) * SUM_PER_THETA)
@@ -87,11 +87,11 @@ impl Rotation {
     pub fn from_sum(sum: i32) -> Self {
         const REST_BITS: u32 = 32 - STEP_BITS;
         let nearest = (sum + (1 << (STEP_BITS - 1))) >> STEP_BITS;
-        // No sum of the range exceeds the bound, which takes the place of checks of the table's length.
+        // No sum of the range exceeds this bound, which replaces checks of the table's length.
         let index = (nearest + TABLE_STEPS as i32) as usize;
         let index = index.min(2 * TABLE_STEPS);
         let (s, c) = (SINES[index], SINES[index + TABLE_STEPS]);
-        // Sine of the rest, and half of it: cos φ = 1 - sine · half, but for φ⁴/24.
+        // Sine of the rest, and half of that sine: cos φ = 1 - sine · half, except for φ⁴/24.
         let rest = (sum >> SPARE_BITS) << (REST_BITS + SPARE_BITS);
         let sine = high_word_rounded(i64::from(rest) * i64::from(ANGLE));
         let half = i64::from(sine >> 1);
@@ -143,7 +143,7 @@ mod tests {
         square(rotation.cos) + square(rotation.sin)
     }
 
-    /// All 150 994 945 that differ, and so all that a mean of any nodes gives.
+    /// All 150 994 945 sums that differ, and so every mean of any nodes.
     #[test]
     fn no_sum_lengthens_a_vector() {
         for sum in (-SUM_QUARTER_TURN..=SUM_QUARTER_TURN).step_by(1 << SPARE_BITS) {

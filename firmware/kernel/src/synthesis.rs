@@ -1,8 +1,8 @@
 //! A texture being played: excitation, filter and level behind one interface.
 //!
 //! A [`Frame`] holds the coefficients and levels of a motion, a [`Playback`] the state of what was played. A device
-//! computes the next frame below its sample's priority and hands it over as a whole. [`Synthesis`] joins both, for
-//! programs that compute frame and samples in one thread.
+//! computes the next frame at a lower priority than its samples and hands it over as a whole. [`Synthesis`] joins both,
+//! for programs that compute frame and samples in one thread.
 
 use core::marker::PhantomData;
 
@@ -18,7 +18,7 @@ use crate::level::Levels;
 use crate::lines::{LinesFrame, VoiceLines};
 use crate::position::{Position, Track};
 
-/// Update interval of the coefficients, samples: 2 ms at 5 kHz. [`update_interval_samples`] has it at other rates.
+/// Update interval of the coefficients, samples: 2 ms at 5 kHz. [`update_interval_samples`] gives it for other rates.
 pub const UPDATE_INTERVAL_SAMPLES: u32 = 10;
 
 /// Update interval at `sample_rate_hz`, samples: 2 ms at each rate that a stylus plays, and
@@ -35,7 +35,7 @@ pub const fn update_interval_samples(sample_rate_hz: u32) -> u32 {
 /// A device's frames take [`update_interval_samples`], and none of the host's programs more than 50.
 pub const MAX_FED_SAMPLES: usize = 64;
 
-/// Samples that a playback takes through its filter at once, in [`Playback::next_block`].
+/// Most samples that a playback passes through its filter at once, in [`Playback::next_block`].
 const BLOCK_SAMPLES: usize = 64;
 
 /// Coefficients and levels of a motion, and the excitation of a fed texture.
@@ -49,28 +49,28 @@ pub struct Frame {
 /// The excitation of a fed texture for the samples of a frame.
 #[derive(Clone, Debug)]
 struct Words {
-    /// The excitation in steps of 2⁻²⁵, the last sample at index 1. Index 0 is that of samples after the last, and
+    /// The excitation in steps of 2⁻²⁵, the last sample at index 1. Index 0 is for samples after the last one, and is
     /// always 0.
     steps: [i32; MAX_FED_SAMPLES + 1],
     /// Number of samples.
     samples: u32,
-    /// Number of the frame, which tells it from the one before.
+    /// Number of the frame, which distinguishes it from the previous one.
     number: u32,
 }
 
 /// The place in the words of the frame that is played.
 #[derive(Clone, Copy, Debug, Default)]
 struct Feeding {
-    /// Number of that frame.
+    /// Number of the frame that is played.
     number: u32,
     /// Index of the next word.
     next: u32,
 }
 
 impl Feeding {
-    /// The next word, 0 after the last.
+    /// Returns the next word, 0 after the last.
     ///
-    /// A frame's first word takes the instructions of the others: its number gives a mask, and no branch.
+    /// A frame's first word takes as many instructions as the others: its number gives a mask, and no branch.
     #[inline(always)]
     fn next_word(&mut self, words: &Words) -> i32 {
         let differs = self.number ^ words.number;
@@ -104,19 +104,20 @@ impl Frame {
         frame
     }
 
-    /// Makes this a silent frame for `texture`. In place, because a frame takes kilobytes of the stack.
+    /// Makes this a silent frame for `texture`. It works in place, because a frame takes kilobytes of the stack.
     pub fn silence(&mut self, texture: &Texture<'_>) {
         self.lattice.silence(texture.max_order());
         self.excitation.steps.fill(0);
         (self.excitation.samples, self.excitation.number) = (0, 0);
     }
 
-    /// Makes this the frame of `motion` on `texture`, the one that it was made for. Levels go from `from`, those of the
-    /// frame before, to their new values in `samples` samples.
+    /// Makes this the frame of `motion` on `texture`, for which this frame was created. Levels go from `from`, the
+    /// levels of the previous frame, to their new values in `samples` samples.
     ///
-    /// The work is bounded, and is not part of a sample's. A plain lattice of order 400 takes at most ten thousand
-    /// instructions on a Cortex-M4, one with fractions and a tail, whose levels are averaged in dB, twelve thousand;
-    /// `cargo test -p qemu-tests` counts them. A motion that rests can be held instead, see [`Frame::hold`].
+    /// The work is bounded, and is not part of a sample's. For a plain lattice of order 400 it takes at most ten
+    /// thousand instructions on a Cortex-M4; with fractions, a tail, and levels averaged in dB, it takes twelve
+    /// thousand. `cargo test -p qemu-tests` counts them. A motion that does not change can be held instead, see
+    /// [`Frame::hold`].
     pub fn update<A: Arithmetic>(
         &mut self,
         texture: &Texture<'_>,
@@ -127,10 +128,10 @@ impl Frame {
         self.update_scaled::<A>(texture, motion, ONE, from, samples);
     }
 
-    /// As [`Frame::update`], with the level times `gain`, in steps of 2⁻¹⁶: [`ONE`] leaves the level as it is.
+    /// Like [`Frame::update`], with the level times `gain`, in steps of 2⁻¹⁶: [`ONE`] leaves the level as it is.
     ///
-    /// The gain costs nothing in a sample, because it is part of the level's ramp. It must be a gain that a valid
-    /// scene of `texture` may have, see [`model_format::scene::Scene::validate`].
+    /// The gain costs no time in a sample, because it is part of the level's ramp. It must be a gain that a valid scene
+    /// of `texture` may have, see [`model_format::scene::Scene::validate`].
     pub fn update_scaled<A: Arithmetic>(
         &mut self,
         texture: &Texture<'_>,
@@ -144,16 +145,16 @@ impl Frame {
         self.lattice.update::<A>(texture, &point, from, samples);
     }
 
-    /// As [`Frame::update_scaled`] with the motion, texture and gain of this frame's last update, which is the same
-    /// bits in some ten instructions: a motion that rests costs nothing.
+    /// Like [`Frame::update_scaled`] with the motion, texture and gain of this frame's last update: the same bits, but
+    /// in some ten instructions. So a motion that does not change costs almost nothing.
     pub fn hold(&mut self, from: Levels, samples: u32) {
         self.lattice.hold(from, samples);
     }
 
-    /// Takes the excitation of `samples` samples at `motion` from `feed`, that of `texture`, which is fed.
+    /// Takes the excitation of `samples` samples at `motion` from `feed`, the feed of `texture`, which must be fed.
     ///
-    /// The frame then holds the excitation of so many samples, at most [`MAX_FED_SAMPLES`], and is played once. Samples
-    /// after the last, as those of a late update, have an excitation of 0: the filter rings out.
+    /// The frame then holds the excitation of that many samples, at most [`MAX_FED_SAMPLES`], and is played once. Later
+    /// samples, for example those of a late update, have an excitation of 0: the filter rings out.
     pub fn feed(&mut self, feed: &mut Feed, texture: &Texture<'_>, motion: Motion, samples: u32) {
         let (material, point) = (Material::of(texture), GridPoint::locate(texture, motion));
         let samples = (samples as usize).min(MAX_FED_SAMPLES);
@@ -163,7 +164,7 @@ impl Frame {
         (self.excitation.samples, self.excitation.number) = (samples as u32, feed.next_frame());
     }
 
-    /// The levels with `left` samples of their ramps to come; `left` is 0 at the end of the frame.
+    /// The levels when `left` samples of their ramps remain; `left` is 0 at the end of the frame.
     pub fn levels(&self, left: u32) -> Levels {
         self.lattice.levels(left)
     }
@@ -171,20 +172,20 @@ impl Frame {
 
 /// State of a texture's filter, and the source of its excitation.
 ///
-/// It never begins empty, because a narrow line would then be too low for as long as it rings, up to a second: it
+/// It never begins empty, because a narrow resonance would then be too weak for as long as it rings, up to a second. It
 /// begins in a state drawn from the excitation, stationary for every motion.
 #[derive(Clone, Debug)]
 pub struct Playback {
     excitation: Excitation,
     state: LatticeState,
     is_fed: bool,
-    /// Samples of the current frame's ramps that are still to come.
+    /// Samples of the current frame's ramps that remain.
     left: u32,
     saturations: u32,
     feeding: Feeding,
 }
 
-/// The state in which `texture` begins.
+/// Returns the state in which `texture` begins.
 fn beginning(texture: &Texture<'_>, excitation: &mut Excitation) -> LatticeState {
     let stages = texture.max_order();
     if texture.is_fed() {
@@ -195,7 +196,7 @@ fn beginning(texture: &Texture<'_>, excitation: &mut Excitation) -> LatticeState
 }
 
 impl Playback {
-    /// The beginning of `texture`. The same `seed` gives the same samples on every machine.
+    /// Begins `texture`. The same `seed` gives the same samples on every machine.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
         let mut excitation = Excitation::new(seed);
         let state = beginning(texture, &mut excitation);
@@ -209,8 +210,8 @@ impl Playback {
         }
     }
 
-    /// The empty state of `texture`, with the noise of `seed` from its first sample on: for comparisons with filters
-    /// that begin so. No device plays from it.
+    /// An empty state for `texture`, with the noise of `seed` from its first sample on. It is for comparisons with
+    /// filters that begin like that. No device plays from it.
     pub fn from_rest(texture: &Texture<'_>, seed: u64) -> Self {
         Self {
             excitation: Excitation::new(seed),
@@ -222,9 +223,9 @@ impl Playback {
         }
     }
 
-    /// Changes to the beginning of `texture`. The excitation goes on, whether it is made here or by `feed`.
+    /// Changes to the beginning of `texture`. The excitation continues, whether computed here or by `feed`.
     ///
-    /// `feed` is that of all fed textures of this playback. It begins with this texture, if it is fed.
+    /// `feed` serves all fed textures of this playback. It begins with this texture, if the texture is fed.
     pub fn restart(&mut self, texture: &Texture<'_>, feed: &mut Feed) {
         if self.is_fed {
             self.excitation = feed.gaussian().clone();
@@ -235,20 +236,20 @@ impl Playback {
         self.begin_feed(feed);
     }
 
-    /// Begins `feed` with the texture that this was made for, if it is fed.
+    /// Begins `feed` with the texture for which this was created, if the texture is fed.
     pub fn begin_feed(&self, feed: &mut Feed) {
         if self.is_fed {
             feed.begin(self.excitation.clone());
         }
     }
 
-    /// Begins a frame of the texture that this was made for, whose ramps take `samples` samples.
+    /// Begins a frame of the texture for which this was created. Its ramps take `samples` samples.
     #[inline]
     pub fn begin_frame(&mut self, samples: u32) {
         self.left = samples;
     }
 
-    /// The next sample, by a frame of the texture that this was made for.
+    /// Returns the next sample, with a frame of the texture for which this was created.
     ///
     /// `A` is the processor's arithmetic; all give the same bits.
     #[inline]
@@ -265,8 +266,8 @@ impl Playback {
         output
     }
 
-    /// The next sample of a fed texture, which takes the excitation that the frame was fed with, and whether it is at
-    /// full scale. It is apart from that of a plain texture, so that it does not touch that one's instructions.
+    /// Returns the next sample of a fed texture, from the excitation that the frame holds, and whether it is at full
+    /// scale. It is separate from a plain texture's path, so that it does not change the instructions there.
     #[cold]
     #[inline(never)]
     fn next_fed_sample<A: Arithmetic>(&mut self, frame: &Frame, left: u32) -> (OutputSample, bool) {
@@ -275,9 +276,9 @@ impl Playback {
         self.state.next_fed_sample::<A>(lattice, excitation, left)
     }
 
-    /// The next samples, those of a call of [`Playback::next_sample`] for each.
+    /// Computes the next samples, like a call of [`Playback::next_sample`] for each.
     ///
-    /// Many at once take less time, if `A` has [`Arithmetic::rotate_block`]. This is for programs that
+    /// Many samples at once take less time, if `A` implements [`Arithmetic::rotate_block`]. This is for programs that
     /// may know all of them before the first is put out.
     pub fn next_block<A: Arithmetic>(&mut self, frame: &Frame, outputs: &mut [OutputSample]) {
         for outputs in outputs.chunks_mut(BLOCK_SAMPLES) {
@@ -296,7 +297,7 @@ impl Playback {
         let full = if self.is_fed {
             let mut fed = [0; BLOCK_SAMPLES];
             let fed = &mut fed[..words.len()];
-            // The generator goes on, as it does for single samples.
+            // The generator advances, like for single samples.
             fed.fill_with(|| {
                 self.excitation.next_sample();
                 self.feeding.next_word(&frame.excitation)
@@ -310,23 +311,23 @@ impl Playback {
         self.saturations = self.saturations.saturating_add(full);
     }
 
-    /// Samples of the current frame's ramps that are still to come.
+    /// Samples of the current frame's ramps that remain.
     pub fn left(&self) -> u32 {
         self.left
     }
 
-    /// Number of samples at full scale since the beginning, before the level.
+    /// Number of samples that reached full scale since the beginning, before the level.
     pub fn saturations(&self) -> u32 {
         self.saturations
     }
 }
 
-/// A texture being played, frame and playback in one, by the arithmetic `A`.
+/// A texture being played, frame and playback in one, computed with the arithmetic `A`.
 #[derive(Clone, Debug)]
 pub struct Synthesis<'a, A: Arithmetic = Portable> {
     texture: Texture<'a>,
     frame: Frame,
-    /// The motion that the frame is of.
+    /// The motion of the frame.
     motion: Option<Motion>,
     playback: Playback,
     /// The excitation, if the texture is fed.
@@ -335,7 +336,7 @@ pub struct Synthesis<'a, A: Arithmetic = Portable> {
     arithmetic: PhantomData<A>,
 }
 
-/// Lines of the texture, the way of the tool, and what is played of both.
+/// Lines of the texture, the movement of the tool, and the frame of lines that is played.
 #[derive(Clone, Debug)]
 struct LinesPlayback {
     lines: VoiceLines,
@@ -354,7 +355,7 @@ impl LinesPlayback {
         })
     }
 
-    /// `sample` with the lines added, `left` samples of the block to come.
+    /// Returns `sample` with the lines added, when `left` samples of the block remain.
     fn added(&mut self, sample: OutputSample, left: u32) -> OutputSample {
         let (sum, over) = saturate(i64::from(sample.0) + self.frame.sample(left));
         self.saturations = self.saturations.saturating_add(u32::from(over));
@@ -391,15 +392,15 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     /// Follows `motion`: coefficients change with the next sample, and the level goes to its new value in `samples`
     /// samples. It is called once per update interval, see [`UPDATE_INTERVAL_SAMPLES`] and [`Frame::update`].
     ///
-    /// A fed texture is followed at least every [`MAX_FED_SAMPLES`] samples, see [`Frame::feed`].
+    /// For a fed texture it must be called at least every [`MAX_FED_SAMPLES`] samples, see [`Frame::feed`].
     ///
-    /// Lines that are tied to position go on by the motion's speed.
+    /// Lines that are tied to position advance by the motion's speed.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
         self.follow_to(motion, None, samples);
     }
 
-    /// As [`Synthesis::follow`], with the position that the tool has at the last of `samples` samples, for lines that
-    /// are tied to position. Without one it is the integral of the speed.
+    /// Like [`Synthesis::follow`], with the position that the tool has at the last of `samples` samples, for lines that
+    /// are tied to position. Without one, the position is the integral of the speed.
     pub fn follow_to(&mut self, motion: Motion, position: Option<Position>, samples: u32) {
         let left = self.playback.left();
         if let Some(lines) = &mut self.lines {
@@ -432,7 +433,7 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         }
     }
 
-    /// The next samples, those of a call of [`Synthesis::next_sample`] for each; see [`Playback::next_block`].
+    /// Computes the next samples, like a call of [`Synthesis::next_sample`] for each; see [`Playback::next_block`].
     pub fn next_block(&mut self, outputs: &mut [OutputSample]) {
         let left = self.playback.left();
         self.playback.next_block::<A>(&self.frame, outputs);
@@ -443,7 +444,7 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         }
     }
 
-    /// Number of samples at full scale; see [`Playback::saturations`]. Sums with lines count too.
+    /// Number of samples that reached full scale; see [`Playback::saturations`]. Sums with lines count, too.
     pub fn saturations(&self) -> u32 {
         let of_lines = self.lines.as_ref().map_or(0, |lines| lines.saturations);
         self.playback.saturations().saturating_add(of_lines)

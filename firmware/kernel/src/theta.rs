@@ -1,40 +1,40 @@
 //! Bilinear interpolation of θ = arcsin k over the grid.
 //!
-//! One pass over the codes of four nodes gives their weighted sum, in steps of which
-//! [`SUM_QUARTER_TURN`] are π/2. Each product of a weight and a code loses less than one of these steps, 2.6·10⁻⁹ rad.
-//! The sum is then rounded to eight of them, so that the mean of equal angles is exactly that angle. A mean of angles
-//! below π/2 is below π/2 by thousands of such steps, so that every mean of stable lattices is stable.
+//! One pass over the codes of four nodes gives their weighted sum, in steps of which [`SUM_QUARTER_TURN`] are π/2. Each
+//! product of a weight and a code loses less than one of these steps, 2.6·10⁻⁹ rad. The sum is then rounded to a
+//! multiple of eight steps, so that the mean of equal angles is exactly that angle. A mean of angles below π/2 is below
+//! π/2 by thousands of steps, so that every mean of stable lattices is stable.
 //!
-//! Stages are interpolated in **runs** that all four nodes store alike. A node that lacks the stages of a run, because
-//! its order is lower, has the weight 0 there and another node's codes, so that a run needs no case for it.
+//! Stages are interpolated in **runs** that all four nodes store in the same form. If a node lacks the stages of a run,
+//! because its order is lower, it gets weight 0 there and another node's codes, so that a run needs no special case.
 
 use crate::fixed::high_product;
 use crate::grid::ONE;
 use crate::rotation::{Rotation, SPARE_BITS, SUM_PER_THETA, SUM_QUARTER_TURN, THETA_FRACTION_BITS};
 
-/// Factor of a node's weight for its codes: steps of a sum per code, as a product with a code loses 16 bits.
+/// Factor of a node's weight for its codes: steps of a sum per code. A product loses 16 bits, which are the weight's.
 pub const PER_CODE: u32 = (SUM_PER_THETA as u32) << THETA_FRACTION_BITS;
 
 /// Factor for fractions of codes.
 pub const PER_FRACTION: u32 = SUM_PER_THETA as u32;
 
-/// Start of a sum whose last three digits are dropped: four products with codes and four with fractions lose less than
-/// 8.
+/// Start of a sum whose last three binary digits are dropped: four products with codes and four with fractions lose
+/// less than 8.
 pub const BIAS: i32 = 7;
 
-/// Start of a sum of a tail: four products lose less than 6 or gain less than 2, because their factors are rounded down
-/// too.
+/// Start of a sum of a tail: four products lose less than 6 or gain less than 2, because their factors are rounded
+/// down, too.
 pub const TAIL_BIAS: i32 = 5;
 
 const _: () = assert!(BIAS >> SPARE_BITS == 0);
 
-/// The largest factor and weight make a positive word.
+/// The product of the largest factor and weight fits in a positive word.
 const _: () = assert!(PER_CODE as u64 * ONE as u64 <= i32::MAX as u64);
 
-/// A code of all steps is a quarter turn.
+/// A code of full scale is a quarter turn.
 const _: () = assert!(PER_CODE << 15 == SUM_QUARTER_TURN as u32);
 
-/// Stages of the four nodes around a motion that all of them store alike, with the same number of stages in each slice.
+/// Stages that the four nodes around a motion store in the same form, with the same number of stages in each slice.
 #[derive(Clone, Copy, Debug)]
 pub enum Run<'a> {
     /// Codes of 16 bits.
@@ -45,14 +45,14 @@ pub enum Run<'a> {
         codes: Codes<'a>,
         /// Fractions, `i8`, by node.
         fractions: [&'a [u8]; 4],
-        /// Factors of the fractions, by node: a product loses 16 bits.
+        /// Factors of the fractions, by node: a product with a factor loses 16 bits.
         factors: [i32; 4],
     },
-    /// Codes of one byte, in steps of each node's own.
+    /// Codes of one byte, in each node's own steps.
     Tail {
         /// Codes, `i8`, by node.
         codes: [&'a [u8]; 4],
-        /// Factors of the codes, by node, steps included: a product loses 8 bits.
+        /// Factors of the codes, by node, including the node's step: a product with a factor loses 8 bits.
         factors: [i32; 4],
     },
 }
@@ -62,12 +62,12 @@ pub enum Run<'a> {
 pub struct Codes<'a> {
     /// Codes, `i16`, by node.
     pub codes: [&'a [[u8; 2]]; 4],
-    /// Factors of the codes, by node. The sum takes each product of factor and code divided by 2¹⁶, rounded down.
+    /// Factors of the codes, by node. Each product of factor and code is divided by 2¹⁶ and rounded down, then summed.
     pub factors: [i32; 4],
 }
 
 impl Run<'_> {
-    /// The stages after the first `stages`, of which there are as many or more.
+    /// The stages after the first `stages`; there must be at least that many.
     #[must_use]
     pub fn after(&self, stages: usize) -> Self {
         match *self {
@@ -91,8 +91,8 @@ impl Run<'_> {
 
 /// [`crate::arithmetic::Arithmetic::mean_rotations`] in plain Rust.
 ///
-/// Sums go to memory first, in the words that become negative sines, because one loop over both has too few registers
-/// on ARM.
+/// Sums are first written to memory, in the words that become negative sines, because one loop for both has too few
+/// registers on ARM.
 pub(crate) fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
     let stages = rotations.len();
     match run {
@@ -122,7 +122,7 @@ pub(crate) fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
     }
 }
 
-/// Two stages at a time, whose codes are one word.
+/// Computes two stages at a time, because the codes of two stages are one word.
 fn sums_of_codes(run: &Codes<'_>, rotations: &mut [Rotation]) {
     let stages = rotations.len();
     let (pairs, rest) = rotations.as_chunks_mut::<2>();
@@ -150,7 +150,7 @@ impl Codes<'_> {
         }
     }
 
-    /// The sum of `stage`, from `start` on.
+    /// Returns the sum of `stage`, beginning with `start`.
     fn sum(&self, start: i32, stage: usize) -> i32 {
         let codes = self.codes.map(|codes| i16::from_le_bytes(codes[stage]));
         sum(start, &self.factors, codes)
@@ -161,7 +161,7 @@ fn byte(byte: u8) -> i16 {
     i16::from(byte.cast_signed())
 }
 
-/// `start` and the products of factors and codes, each truncated by itself, so that their order does not matter.
+/// `start` plus the products of factors and codes, each truncated separately, so that their order does not matter.
 #[inline(always)]
 fn sum(start: i32, factors: &[i32; 4], codes: [i16; 4]) -> i32 {
     let [a, b, c, d] = *factors;

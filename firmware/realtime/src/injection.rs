@@ -1,6 +1,6 @@
 //! Faults on request, for the tests of the fault handlers. Compiled only with the feature `fault-injection`.
 //!
-//! A message of one byte on the topic [`PATH`] asks for a fault. The image that is handed out does not know the topic.
+//! A message of one byte on the topic [`PATH`] requests a fault. The released image does not know the topic.
 #![expect(unsafe_code, reason = "faults are what this is for")]
 
 use core::arch::asm;
@@ -40,7 +40,7 @@ const NMI: u8 = 7;
 const NO_TICK: u8 = 8;
 /// A panic in the tick.
 const PANIC_IN_TICK: u8 = 9;
-/// A core that does nothing any more, whatever interrupts come, as when a debugger halts it or it locks up.
+/// A core that stops responding to all interrupts, like one that a debugger halts or that locks up.
 const HALT: u8 = 10;
 /// A tick whose sample comes 150 µs late.
 const LATE_TICK: u8 = 11;
@@ -48,9 +48,9 @@ const LATE_TICK: u8 = 11;
 const VERY_LONG_TICK: u8 = 12;
 /// A transfer error of the stream that feeds the converter.
 const NO_TRANSFERS: u8 = 13;
-/// A transfer error of the stream that erases what was put out.
+/// A transfer error of the stream that overwrites codes that have been put out.
 const NO_ERASER: u8 = 14;
-/// The amplifier off, and to be on again.
+/// Turns the amplifier off, and with the next value on again.
 const AMPLIFIER_OFF: u8 = 15;
 const AMPLIFIER_ON: u8 = 16;
 
@@ -58,9 +58,9 @@ const AMPLIFIER_ON: u8 = 16;
 const SHORT_SECTION: u8 = 30;
 /// A critical section from before a trigger until 45 µs after it.
 const LONG_SECTION: u8 = 31;
-/// A recursion in a task that ends at the end of the stack.
+/// A recursion in a task that overflows the stack.
 const OVERFLOW_IN_TASK: u8 = 32;
-/// A recursion in the update that ends at the end of the stack.
+/// A recursion in the update that overflows the stack.
 const OVERFLOW_IN_UPDATE: u8 = 33;
 /// A write to address 0.
 const WRITE_TO_NULL: u8 = 34;
@@ -74,7 +74,7 @@ const WRITE_TO_FLASH: u8 = 37;
 const EXECUTE_DATA: u8 = 38;
 /// A read of external memory, which the board does not have.
 const READ_EXTERNAL: u8 = 39;
-/// No fault: counts of ticks as after ten days, shortly before the ends of their 32 bits.
+/// No fault: sets the counts of ticks to their values after ten days, shortly before they reach the ends of 32 bits.
 const AGE: u8 = 40;
 
 static IN_TICK: AtomicU8 = AtomicU8::new(0);
@@ -85,7 +85,7 @@ static IN_UPDATE: AtomicBool = AtomicBool::new(false);
 /// The instruction `bx lr`, in data.
 static CODE: AtomicU32 = AtomicU32::new(0x4770_4770);
 
-/// Causes the fault that `frame` asks for, now or in the next tick. Returns false if the frame asks for none. `age`
+/// Causes the fault that `frame` requests, now or in the next tick. Returns false if the frame requests none. `age`
 /// sets the counts of ticks, which belong to the tick.
 pub fn take(frame: &[u8], age: fn()) -> bool {
     let asked = VarHeader::take_from_slice(frame)
@@ -109,11 +109,11 @@ fn inject(fault: u8, age: fn()) {
         AMPLIFIER_ON => amplifier::enable(),
         ENDLESS_TASK => spin(),
         PANIC => panic!("asked for"),
-        // SAFETY: none is needed: the processor refuses the jump, which is the fault (INVSTATE, ARM DDI 0403E,
+        // SAFETY: no guarantee is needed. The processor refuses the jump, which is the fault (INVSTATE, ARM DDI 0403E,
         // B1.5.14).
         BAD_JUMP => unsafe { asm!("bx {}", in(reg) 0x0802_0000, options(noreturn)) },
         UNEXPECTED_INTERRUPT => {
-            // SAFETY: no critical section masks by priority, and the handler is the one for all that have none.
+            // SAFETY: no critical section masks by priority, and the handler is the default one.
             unsafe { NVIC::unmask(Interrupt::SAI4) };
             NVIC::pend(Interrupt::SAI4);
         }
@@ -167,7 +167,7 @@ pub fn in_tick() {
     }
 }
 
-/// Delays the sample if that was requested, for a tick that comes late.
+/// Delays the sample if that was requested, to simulate a late tick.
 #[inline(always)]
 pub fn before_output() {
     if IN_TICK.load(Ordering::Relaxed) == LATE_TICK {
@@ -182,7 +182,7 @@ fn wait_us(microseconds: u32) {
     while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 1_000_000 * microseconds {}
 }
 
-/// Masks all exceptions but the non-maskable interrupt, and executes one instruction for ever.
+/// Masks all exceptions except the non-maskable interrupt, and loops forever.
 fn halt() -> ! {
     // SAFETY: nothing else runs any more (FAULTMASK, ARM DDI 0403E, B1.4.3).
     unsafe { asm!("cpsid f") };
@@ -197,8 +197,8 @@ pub fn in_update() {
     }
 }
 
-/// Overflows the stack: each call takes a piece of the stack, and calls the function again. The code is in ITCM,
-/// because the update calls it.
+/// Overflows the stack: each call uses some of the stack and calls the function again. The code is in ITCM, because the
+/// update calls it.
 #[inline(never)]
 #[unsafe(link_section = ".itcm.injection")]
 #[expect(unconditional_recursion, reason = "this is the fault")]
@@ -207,7 +207,7 @@ fn descend(depth: u32) -> u32 {
     descend(depth.wrapping_add(1)).wrapping_add(taken[0])
 }
 
-/// Writes a word, in assembly, because to the compiler a write to null is no write.
+/// Writes a word. It is in assembly, because the compiler may remove a write to null.
 fn store(address: u32) {
     // SAFETY: the processor refuses the access, which is the fault.
     unsafe { asm!("str {0}, [{0}]", in(reg) address) }

@@ -1,7 +1,8 @@
-//! The kernel's update, in instructions of ARMv7E-M: means of four nodes' codes, and rotations.
+//! The kernel's update in instructions of ARMv7E-M: weighted means of the codes of four nodes, and the rotations of
+//! these means.
 //!
-//! A loop has all fourteen registers, r6 and r7 among them, which the compiler may reserve: each begins with a list of
-//! its words in memory and restores both.
+//! A loop uses all fourteen registers, including r6 and r7, which the compiler may reserve. So each loop begins by
+//! loading a list of its words from memory, and restores both of these registers at its end.
 
 use core::arch::asm;
 
@@ -9,20 +10,20 @@ use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::{ANGLE, Rotation, SINES, SPARE_BITS, STEP_BITS, TABLE_STEPS};
 use stylus_kernel::theta::{BIAS, Run, TAIL_BIAS};
 
-/// Stages that a loop takes together. Most loops take twice as many per turn, and begin in its middle if that
-/// leaves some over.
+/// Stages that a loop processes together. Most loops process twice as many per turn. If the number of stages is not a
+/// multiple of that, these loops begin in the middle of a turn.
 const TURN: usize = 4;
 
-/// A factor that takes a sum to the index in the table, by a product that loses 32 bits.
+/// Factor that converts a sum to an index into the table, by a product whose low 32 bits are dropped.
 const PER_STEP: usize = 1 << (32 - STEP_BITS);
 
-/// The digits of a shifted sum that are its rest.
+/// Mask of the bits of a shifted sum that remain after the index is removed.
 const REST: usize = (usize::MAX << SPARE_BITS) << (32 - STEP_BITS);
 
 const _: () = assert!(32 - STEP_BITS == 11);
 
-/// Two stages of four nodes, whose codes are in a word for each node: their sums in `r3` and `r0`, to memory. The first
-/// three loads follow each other, the fourth waits for a register.
+/// Computes the sums of two stages in `r3` and `r0` and stores them. The codes of both stages are in one word for each
+/// of the four nodes. The first three loads follow each other; the fourth waits for a register.
 macro_rules! two_sums {
     () => {
         concat!(
@@ -43,7 +44,7 @@ macro_rules! two_sums {
     };
 }
 
-/// The fractions of one node, of four stages, times the factor in `$factor`, added to `r0` to `r3`.
+/// Adds the fractions of four stages of one node, times the factor in `$factor`, to `r0` to `r3`.
 macro_rules! four_fractions {
     ($pointer:literal, $factor:literal) => {
         concat!(
@@ -57,7 +58,8 @@ macro_rules! four_fractions {
     };
 }
 
-/// As [`four_fractions`], of codes of one byte, each in the upper half of its half word. `r11` is a mask of these.
+/// Like [`four_fractions`], for codes of one byte, each moved to the upper half of its half word. `r11` is the mask of
+/// these upper halves.
 macro_rules! four_bytes {
     ($pointer:literal, $factor:literal) => {
         concat!(
@@ -98,7 +100,8 @@ macro_rules! four_products {
     };
 }
 
-/// The rotation of the sum in `$sum`, to memory: twelve instructions, in the order of [`Rotation::from_sum`].
+/// Computes the rotation of the sum in `$sum` and stores it: twelve instructions, in the order of
+/// [`Rotation::from_sum`].
 macro_rules! rotation {
     ($sum:literal) => {
         concat!(
@@ -134,7 +137,7 @@ macro_rules! rotation {
     };
 }
 
-/// [`Arithmetic::mean_rotations`], by the instructions that multiply a word and half a word.
+/// [`Arithmetic::mean_rotations`], with the instructions that multiply a word by half a word.
 #[inline]
 pub fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
     let stages = rotations.len() - rotations.len() % TURN;
@@ -159,18 +162,19 @@ pub fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
     }
 }
 
-/// Addresses of the first and of the last sum of `rotations`: the last third of their words.
+/// Returns the addresses of the first sum in `rotations` and of the end of the sums, which are the last third of the
+/// words of `rotations`.
 ///
-/// A rotation is written where sums were that have been read: rotation i ends at word 3 i + 3, and sum i + 1 of n is
-/// word 2 n + i + 1.
+/// A rotation overwrites only sums that have been read: rotation i ends at word 3 i + 3; of n sums, sum i + 1 is word 2
+/// n + i + 1.
 fn sums_in(rotations: &mut [Rotation]) -> core::ops::Range<usize> {
     let words = rotations.as_mut_ptr_range();
     let stages = rotations.len();
     words.start as usize + 8 * stages..words.end as usize
 }
 
-/// Writes the sums of `codes` times `factors` to the last third of the words of `rotations`, a whole number of turns
-/// and not none.
+/// Writes the sums of `codes` times `factors` to the last third of the words of `rotations`, whose number is a positive
+/// multiple of [`TURN`].
 fn sums_of_codes(codes: [&[[u8; 2]]; 4], factors: [i32; 4], rotations: &mut [Rotation]) {
     let stages = rotations.len();
     let [a, b, c, d] = codes.map(|codes| codes[..stages].as_ptr() as usize);
@@ -190,9 +194,9 @@ fn sums_of_codes(codes: [&[[u8; 2]]; 4], factors: [i32; 4], rotations: &mut [Rot
         sums.end,
     ];
     // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads 2 n bytes from the beginning of each of the
-    // four slices, which have as many, by loads that need no alignment; and writes the last n of the 3 n words of
+    // four slices, which are long enough, by loads that need no alignment. It writes the last n of the 3 n words of
     // `rotations` (`Rotation` is `repr(C)` of three words), which are aligned, as STRD requires. It reads `words`, and
-    // pushes four words that it takes back (so `nostack` is not claimed). These restore r6 and r7; no operand is in
+    // pushes four words and pops them (so `nostack` is not claimed). The pop restores r6 and r7; no operand is in
     // either. All other registers are named; Q and the flags are declared as changed.
     #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
     unsafe {
@@ -235,10 +239,10 @@ fn add_fractions(fractions: [&[u8]; 4], factors: [i32; 4], rotations: &mut [Rota
     let sums = sums_in(rotations);
     let words = [a, b, c, d, sums.start, sums.end];
     // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads n bytes from the beginning of each of the
-    // four slices, which have as many, by loads that need no alignment; and reads and writes the last n of the 3 n
+    // four slices, which are long enough, by loads that need no alignment. It reads and writes the last n of the 3 n
     // words of `rotations`, which are aligned, as LDM requires. It reads `words` and `factors`, both aligned. It pushes
-    // two words and pops them (so `nostack` is not claimed). These restore r6 and r7; no operand is in either. All
-    // other registers are named; Q and the flags are declared as changed.
+    // four words and pops them (so `nostack` is not claimed). Two of these restore r6 and r7; no operand is in either.
+    // All other registers are named; Q and the flags are declared as changed.
     #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
     unsafe {
         asm!(
@@ -277,7 +281,7 @@ fn add_fractions(fractions: [&[u8]; 4], factors: [i32; 4], rotations: &mut [Rota
     }
 }
 
-/// As [`sums_of_codes`], of codes of one byte.
+/// Like [`sums_of_codes`], for codes of one byte.
 fn sums_of_tails(codes: [&[u8]; 4], factors: [i32; 4], rotations: &mut [Rotation]) {
     const UPPER_BYTES: u32 = 0xFF00_FF00;
     const START: usize = TAIL_BIAS as usize;
@@ -289,8 +293,8 @@ fn sums_of_tails(codes: [&[u8]; 4], factors: [i32; 4], rotations: &mut [Rotation
         START, START, START, START, fa, fb, fc, fd, sums.end, sums.start, a, b, c, d,
     ];
     // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads n bytes from the beginning of each of the
-    // four slices, which have as many, by loads that need no alignment; and writes the last n of the 3 n words of
-    // `rotations`, which are aligned, as STM requires. It reads `words`. It pushes twelve words and takes them back (so
+    // four slices, which are long enough, by loads that need no alignment. It writes the last n of the 3 n words of
+    // `rotations`, which are aligned, as STM requires. It reads `words`. It pushes twelve words and removes them (so
     // `nostack` is not claimed). Three of them restore r6 and r7 and keep the stack aligned; no operand is in either.
     // All other registers are named; Q and the flags are declared as changed.
     #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
@@ -331,8 +335,8 @@ fn sums_of_tails(codes: [&[u8]; 4], factors: [i32; 4], rotations: &mut [Rotation
     }
 }
 
-/// Makes `rotations`, a whole number of turns and not none, those of the sums in the last third of their words. Takes
-/// 13 instructions per stage.
+/// Converts the sums in the last third of the words of `rotations` to rotations. The number of rotations is a positive
+/// multiple of [`TURN`]. Takes 13 instructions per stage.
 fn turn(rotations: &mut [Rotation]) {
     let sums = sums_in(rotations);
     let sines = SINES[TABLE_STEPS..].as_ptr() as usize;
@@ -347,12 +351,12 @@ fn turn(rotations: &mut [Rotation]) {
         sums.start,
     ];
     // SAFETY: with n the number of rotations, a positive multiple of 4, the loop reads the last n of their 3 n words
-    // and writes all of them, from the first to the last; both are aligned, as LDRD and STM require. By `sums_in` it
-    // reads a word before it writes it, and both pointers come to the end at once. It reads the table at the index of
-    // each sum and TABLE_STEPS further on: sums of valid nodes are at most a quarter turn, so that the index is
-    // -TABLE_STEPS to TABLE_STEPS, and the table has as many words on both sides of `sines` and of `cosines`. It reads
-    // `words`, and pushes two words and pops them (so `nostack` is not claimed). These restore r6 and r7; no operand is
-    // in either. All other registers are named; the flags are declared as changed.
+    // and writes all of them, from the first to the last. All are aligned, as LDRD and STM require. As `sums_in`
+    // explains, the loop reads a word before it writes it, and both pointers reach the end at the same time. It reads
+    // the table at the index of each sum and TABLE_STEPS further on. Sums of valid nodes are at most a quarter turn, so
+    // the index is -TABLE_STEPS to TABLE_STEPS, and the table extends that far before and after `sines` and `cosines`.
+    // It reads `words`, and pushes two words and pops them (so `nostack` is not claimed). The pop restores r6 and r7;
+    // no operand is in either. All other registers are named; the flags are declared as changed.
     #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
     unsafe {
         asm!(

@@ -4,17 +4,17 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | `boot` | from reset to running: memory, clocks, interrupt priorities, cause of the reset; imports no other |
+//! | `boot` | from reset to running: memory, clocks, interrupt priorities, cause of the reset; imports no module |
 //! | `play` | one block every 2 ms, handed to the tick |
 //! | `tick` | one sample, 5000 times per second |
 //! | `rotate` | stages of the lattice in the processor's own instructions |
-//! | `interpolate` | means of rotations between nodes, likewise |
-//! | `injection` | faults on request, in the tests' image alone |
+//! | `interpolate` | means of rotations between nodes, in the processor's own instructions |
+//! | `injection` | faults on request, only in the image for tests |
 //!
-//! `tick` imports `play`. Without the feature `image` there is `CortexM` alone, as the emulated kernel uses it, which
-//! gives the kernel `rotate` and `interpolate`. On a host this library is empty. The instructions are those of ARMv7E-M
-//! (ARM DDI 0403E, chapter A7), so that a Cortex-M4 and a Cortex-M7 run them to the same bits. Their order is for a
-//! Cortex-M7, which issues up to two instructions per cycle, in order, and waits for results.
+//! `tick` imports `play`. Without the feature `image` the crate has only `CortexM`, which gives the kernel `rotate` and
+//! `interpolate`; the emulated kernel uses this form. On a host this library is empty. The instructions are those of
+//! ARMv7E-M (ARM DDI 0403E, chapter A7), so a Cortex-M4 and a Cortex-M7 compute the same bits. The instructions are
+//! ordered for a Cortex-M7, which issues up to two instructions per cycle, in order, and waits for results.
 #![no_std]
 #![cfg(target_arch = "arm")]
 

@@ -1,8 +1,8 @@
-//! The lattice's stages, in an order for a Cortex-M7.
+//! The lattice's stages, ordered for a Cortex-M7.
 //!
-//! Each of a stage's two sums has a product of the backward signal, which is known long before, and one of the forward
-//! signal, which comes from the stage before. The first is taken while that stage's signal is truncated and doubled, so
-//! that a stage waits for one product of its own.
+//! Each stage computes two sums. Each sum has a product of the backward signal, which is known long before, and a
+//! product of the forward signal, which comes from the previous stage. The products of the backward signal are computed
+//! while the previous stage's signal is truncated and doubled, so that a stage waits for only one product of its own.
 
 use core::arch::asm;
 
@@ -12,13 +12,13 @@ use stylus_kernel::rotation::Rotation;
 /// Stages per turn of the loop, whose backward signals are loaded two at a time.
 const TURN_STAGES: usize = 4;
 
-/// The stage with forward signal `$forward`, whose sums `$down` and `$up` have their products of the backward signal.
-/// The stage's rotation is in `r0` to `r2`. `$low` has the low words of `$up`, `r2` those of `$down`. `$down` becomes
-/// the forward signal of the next stage, and `$up` the backward signal, which is stored.
+/// One stage with forward signal `$forward`. Its sums `$down` and `$up` already contain their products of the backward
+/// signal. The stage's rotation is in `r0` to `r2`. `$low` has the low words of `$up`, and `r2` has those of `$down`.
+/// `$down` becomes the forward signal of the next stage. `$up` becomes the backward signal, which is stored.
 ///
-/// Between the stage's instructions the next stage begins: its rotation is loaded, and its sums take the products of
-/// its backward signal, `$next_low`. `$forward` becomes its sum `$next_down`. `$load` loads the next two backward
-/// signals.
+/// The next stage begins between the instructions of this stage: its rotation is loaded, and the products of its
+/// backward signal, `$next_low`, are computed as its first sums. `$forward` becomes the next stage's sum `$next_down`.
+/// `$load` loads the next two backward signals.
 macro_rules! stage {
     ($forward:literal, $down:literal, $up:literal, $low:literal, $next_up:literal, $next_low:literal, $store:literal
      $(, $load:literal)?) => {
@@ -58,12 +58,12 @@ macro_rules! three_stages {
     };
 }
 
-/// One sample through the stages in 11 instructions per stage.
+/// Passes one sample through the stages, in 11 instructions per stage.
 #[inline(always)]
 pub fn rotate(rotations: &[Rotation], backward: &mut [i32], mut forward: i32) -> i32 {
     let (turns, rest) = rotations.as_chunks::<TURN_STAGES>();
     let stages = turns.as_flattened().len();
-    // The stages beyond whole turns are the last ones, which come first.
+    // The stages that do not fill a turn are the last ones, which are computed first.
     if !rest.is_empty() {
         forward = Portable::rotate(rest, &mut backward[stages..], forward);
     }
@@ -74,10 +74,11 @@ pub fn rotate(rotations: &[Rotation], backward: &mut [i32], mut forward: i32) ->
     let ends = backward[..=stages].as_mut_ptr_range();
     // SAFETY: with n = `stages`, a positive multiple of 4, the code reads rotations n - 1 to 0, three words each
     // (`Rotation` is `repr(C)` of three), reads words n - 1 to 0 of `backward`, and writes words n to 1. It begins at
-    // the end of `rotations` and at word n, the last of the slice of n + 1 words. A turn begins with the rotation and
-    // the backward signals of its first stages loaded, and loads those of the next turn; the last turn, which begins
-    // with three rotations to come, is apart and loads none. All words are aligned, as LDRD and LDM require. All
-    // registers are named, Q and the flags are declared as changed, and the stack is not used.
+    // the end of `rotations` and at word n, the last of the slice of n + 1 words. At the beginning of a turn the
+    // rotation and the backward signals of its first stages are loaded, and the turn loads those of the next turn. The
+    // last turn, which begins with three rotations left to load, is separate and loads none for a next turn. All words
+    // are aligned, as LDRD and LDM require. All registers are named, Q and the flags are declared as changed, and the
+    // stack is not used.
     #[expect(unsafe_code, reason = "the compiler begins no stage before the last")]
     unsafe {
         asm!(

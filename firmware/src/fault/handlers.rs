@@ -1,15 +1,16 @@
 //! Handlers of faults: the output goes to mid-scale, the reason is recorded, the processor resets.
 //!
-//! MemManage, BusFault and UsageFault arrive as HardFault; BusFault by way of `flash/word.rs`. The processor's status
-//! tells them apart.
+//! MemManage, BusFault and UsageFault arrive as HardFault; BusFault arrives through the handler of `stylus_boot::word`.
+//! The processor's status distinguishes them.
 //!
-//! A stack that has overflowed has no room for a handler: the handler's own first store would be a fault within
-//! HardFault, at which the processor locks up with the last code at the output. So HardFault begins with a stack of its
-//! own, before any Rust code. The stack of the program stays as it is, to be read for the trace.
+//! A stack that has overflowed leaves no memory for a handler: the handler's own first store would be a fault within
+//! HardFault, at which the processor locks up with the last code at the output. So HardFault begins by switching to its
+//! own stack, before any Rust code. The stack of the program stays as it is, to be read for the trace.
 //!
-//! A panic takes the same way. panic-probe masks interrupts and executes UDF, which is a HardFault some twenty
+//! A panic takes the same path. panic-probe masks interrupts and executes UDF, which is a HardFault some twenty
 //! instructions after the panic, before anything is formatted or logged. panic-probe's own printing is left off,
-//! because it would come before mid-scale. The panic's `Location`, which the stack points to, tells its file and line.
+//! because it would come before mid-scale. The panic's `Location`, to which a word on the stack points, gives file and
+//! line.
 #![expect(unsafe_code, reason = "handlers of exceptions")]
 
 use core::arch::global_asm;
@@ -24,24 +25,24 @@ use crate::fault::record::{Caught, Kind, Record, TRACE};
 use crate::fault::stack;
 use crate::tick::output;
 
-/// Length of the handler's stack, bytes: several times what it takes.
+/// Length of the handler's stack, bytes: several times what the handler uses.
 const FAULT_STACK_BYTES: usize = 2048;
 
 /// Stack of the handler of HardFault.
 #[repr(C, align(8))]
 struct FaultStack(UnsafeCell<MaybeUninit<[u8; FAULT_STACK_BYTES]>>);
 
-// SAFETY: HardFault alone uses it, once, because its handler does not return and no other exception preempts it but
-// NMI, which does not return either.
+// SAFETY: only HardFault uses it, once, because its handler does not return. Only NMI can preempt that handler, and NMI
+// does not return either.
 unsafe impl Sync for FaultStack {}
 
 #[unsafe(link_section = ".uninit.fault_stack")]
 static FAULT_STACK: FaultStack = FaultStack(UnsafeCell::new(MaybeUninit::uninit()));
 
 // SAFETY: the main stack is the only one in use, so its pointer is the address of the frame that the processor saved.
-// Nothing of the interrupted program goes on, so all registers are free. Clearing FPCCR.LSPACT (ARM DDI 0403E, B3.2.21)
-// keeps floating-point instructions of the handler from saving registers to the frame, which may lie outside of the
-// stack.
+// Nothing of the interrupted program continues, so all registers are free. Clearing FPCCR.LSPACT (ARM DDI 0403E,
+// B3.2.21) keeps floating-point instructions of the handler from saving registers to the frame, which may lie outside
+// the stack.
 global_asm!(
     ".section .text.HardFault, \"ax\", %progbits",
     ".global HardFault",
@@ -69,13 +70,13 @@ global_asm!(
 struct FaultStatus(u32);
 
 impl FaultStatus {
-    /// Faults on stacking, after which the frame means nothing: MSTKERR, MLSPERR, STKERR, LSPERR.
+    /// Faults while the frame was pushed, after which the frame means nothing: MSTKERR, MLSPERR, STKERR, LSPERR.
     const STACKING: u32 = 1 << 4 | 1 << 5 | 1 << 12 | 1 << 13;
     /// All of MemManage.
     const MEM_MANAGE: u32 = 0xFF;
     /// All of BusFault.
     const BUS_FAULT: u32 = 0xFF00;
-    /// A fetch that the MPU refused: IACCVIOL. Its address is the program counter.
+    /// A fetch that the MPU refused: IACCVIOL. The program counter is the address of that fetch.
     const FETCH: u32 = 1;
     /// MMFAR holds an address.
     const MMFAR_VALID: u32 = 1 << 7;
@@ -86,35 +87,35 @@ impl FaultStatus {
         self.0 & bits != 0
     }
 
-    /// Address of the access that was refused. Both registers are one on this processor.
+    /// Returns the address of the access that was refused. MMFAR and BFAR are one register on this processor.
     fn address(self, program_counter: Option<u32>) -> Option<u32> {
         if self.has(Self::MMFAR_VALID | Self::BFAR_VALID) {
-            // SAFETY: read and never written (ARM DDI 0403E, B3.2.17).
+            // SAFETY: the register is read and never written (ARM DDI 0403E, B3.2.17).
             return Some(unsafe { (*SCB::PTR).mmfar.read() });
         }
         program_counter.filter(|_| self.has(Self::FETCH))
     }
 }
 
-/// Reports whether a stack pointer, or the address of an access, is just below the stack: in the megabyte that ends
-/// there no region of the MPU allows a store.
+/// Reports whether an address, of an access or of the stack pointer, is in the megabyte just below the stack. No region
+/// of the MPU allows a store there.
 fn is_below_stack(address: u32) -> bool {
     const BELOW: u32 = 1 << 20;
     let start = stack::range().start;
     (start - BELOW..start).contains(&address)
 }
 
-/// Records the reason and resets. The output is at mid-scale.
+/// Records the reason and resets. The output must be at mid-scale already.
 fn end(caught: Caught) -> ! {
     let mut record = Record::load().unwrap_or_default();
     record.set(caught);
     record.store();
-    // Never blocks; dropped if the fault came in the middle of another message.
+    // Never blocks. The message is dropped if the fault came in the middle of another message.
     defmt::error!("{}", caught);
     SCB::sys_reset()
 }
 
-/// A fault of which nothing but `kind` and `detail` is known.
+/// Returns a fault of which only `kind` and `detail` are known.
 const fn bare(kind: Kind, detail: u32) -> Caught {
     Caught {
         kind,
@@ -126,14 +127,14 @@ const fn bare(kind: Kind, detail: u32) -> Caught {
     }
 }
 
-/// Reports whether `program_counter` is at a UDF, with any number (ARM DDI 0403E, A7.7.194): how panic-probe ends.
+/// Reports whether `program_counter` is at a UDF, with any number (ARM DDI 0403E, A7.7.194). panic-probe ends with UDF.
 fn is_udf(program_counter: u32) -> bool {
-    // SAFETY: the processor has just fetched this instruction, and `is_code` says that it is memory.
+    // SAFETY: the processor has just fetched this instruction, and `is_code` checks that the address is in memory.
     stack::is_code(program_counter)
         && unsafe { (program_counter as *const u16).read_volatile() } >> 8 == 0xDE
 }
 
-/// The handler, on its own stack. `frame` is the address of what the processor saved, or would have saved.
+/// The handler, on its own stack. `frame` is the address of the frame that the processor saved, or would have saved.
 extern "C" fn hard_fault(frame: u32) -> ! {
     output::mid_scale_now();
     // SAFETY: read and never written; the processor's fault status (ARM DDI 0403E, B3.2.15).
@@ -143,7 +144,8 @@ extern "C" fn hard_fault(frame: u32) -> ! {
         && frame >= stack.start
         && frame <= stack.end - size_of::<ExceptionFrame>() as u32
         && frame.is_multiple_of(8);
-    // SAFETY: it lies within the stack, aligned, and the processor reports no fault on writing it. Nothing changes it.
+    // SAFETY: the frame lies within the stack, aligned, and the processor reports no fault on writing it. Nothing
+    // changes it.
     let program_counter = is_whole.then(|| unsafe { &*(frame as *const ExceptionFrame) }.pc());
     let address = status.address(program_counter);
     let kind = if is_below_stack(frame) || address.is_some_and(is_below_stack) {
@@ -175,7 +177,7 @@ extern "C" fn hard_fault(frame: u32) -> ! {
     })
 }
 
-// SAFETY: does not return, touches nothing of the program but the record, and its first act is mid-scale.
+// SAFETY: it does not return, changes nothing of the program except the record, and first sets mid-scale.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     output::mid_scale_now();

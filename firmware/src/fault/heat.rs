@@ -1,8 +1,8 @@
-//! The coil's heat, which outlives a reset: a coil is as hot after it as before, however the program ended.
+//! The coil's heat, kept over a reset, because a coil is as hot after a reset as before, however the program ended.
 //!
-//! Two copies are written in turn, so that a reset in the middle of one leaves the other, at most two milliseconds old.
-//! Each has a checksum. The time of a reset is not known, so nothing is taken off. After power-on the memory holds
-//! noise, whose error-correcting code is wrong besides, so it is not even read.
+//! Two copies are written in turn, so that a reset during a write leaves the other copy, at most two milliseconds old.
+//! Each has a checksum. The duration of the reset is not known, so no cooling is subtracted. After power-on the memory
+//! holds noise, and its error-correcting codes are wrong, too, so it is not even read.
 #![expect(unsafe_code, reason = "a place in memory that outlives a reset")]
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -11,8 +11,8 @@ use stylus_app::safety::Heat;
 
 use crate::boot::silicon::ResetFlags;
 
-/// Whole words, so that none waits in the memory's buffer for its error-correcting code when the reset comes (AN5342,
-/// section 2).
+/// Whole words, so that no word waits in the memory's buffer for its error-correcting code when the reset comes
+/// (AN5342, section 2).
 type Copy = [AtomicU32; 3];
 
 #[unsafe(link_section = ".uninit.heat")]
@@ -21,7 +21,7 @@ static KEPT: [Copy; 2] = [const { [const { AtomicU32::new(0) }; 3] }; 2];
 /// The copy that is written next.
 static NEXT: AtomicU32 = AtomicU32::new(0);
 
-/// Checksum of two words, which depends on every bit of both.
+/// Returns a checksum of two words, which depends on every bit of both words.
 fn sum(low: u32, high: u32) -> u32 {
     [low, high].into_iter().fold(0x4845_4154, |sum: u32, word| {
         (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B)
@@ -34,8 +34,8 @@ fn load(copy: &Copy) -> Option<Heat> {
     heat.filter(|_| kept == sum(low, high))
 }
 
-/// Returns the heat of before the reset, the higher one of the two copies; none after power-on, or if neither can be
-/// believed.
+/// Returns the heat from before the reset: the higher value of the two copies. Returns none after power-on, or if
+/// neither copy has a valid checksum.
 pub fn take(flags: ResetFlags) -> Option<Heat> {
     if flags == ResetFlags::PowerOn {
         return None;

@@ -1,7 +1,7 @@
-//! Ends of the program, their reasons, and the guards that bring one about: fault handlers, watchdog, stack use.
+//! How the program ends: fault handlers, the watchdog and the guard of the stack, and the records of the reasons.
 //!
-//! Invariant: the first act of every handler is to put the output to mid-scale; it works whatever state the program is
-//! in.
+//! Invariant: the first act of every handler is to put the output to mid-scale, which works whatever state the program
+//! is in.
 
 pub mod handlers;
 pub mod heat;

@@ -1,8 +1,8 @@
-//! The record of a fault, which outlives the reset that follows it.
+//! The record of a fault, which survives the reset that follows the fault.
 //!
-//! The record lies in memory that a start does not touch. The record is believed when its checksum is right, because
-//! power-on leaves noise there. The record is written in whole words, so that no word waits in the memory's buffer for
-//! its error-correcting code when the reset comes (AN5342, section 2).
+//! The record lies in memory that a start does not touch. It counts as valid only if its checksum is right, because
+//! power-on leaves noise there. It is written in whole words, so that no word waits in the memory's buffer for its
+//! error-correcting code when the reset comes (AN5342, section 2).
 #![expect(unsafe_code, reason = "memory that outlives a reset")]
 
 use core::cell::UnsafeCell;
@@ -26,9 +26,9 @@ pub enum Kind {
     Panic,
     /// An interrupt or exception without a handler.
     UnexpectedInterrupt,
-    /// Watchdog reset because the tick stood still or did not end.
+    /// Watchdog reset because the tick did not run or did not end.
     TickStopped,
-    /// Watchdog reset while the tick went on: the executor stood still.
+    /// Watchdog reset while the tick still ran: the executor was stuck.
     ExecutorStopped,
     /// The stack overflowed.
     StackOverflow,
@@ -38,7 +38,7 @@ pub enum Kind {
     BusFault,
     /// Failure of the external clock.
     ClockFailed,
-    /// Watchdog reset before the start was over.
+    /// Watchdog reset before the start had ended.
     StartHung,
 }
 
@@ -54,7 +54,7 @@ pub struct Caught {
     pub program_counter: u32,
     /// CFSR for a fault of the processor, the number of the exception for an unexpected one, 0 otherwise.
     pub detail: u32,
-    /// Address of the access that was refused, or to which the stack had come.
+    /// Address of the access that was refused, or address that the stack had reached.
     pub address: Option<u32>,
     /// Likely return addresses from the stack, the newest first; 0 after the last one.
     pub trace: [u32; TRACE],
@@ -65,12 +65,12 @@ pub struct Caught {
 /// Words of a record: magic, the fields of [`Caught`], tick stopped, resets, whether the fault is new, starts,
 /// checksum.
 ///
-/// Noise is believed with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends on
-/// every bit of every word.
+/// Noise passes as a record with a probability of 2⁻⁶⁴: magic and checksum have 32 bits each, and the checksum depends
+/// on every bit of every word.
 const WORDS: usize = 12 + TRACE;
 const MAGIC: u32 = 0x5354_594C;
 
-/// Everything that outlives a reset.
+/// Everything that survives a reset.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Record {
     words: [u32; WORDS],
@@ -92,7 +92,8 @@ const AT_SUM: usize = AT_STARTS + 1;
 #[repr(C, align(8))]
 struct Kept(UnsafeCell<MaybeUninit<[u32; WORDS]>>);
 
-// SAFETY: thread mode uses it with interrupts masked, and the handlers of faults, which never return, run alone.
+// SAFETY: thread mode uses it with interrupts masked. The handlers of faults never return, and nothing else runs with
+// them.
 unsafe impl Sync for Kept {}
 
 #[unsafe(link_section = ".uninit.fault")]
@@ -101,7 +102,8 @@ static KEPT: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
 impl Record {
     /// The record in memory, if this program wrote it.
     pub fn load() -> Option<Self> {
-        // SAFETY: reading noise as integers is what the checksum is for; a volatile read takes whatever is there.
+        // SAFETY: any bits are valid integers, and the checksum detects noise; a volatile read accepts whatever the
+        // memory holds.
         let words: [u32; WORDS] = unsafe { KEPT.0.get().cast::<[u32; WORDS]>().read_volatile() };
         let record = Self { words };
         (words[0] == MAGIC && words[AT_SUM] == record.sum()).then_some(record)
@@ -129,7 +131,7 @@ impl Record {
             })
     }
 
-    /// Replaces the fault; counters of resets stay.
+    /// Replaces the fault; the counters of resets stay.
     pub fn set(&mut self, caught: Caught) {
         self.words[AT_KIND] = caught.kind as u32;
         self.words[AT_DETAIL] = caught.detail;
@@ -177,14 +179,14 @@ pub struct Before {
     pub new_fault: bool,
     /// Resets since power-on, this one included.
     pub resets: u32,
-    /// Knowledge of the starts, decided for this one.
+    /// What was kept about earlier starts, with the decisions for this start.
     pub starts: KeptOfStarts,
 }
 
-/// Reads the kept state, counts this start, decides how the start goes on, and keeps the result.
+/// Reads the kept state, counts this start, decides how the start continues, and keeps the result.
 ///
-/// After power-on the memory holds noise, whose error-correcting code is wrong besides, so the memory is not even read.
-/// After a reset by the watchdog, the last fault is that reset.
+/// After power-on the memory holds noise, and its error-correcting codes are wrong, too, so the memory is not even
+/// read. After a reset by the watchdog, that reset becomes the last fault.
 pub fn take(flags: ResetFlags) -> Before {
     let power_on = flags == ResetFlags::PowerOn;
     let mut record = if power_on {
@@ -238,18 +240,18 @@ pub fn take(flags: ResetFlags) -> Before {
     before
 }
 
-/// Keeps that the start has got to `stage`; none once it is over.
+/// Records that the start has reached `stage`, or none once the start has ended.
 pub fn enter(stage: Option<StartStage>) {
     change_starts(|starts| starts.stage = stage);
 }
 
-/// Keeps that this run has lasted long enough to be a healthy one.
+/// Records that this run has lasted long enough to count as healthy.
 pub fn note_healthy() {
     change_starts(|starts| starts.healthy = true);
 }
 
 fn change_starts(change: impl FnOnce(&mut KeptOfStarts)) {
-    // Short, and a few times per start.
+    // This section is short, and runs a few times per start.
     critical_section::with(|_| {
         let mut record = Record::load().unwrap_or_default();
         let mut starts = KeptOfStarts::from_word(record.words[AT_STARTS]);
@@ -259,7 +261,7 @@ fn change_starts(change: impl FnOnce(&mut KeptOfStarts)) {
     });
 }
 
-/// Keeps that the tick stands still; the watchdog resets the processor next.
+/// Records that the tick does not run; the watchdog resets the processor next.
 pub fn note_tick_stopped() {
     let mut record = Record::load().unwrap_or_default();
     record.words[AT_TICK_STOPPED] = 1;

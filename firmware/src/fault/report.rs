@@ -9,7 +9,7 @@ use crate::boot::silicon::ResetFlags;
 use crate::fault::record::{Before, Caught, Kind};
 use crate::fault::stack;
 
-/// The report of this start, from what the processor and the memory kept.
+/// Returns the report of this start, from what the processor and the memory kept.
 pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
     let fault = before.caught.map(|caught| Fault {
         kind: match caught.kind {
@@ -46,8 +46,8 @@ pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
     }
 }
 
-/// File and line of a panic, the file's end if it is long. For any other fault the return addresses in hexadecimal, the
-/// newest first, for `addr2line` on the image's file.
+/// Returns file and line of a panic; of a long file name only the end. For any other fault it returns the return
+/// addresses in hexadecimal, the newest first, for `addr2line` on the image's file.
 fn text(caught: &Caught) -> FaultText {
     /// Characters of the colon and the line's number, at most.
     const LINE_CHARACTERS: usize = 8;

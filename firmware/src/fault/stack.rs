@@ -1,7 +1,7 @@
-//! The stack: its place, the most that was ever used of it, and the traces that a fault left on it.
+//! The stack: its addresses, how much of it was ever used, and the traces that a fault left on it.
 //!
-//! cortex-m-rt paints the stack before anything runs, and a word that keeps the paint was never used. The search for
-//! the first that does not is spread over many calls, so that none of them takes long.
+//! cortex-m-rt paints the stack before anything runs, and a word that still holds the paint was never used. The search
+//! for the first word without paint is spread over many calls, so that no call takes long.
 #![expect(unsafe_code, reason = "stack and flash are read as memory")]
 
 use core::ops::Range;
@@ -13,15 +13,15 @@ use stylus_boot::map::{self, ACTIVE};
 
 use crate::fault::record::TRACE;
 
-/// Bytes that one call of [`search`] looks at: about a thousand cycles.
+/// Bytes that one call of [`search`] checks, in about a thousand cycles.
 const PIECE_BYTES: u32 = 1024;
 
 const WORD: u32 = size_of::<u32>() as u32;
 
-/// Bytes of the stack used, as of the last whole search.
+/// Bytes of the stack used, as of the last complete search.
 static USED: AtomicU32 = AtomicU32::new(0);
 
-/// Bytes from the bottom that the search under way found painted.
+/// Bytes from the bottom that the current search has found painted.
 static PAINTED: AtomicU32 = AtomicU32::new(0);
 
 /// Addresses of the stack. It grows from the end down to the start, below which no memory may be accessed.
@@ -39,15 +39,16 @@ pub fn bytes() -> u32 {
     stack.end - stack.start
 }
 
-/// Looks at the next part of the stack. For one task, at regular intervals; a whole search takes at most 48 calls.
+/// Checks the next part of the stack. One task calls this at regular intervals; a complete search takes at most 48
+/// calls.
 pub fn search() {
     let stack = range();
     let from = PAINTED.load(Ordering::Relaxed);
     let to = (from + PIECE_BYTES).min(bytes());
     let used = (from..to).step_by(WORD as usize).find(|&offset| {
         let word = (stack.start + offset) as *const u32;
-        // SAFETY: a word of the stack's memory. Nothing owns those below the stack pointer, and the first one that is
-        // used ends the search.
+        // SAFETY: this is a word of the stack's memory. Nothing owns the words below the stack pointer, and the first
+        // word that is used ends the search.
         unsafe { word.read_volatile() != STACK_PAINT_VALUE }
     });
     let next = match used {
@@ -60,7 +61,7 @@ pub fn search() {
     PAINTED.store(next, Ordering::Relaxed);
 }
 
-/// Bytes of the stack used since the start, interrupts included, as of the last whole search.
+/// Bytes of the stack used since the start, including by interrupts, as of the last complete search.
 pub fn used_bytes() -> u32 {
     USED.load(Ordering::Relaxed)
 }
@@ -76,22 +77,23 @@ pub fn is_code(address: u32) -> bool {
     FLASH.contains(&address) || ITCM.contains(&address)
 }
 
-/// The words on the stack from `stack_pointer` on, the newest first: the frames of a panic and some of its callers.
+/// Returns the words on the stack from `stack_pointer` on, the newest first: the frames of a panic and some of its
+/// callers.
 ///
-/// After an overflow the pointer is below the stack, and the words are those from its last one on.
+/// After an overflow the pointer is below the stack, so the words begin at the lowest address of the stack.
 pub fn words(stack_pointer: u32) -> impl Iterator<Item = u32> {
     /// Largest number of words that are read.
     const DEPTH: u32 = 256;
     let stack = range();
     let start = stack_pointer.clamp(stack.start, stack.end) & !(WORD - 1);
     let count = ((stack.end - start) / WORD).min(DEPTH);
-    // SAFETY: these words are aligned and lie within the stack, which is all memory.
+    // SAFETY: these words are aligned and lie within the stack, all of which is memory.
     (0..count).map(move |index| unsafe { ((start + index * WORD) as *const u32).read_volatile() })
 }
 
-/// Likely return addresses on the stack: odd numbers that point into code.
+/// Returns likely return addresses on the stack: odd numbers that point into code.
 ///
-/// Some are stale. With the image's file, `addr2line` tells the place in the source of each.
+/// Some are stale. With the image's file, `addr2line` shows the place of each in the source.
 pub fn return_addresses(stack_pointer: u32) -> [u32; TRACE] {
     let mut found = [0; TRACE];
     let addresses = words(stack_pointer).filter(|&word| word & 1 == 1 && is_code(word));
@@ -101,10 +103,10 @@ pub fn return_addresses(stack_pointer: u32) -> [u32; TRACE] {
     found
 }
 
-/// File and line of the `core::panic::Location` at `address` in flash; none if there is no such value.
+/// Returns file and line of the `core::panic::Location` at `address` in flash; none if there is no such value.
 ///
-/// A `Location` is address and length of the file's name, line, column. Nothing says that one lies at `address`, so the
-/// values themselves decide.
+/// A `Location` consists of address and length of the file's name, line, and column. Nothing marks a `Location`, so the
+/// plausibility of these values decides.
 pub fn location(address: u32) -> Option<(&'static str, u32)> {
     const LONGEST_NAME: u32 = 256;
     const HIGHEST_LINE: u32 = 1_000_000;
@@ -113,7 +115,7 @@ pub fn location(address: u32) -> Option<(&'static str, u32)> {
     if !address.is_multiple_of(WORD) || !in_flash(address, 4 * WORD) {
         return None;
     }
-    // SAFETY: flash, aligned, of this program, which changes only by flashing another.
+    // SAFETY: this is aligned flash of this program, which changes only when another program is flashed.
     let [name, length, line, column] = unsafe { *(address as *const [u32; 4]) };
     if length > LONGEST_NAME
         || !in_flash(name, length)

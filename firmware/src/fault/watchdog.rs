@@ -1,9 +1,9 @@
 //! The independent watchdog, RM0433 chapter 45: fed only while tick and executor both run.
 //!
-//! The watchdog has a clock of its own. A task feeds it, so an executor that hangs starves it. The task feeds only if
-//! the tick has moved on, so a tick that hangs starves it too. `boot/startup.rs` starts the watchdog, with the first
-//! instructions, and the start feeds it at the end of each of its stages. Once tasks run its timeout is shorter. The
-//! reset includes DAC and pins, and the start puts the output to mid-scale.
+//! The watchdog has its own clock. A task feeds it, so it bites if the executor hangs. The task feeds it only if the
+//! tick has advanced, so it bites if the tick hangs, too. `boot/startup.rs` starts the watchdog with the first
+//! instructions, and the start feeds it at the end of each stage. Once tasks run, the timeout is shorter. The reset
+//! includes DAC and pins, and the next start puts the output to mid-scale.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -21,26 +21,25 @@ use crate::tick::alive;
 /// Interval between two feeds.
 const FEED: Duration = Duration::from_millis(20);
 
-/// True if the tick does not run, as in safe mode, and is not waited for.
+/// True if the tick does not run, as in safe mode, so that the feeding does not depend on it.
 static WITHOUT_TICK: AtomicBool = AtomicBool::new(false);
 
 /// Cycle of the last feed.
 static FED: AtomicU32 = AtomicU32::new(0);
 
-/// Cycles of the longest time between two feeds. The counter wraps after ten seconds, and the watchdog bites long
-/// before.
+/// Cycles of the longest time between two feeds. The counter wraps after ten seconds, long after the watchdog bites.
 static LONGEST_GAP: AtomicU32 = AtomicU32::new(0);
 
-/// Begins to measure the gaps between two feeds. The watchdog runs already.
+/// Begins to measure the times between two feeds. The watchdog runs already.
 pub fn start() {
     undo_debugger();
     FED.store(DWT::cycle_count(), Ordering::Relaxed);
 }
 
-/// Lets watchdog and timers of the output go on while a debugger halts the processor, and the cycle counter in WFE;
-/// with the feature `debug-halt` the watchdog waits in a halt. Some debuggers set the first when they connect, as
-/// OpenOCD does for the watchdogs, and clear the others when they detach, as probe-rs does. Only power-on resets them
-/// (RM0433 section 60.5.8), so they are written again at each feed.
+/// Makes the watchdog and the timers of the output continue while a debugger halts the processor, and the cycle counter
+/// continue in WFE. With the feature `debug-halt` the watchdog waits during a halt instead. Some debuggers set the
+/// freeze bits when they connect (OpenOCD does so for the watchdogs), and some clear the other bits when they detach
+/// (probe-rs). Only power-on resets these bits (RM0433 section 60.5.8), so they are written again at each feed.
 fn undo_debugger() {
     DBGMCU.cr().modify(|w| {
         w.set_d1dbgcken(true);
@@ -58,13 +57,13 @@ pub fn feed_at_start() {
     reload();
 }
 
-/// Feeds the watchdog while the executor runs, without a tick.
+/// Makes the task feed the watchdog while the executor runs, even without ticks.
 pub fn expect_no_tick() {
     WITHOUT_TICK.store(true, Ordering::Relaxed);
 }
 
-/// Feeds the watchdog while the tick moves on, and searches the stack for its most use, piece by piece. From its first
-/// feed on, the timeout is [`startup::RUNNING_WATCHDOG_US`].
+/// Feeds the watchdog while the tick advances, and searches the stack for its highest use, part by part. From the first
+/// feed of this task on, the timeout is [`startup::RUNNING_WATCHDOG_US`].
 #[embassy_executor::task]
 pub async fn feed() -> ! {
     IWDG1.kr().write(|w| w.set_key(Key::ENABLE));
@@ -73,7 +72,7 @@ pub async fn feed() -> ! {
         .write(|w| w.set_rl(startup::watchdog_reload(startup::RUNNING_WATCHDOG_US) as u16));
     let mut ticker = Ticker::every(FEED);
     let mut before = alive::ended();
-    // The rest of the start runs before the first turn of this task, and has its own stages.
+    // The rest of the start runs before the first turn of this task, and feeds the watchdog at its own stages.
     ticker.next().await;
     reload();
     LONGEST_GAP.store(0, Ordering::Relaxed);
@@ -91,7 +90,7 @@ pub async fn feed() -> ! {
     }
 }
 
-/// Feeds the watchdog if the tick has moved on since the last call, for a wait during which no task runs.
+/// Feeds the watchdog if the tick has advanced since the last call. For a wait during which no task runs.
 #[inline(always)]
 pub fn feed_while_ticking() {
     static BEFORE: AtomicU32 = AtomicU32::new(0);
@@ -112,7 +111,7 @@ fn reload() {
     }
 }
 
-/// Longest time between two feeds since tasks run, µs.
+/// Longest time between two feeds since tasks began to run, µs.
 pub fn longest_gap_us() -> u32 {
     LONGEST_GAP.load(Ordering::Relaxed) / (CORE_HZ / 1_000_000)
 }

@@ -1,18 +1,19 @@
-//! Drivers of the flash banks for the NorFlash traits: the library slots of bank 2, and the sectors of bank 1 with
-//! settings and with the record of updates.
+//! Drivers of the flash banks for the NorFlash traits: the library slots of bank 2, and the sectors of bank 1 that hold
+//! the settings and the record of updates.
 //!
 //! embassy-stm32's own driver waits for an erasure, a second or two, without yielding, and turns an uncorrectable word
-//! into a hard fault. This one follows RM0433 section 4.3. Every wait is bounded. A read after a write comes from the
-//! array itself, because neither the slots nor the settings are cached (`boot/protection.rs`).
+//! into a hard fault. This driver follows RM0433 section 4.3. Every wait is bounded. A read after a write comes from
+//! the flash array itself, because neither the slots nor the sectors of bank 1 used here are cached
+//! (`boot/protection.rs`).
 //!
 //! - **Bank 2** is erased and written while everything else runs: code runs from bank 1, the tick from ITCM.
-//! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM, hides the
-//!   code from the processor, which would fetch ahead, and masks the interrupts of tasks, whose handlers lie in flash;
-//!   tick and update go on. Settings must therefore be written only while nothing else matters: a change takes a tenth
-//!   of a millisecond, and one in a few thousand an erasure.
-//!   embassy's clock counts half turns of 32.8 ms by an interrupt that is masked then, so an erasure makes it late by
-//!   whole turns, and every running timeout longer. It never steps back. The device's time is the tick's count, which
-//!   goes on.
+//! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for the bank runs from ITCM. It
+//!   hides the code from the processor, which would otherwise fetch ahead, and masks the interrupts of tasks, whose
+//!   handlers lie in flash. Tick and update continue. Settings must therefore be written only while nothing else
+//!   matters: a change takes a tenth of a millisecond, and one in a few thousand changes needs an erasure. embassy's
+//!   clock counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an erasure makes the clock
+//!   late by whole turns, and every running timeout longer. The clock never steps back. The device's time is the tick's
+//!   count, which continues.
 #![expect(
     unsafe_code,
     reason = "the flash's registers change memory, and the memory is read in place"
@@ -46,25 +47,25 @@ const ERASE_LIMIT: Duration = Duration::from_secs(8);
 /// Longest programming of a flash word: many times the maximum of DS12110.
 const PROGRAM_LIMIT: Duration = Duration::from_millis(10);
 
-/// Words of a sector that are looked at between two turns of other tasks, some 30 µs.
+/// Words of a sector that are checked between two turns of other tasks, some 30 µs.
 const WORDS_PER_TURN: usize = 64;
 
 /// Failure of a flash operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum FlashError {
-    /// A range outside this part of the flash, or not of whole words or sectors.
+    /// A range outside this part of the flash, or one that is not a number of whole words or sectors.
     Range(OutOfRange),
     /// A word that cannot be read, because its error-correcting code found two errors.
     Unreadable {
         /// Address of the word.
         address: u32,
     },
-    /// A fault that the flash reports, or an erasure that it did not do.
+    /// A fault that the flash reports, or an erasure that it did not carry out.
     Refused {
         /// Value of FLASH_SR.
         status: u32,
     },
-    /// The flash is busy for longer than it may be.
+    /// The flash stays busy for longer than it should.
     Timeout,
     /// The supply is too low to erase or program.
     SupplyLow,
@@ -73,9 +74,9 @@ pub enum FlashError {
 /// Reason why a range is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum OutOfRange {
-    /// Not whole words or sectors.
+    /// Not a number of whole words or sectors.
     NotAligned,
-    /// Outside.
+    /// Outside this part of the flash.
     OutOfBounds,
 }
 
@@ -131,7 +132,7 @@ fn length(from: u32, to: u32) -> Result<usize, FlashError> {
         .ok_or(FlashError::Range(OutOfRange::OutOfBounds))
 }
 
-/// Reads bytes of words that may fault.
+/// Reads bytes of words that may be unreadable.
 fn read(bank: Bank, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
     let mut at = bank.address + offset;
     let mut rest = bytes;
@@ -148,7 +149,8 @@ fn read(bank: Bank, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
     Ok(())
 }
 
-/// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks.
+/// Prepares an erasure or the programming of a word: checks that the supply holds and the bank is idle, clears old
+/// faults, and unlocks the bank.
 fn prepare(bank: Bank) -> Result<(), FlashError> {
     if supply::is_low() {
         return Err(FlashError::SupplyLow);
@@ -168,8 +170,8 @@ fn end(bank: Bank) -> Result<Sr, FlashError> {
         .map_err(|status| FlashError::Refused { status: status.0 })
 }
 
-/// Checks that the sector at `offset` is erased, because an order that a bank does not take ends as one that it has
-/// done. `status` is the one with which the erasure ended.
+/// Checks that the sector at `offset` is erased, because a command that a bank ignores ends like one that the bank has
+/// carried out. `status` is the status with which the erasure ended.
 async fn check_erased(bank: Bank, offset: u32, status: Sr) -> Result<(), FlashError> {
     for at in (offset..)
         .step_by(WORD_BYTES)
@@ -239,7 +241,7 @@ impl NorFlash for Bank2 {
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         check(from, length(from, to)?, Self::ERASE_SIZE, Self::RANGE)?;
         for sector in (from..to).step_by(Self::ERASE_SIZE) {
-            // An erasure whose caller gave up ends first.
+            // If the caller of an earlier erasure gave up waiting, that erasure ends first.
             Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await?;
             prepare(BANK_2)?;
             BANK_2.begin_erase(sector);
@@ -276,14 +278,15 @@ impl MappedFlash for Bank2 {
     }
 }
 
-/// Sectors of bank 1: the settings', or those of the record of updates. Offsets count from the start of the bank.
+/// Sectors of bank 1: those of the settings, or those of the record of updates. Offsets count from the start of the
+/// bank.
 pub struct Bank1(Range<u32>);
 
 impl Bank1 {
     /// The sectors of `range`.
     ///
     /// # Safety
-    /// Called once per sector, and no code lies there.
+    /// Called once per sector, and no code lies in these sectors.
     pub const unsafe fn new(range: Range<u32>) -> Self {
         Self(range)
     }
@@ -335,7 +338,7 @@ impl NorFlash for Bank1 {
     }
 }
 
-/// The result of an operation that was `done` within its limit, or was not.
+/// Returns success if an operation was `done` within its limit, and a timeout otherwise.
 fn in_time(done: bool) -> Result<(), FlashError> {
     if done {
         Ok(())
@@ -344,8 +347,8 @@ fn in_time(done: bool) -> Result<(), FlashError> {
     }
 }
 
-/// Erases the sector of bank 1 at `offset` and waits for it, in ITCM; false if it takes too long. The build's check of
-/// placement knows its name.
+/// Erases the sector of bank 1 at `offset` and waits for the end, in ITCM. Returns false if that takes too long. The
+/// build's check of placement knows this function's name.
 #[inline(never)]
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_erase")]
@@ -359,8 +362,8 @@ extern "C" fn erase_without_code(offset: u32) -> bool {
     done
 }
 
-/// Programs a word of bank 1 at `offset` and waits for it, in ITCM; false if it takes too long. The build's check of
-/// placement knows its name.
+/// Programs a word of bank 1 at `offset` and waits for the end, in ITCM. Returns false if that takes too long. The
+/// build's check of placement knows this function's name.
 #[inline(never)]
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.flash_program")]
@@ -374,8 +377,8 @@ extern "C" fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) ->
     done
 }
 
-/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick goes on; false if the bank is busy
-/// still.
+/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick advances. Returns false if the bank
+/// is still busy.
 #[inline(always)]
 fn wait_without_code(limit_ms: u32) -> bool {
     for _ in 0..limit_ms {
@@ -390,7 +393,7 @@ fn wait_without_code(limit_ms: u32) -> bool {
     false
 }
 
-/// Masks as they were before.
+/// State of the masks before [`mask_tasks`].
 #[derive(Clone, Copy)]
 struct Masked {
     priorities: u8,
@@ -412,7 +415,7 @@ fn mask_tasks() -> Masked {
 
 #[inline(always)]
 fn unmask(before: Masked) {
-    // SAFETY: both return to their state before `mask_tasks`.
+    // SAFETY: both masks return to their state before `mask_tasks`.
     unsafe {
         basepri::write(before.priorities);
         if !before.serial {

@@ -1,7 +1,7 @@
-//! Errors that the flash's code has corrected or found (RM0433 section 4.3.12).
+//! Errors that the flash's error-correcting code has corrected or found (RM0433 section 4.3.12).
 //!
-//! The flags in FLASH_SR show that there was one. They are counted here before anything clears them, so several errors
-//! between two looks are one.
+//! The flags in FLASH_SR show only that there was an error. They are counted here before anything clears them, so
+//! several errors between two looks count as one.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -20,7 +20,7 @@ static COUNTERS: [Counters; 2] = [const {
     }
 }; 2];
 
-/// Number of errors of one bank since the start.
+/// Numbers of errors of one bank since the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Errors {
     /// Corrected errors.
@@ -41,7 +41,7 @@ pub fn take(bank: usize) {
     }
     let counters = &COUNTERS[bank];
     for (counter, seen) in [(&counters.corrected, corrected), (&counters.failed, failed)] {
-        // Tasks alone count, so load and store need not be one access.
+        // Only tasks count, so load and store need not be one access.
         let count = counter.load(Ordering::Relaxed);
         counter.store(count.saturating_add(u32::from(seen)), Ordering::Relaxed);
     }

@@ -1,4 +1,4 @@
-//! Reads of a flash word that may not be readable, with their errors counted.
+//! Reads of a flash word that may be unreadable; its errors are counted.
 
 use stylus_app::flash::WORD_BYTES;
 
@@ -8,7 +8,8 @@ use crate::flash::errors;
 pub fn read(address: u32) -> Option<[u8; WORD_BYTES]> {
     let word = stylus_boot::word::read(address);
     if word.is_none() {
-        // The return value reports the error, so its flags are counted and cleared. Each bank has its own.
+        // The return value reports the error, so the flags of the error are counted and cleared. Each bank has its own
+        // flags.
         for bank in 0..2 {
             errors::take(bank);
         }

@@ -13,14 +13,14 @@ const SEND_LIMIT: Duration = Duration::from_millis(100);
 
 /// Receiver of a link.
 pub trait ReceiveFrame {
-    /// Receives one frame into `buffer` and returns its length; none if what came is no frame, which is counted, or if
-    /// the link's session has ended.
+    /// Receives one frame into `buffer` and returns its length. Returns none if the bytes received are no frame, which
+    /// is counted, or if the link's session has ended.
     async fn receive_frame(&mut self, buffer: &mut [u8]) -> Option<usize>;
 }
 
 /// Sender of a link.
 pub trait SendFrame {
-    /// Sends one frame; returns false if the link does not take it.
+    /// Sends one frame; returns false if the link does not accept it.
     async fn send_frame(&mut self, frame: &[u8]) -> bool;
 }
 
@@ -44,8 +44,8 @@ impl<S: SendFrame> Outlet<S> {
         *self.sender.lock().await = Some(sender);
     }
 
-    /// Sends a frame. If the link is not open or does not take it in time, the loss is counted, and the link goes on,
-    /// because the host may come back at any time.
+    /// Sends a frame. If the link is not open or does not accept the frame in time, the loss is counted. The link stays
+    /// in use, because the host may come back at any time.
     pub async fn send(&self, frame: &[u8]) {
         let sent = with_timeout(SEND_LIMIT, async {
             match self.sender.lock().await.as_mut() {

@@ -1,5 +1,5 @@
-//! Service of the requests that come by one wire, and the stream of a recording to the host that asked for it. What
-//! requests do is in [`stylus_app::requests`].
+//! Serves the requests that come over one link, and sends a recording to the host that asked for it.
+//! [`stylus_app::requests`] implements the requests themselves.
 
 use embassy_time::Timer;
 use model_format::link::{LinkCounters, LinkId};
@@ -25,7 +25,7 @@ impl Link for Wire {
     }
 }
 
-/// Serves the host on `wire` forever. Frames come from `receiver` by `buffer`, and answers go by `answer`.
+/// Serves the host on `wire` forever. `receiver` puts frames into `buffer`; answers are written to `answer`.
 pub async fn serve<R: ReceiveFrame>(
     wire: Wire,
     mut receiver: R,
@@ -43,7 +43,7 @@ pub async fn serve<R: ReceiveFrame>(
     }
 }
 
-/// One copy of the dispatcher, for both wires.
+/// Dispatches a frame. It is not inlined, so that both links share one copy.
 #[inline(never)]
 fn serve_frame(wire: Wire, frame: &[u8], answer: &mut Frame) -> Option<usize> {
     #[cfg(feature = "fault-injection")]
@@ -54,7 +54,7 @@ fn serve_frame(wire: Wire, frame: &[u8], answer: &mut Frame) -> Option<usize> {
     requests::serve(&ControlStage, &wire, frame, answer)
 }
 
-/// Sends blocks as they come, and empties the queue while nothing is recorded.
+/// Sends the blocks of a recording as they come, and empties the queue while nothing is recorded.
 #[embassy_executor::task]
 pub async fn stream_recording() -> ! {
     static FRAME: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
@@ -66,8 +66,8 @@ pub async fn stream_recording() -> ! {
             continue;
         };
         if let Some(length) = encode_block(&block, frame) {
-            // A block that is not taken in time is counted by its wire, and the gap in the numbers shows it to the
-            // host.
+            // If a block is not accepted in time, its link counts the loss, and the gap in the numbers shows the loss
+            // to the host.
             Wire::of(link).send(&frame[..length]).await;
         }
     }

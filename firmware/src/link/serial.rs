@@ -1,7 +1,7 @@
 //! The serial link: USART3 on PD8 (TX) and PD9 (RX), the virtual serial port of the board's probe.
 //!
-//! A frame is one COBS frame, ended by a zero byte. Each byte is an interrupt below the tick's priority; the
-//! peripheral's FIFO of 16 bytes, 170 µs of them, holds the bytes that come during a tick (RM0433 section 48.5.4).
+//! A frame is one COBS frame, ended by a zero byte. Each byte causes an interrupt of lower priority than the tick. The
+//! peripheral's FIFO of 16 bytes, which is 170 µs, holds the bytes that come during a tick (RM0433 section 48.5.4).
 //! There is no DMA, so no buffer needs memory of another domain or cache maintenance.
 
 use embassy_stm32::interrupt::typelevel::{self, Handler};
@@ -17,16 +17,16 @@ use static_cell::ConstStaticCell;
 
 use crate::link::outlet::{ReceiveFrame, SERIAL_COUNTERS, SendFrame};
 
-/// Length of the longest COBS frame of `length` bytes, with its zero: one byte more per 254, one more, and the zero.
+/// Length of the longest COBS frame of `length` bytes: one byte more per 254, one more, and the zero.
 const fn encoded(length: usize) -> usize {
     length + length / 254 + 2
 }
 
-/// Bytes received and not yet read: 44 ms of them, about twice the longest time for which a task does not yield, the
-/// check of the largest library.
+/// Length of the buffer of bytes received and not yet read: 44 ms. This is about twice the longest time for which a
+/// task does not yield, the check of the largest library.
 const RECEIVED_BYTES: usize = 4 * encoded(MAX_HOST_FRAME_BYTES);
 
-/// Bytes to be sent: the longest frame.
+/// Length of the buffer of bytes to send: the longest frame.
 const SENT_BYTES: usize = encoded(MAX_DEVICE_FRAME_BYTES);
 
 bind_interrupts!(struct Interrupts {
@@ -51,17 +51,17 @@ impl Handler<typelevel::USART3> for LineErrors {
     }
 }
 
-/// Sets the port up: sender and receiver.
+/// Sets up the port and returns its sender and receiver.
 ///
 /// # Errors
-/// The clock cannot give the baud rate.
+/// The clock cannot produce the baud rate.
 pub fn open(
     usart: Peri<'static, peripherals::USART3>,
     tx: Peri<'static, PD8>,
     rx: Peri<'static, PD9>,
 ) -> Result<(Sender, Receiver), ConfigError> {
     static TX: ConstStaticCell<[u8; SENT_BYTES]> = ConstStaticCell::new([0; SENT_BYTES]);
-    // The largest buffer, which the DTCM has no room for; zeros, as SRAM 4 has them after the start.
+    // The largest buffer, for which the DTCM has no space. It holds zeros, because the start clears SRAM 4.
     #[expect(unsafe_code, reason = "a place in a memory that the start clears")]
     #[unsafe(link_section = ".sram4.received")]
     static RX: ConstStaticCell<[u8; RECEIVED_BYTES]> = ConstStaticCell::new([0; RECEIVED_BYTES]);
@@ -88,15 +88,16 @@ pub fn open(
 pub struct Sender {
     tx: BufferedUartTx<'static>,
     frame: [u8; SENT_BYTES],
-    /// True if only a part of the last frame may have gone out; a zero ends that part.
+    /// True if possibly only a part of the last frame has been sent; a zero ends that part.
     broken: bool,
 }
 
 impl Sender {
-    /// Sends the first `length` bytes of the frame and its zero, after a zero if the frame before is `broken`.
+    /// Sends the first `length` bytes of the frame and its zero. If the previous frame is `broken`, a zero is sent
+    /// first.
     ///
-    /// A write that finds too little room in embassy's buffer is never woken (embassy-stm32 0.6.0), so each write waits
-    /// until the one before has gone out, and finds the buffer empty.
+    /// A write that finds too little space in embassy's buffer is never woken (embassy-stm32 0.6.0). So each write
+    /// waits until the previous one has been sent, and finds the buffer empty.
     async fn send(
         &mut self,
         broken: bool,
@@ -120,7 +121,7 @@ impl SendFrame for Sender {
             _ => return false,
         };
         self.frame[length] = 0;
-        // Set during the send, because its caller may give up half way.
+        // Set during the send, because its caller may stop waiting before the end.
         let broken = core::mem::replace(&mut self.broken, true);
         self.broken = self.send(broken, length).await.is_err();
         !self.broken
@@ -143,7 +144,7 @@ impl Receiver {
     async fn byte(&mut self) -> u8 {
         while self.from == self.to {
             self.from = 0;
-            // The handler counts an error of the line. The frame that it damages does not decode.
+            // The handler counts an error of the line. The damaged frame does not decode.
             self.to = self.rx.read(&mut self.chunk).await.unwrap_or(0);
         }
         let byte = self.chunk[self.from];
@@ -151,7 +152,7 @@ impl Receiver {
         byte
     }
 
-    /// Reads the bytes before the next zero, as many as fit into `buffer`, and returns their number.
+    /// Reads the bytes before the next zero, and returns their number. Keeps as many as fit into `buffer`.
     async fn encoded_frame(&mut self, buffer: &mut [u8]) -> usize {
         let mut length: usize = 0;
         loop {

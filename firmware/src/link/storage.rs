@@ -1,5 +1,5 @@
-//! The application, for both links: [`Control`] behind a lock that is never held across a wait, and [`Storage`] in a
-//! task of its own, because requests that need flash may take seconds.
+//! The application, for both links: [`Control`] behind a lock that is never held across a wait, and [`Storage`] in its
+//! own task, because requests that need flash may take seconds.
 #![expect(
     unsafe_code,
     reason = "the only owners of the flash are created here, once"
@@ -47,7 +47,7 @@ pub fn with_control<R>(what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
     })
 }
 
-/// Jobs that wait. Of a host that sends the next request after the answer one waits at most.
+/// Jobs that wait. If a host sends its next request only after the answer, at most one of its jobs waits.
 pub static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, QUEUED_JOBS> = Channel::new();
 
 type Stores = Storage<Bank2, Bank1>;
@@ -55,13 +55,13 @@ type Stores = Storage<Bank2, Bank1>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Longest wait for the newest library before the links open. It takes far less.
+/// Longest wait for the newest library before the links open. The library needs far less time.
 const LIBRARY_FIRST: Duration = Duration::from_millis(500);
 
-/// Interval of looks at the end of a trial.
+/// Interval between two checks for the end of a trial of a new image.
 const TRIAL_POLL: Duration = Duration::from_secs(1);
 
-/// Time for the last answer to leave, and for the output to come to mid-scale.
+/// Time for the last answer to be sent, and for the output to reach mid-scale.
 const RESTART_AFTER: Duration = Duration::from_millis(100);
 
 /// Key that an update must be signed with; `build.rs` writes it.
@@ -72,7 +72,7 @@ static ACTIVATED: Signal<ThreadModeRawMutex, ()> = Signal::new();
 /// Opens the stores, starts the tasks that poll and that serve jobs, and waits until the newest library is active, if
 /// that does not take long.
 pub async fn start(spawner: Spawner, hardware: Hardware, takes_unsigned: bool) {
-    // SAFETY: nothing else calls them, and this runs once. The ranges lie behind the code.
+    // SAFETY: nothing else calls these functions, and this runs once. The ranges lie behind the code.
     let (slots, settings, records) = unsafe {
         (
             Bank2::new(),
@@ -82,7 +82,7 @@ pub async fn start(spawner: Spawner, hardware: Hardware, takes_unsigned: bool) {
     };
     let settings = SettingsStore::unread(settings, SETTINGS_RANGE);
     let mut records = record::Store::open(records, RECORDS).await;
-    // One that cannot be kept now is tried again at the next start.
+    // A record that cannot be written now is tried again at the next start.
     let _ = records.settle().await;
     let stores = STORES.init(Storage::new(SlotStore::unread(slots), settings));
     if let Some(running) = running(takes_unsigned) {
@@ -95,7 +95,7 @@ pub async fn start(spawner: Spawner, hardware: Hardware, takes_unsigned: bool) {
     CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
     spawner.spawn(serve(stores, safe_mode).unwrap());
-    // A host whose request came before it would find no library.
+    // A host whose request came before the library is active would find no library.
     let _ = with_timeout(LIBRARY_FIRST, ACTIVATED.wait()).await;
 }
 
@@ -112,11 +112,11 @@ async fn poll() -> ! {
     }
 }
 
-/// Activates the newest library, then does the queued jobs, one after the other.
+/// Activates the newest library, then does the queued jobs one after another.
 #[embassy_executor::task]
 async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
     static ANSWER: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
-    // What faulted may have been a slot. In safe mode the slots are read when a request needs them, so that the device
+    // A slot may have caused the fault. In safe mode the slots are read when a request needs them, so that the device
     // answers first, and a fault there ends one request and not every start.
     if !safe_mode {
         let active = stores.activate_newest(&mut ControlStage).await;
@@ -129,7 +129,7 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
         if stores.wants_restart() {
             restart().await;
         }
-        // Woken now and then for the end of a trial.
+        // The wait ends regularly, to check for the end of a trial.
         let Ok(job) = with_timeout(TRIAL_POLL, QUEUE.receive()).await else {
             continue;
         };
@@ -142,7 +142,8 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
     }
 }
 
-/// The running image, and what it trusts; none without a bootloader, as where a probe has started the image alone.
+/// Returns the running image and the key that it trusts; none without a bootloader, for example if a debug probe has
+/// started only the image.
 fn running(takes_unsigned: bool) -> Option<Running> {
     let word = word::read(map::FLASH + map::BOOTLOADER_VERSION)?;
     let [magic, numbers @ ..] = word.first_chunk::<16>()?.as_chunks::<4>().0 else {
@@ -158,7 +159,7 @@ fn running(takes_unsigned: bool) -> Option<Running> {
     })
 }
 
-/// Restarts with the amplifier off, once the answer has left.
+/// Restarts with the amplifier off, once the answer has been sent.
 async fn restart() -> ! {
     with_control(|control| control.device().set_amplifier(false));
     Timer::after(RESTART_AFTER).await;

@@ -1,5 +1,5 @@
-//! The USB link: full speed on PA11 (DM) and PA12 (DP), one interface of the vendor's class with a bulk endpoint each
-//! way.
+//! The USB link: full speed on PA11 (DM) and PA12 (DP), one interface of the vendor's class with a bulk endpoint in
+//! each direction.
 //!
 //! A frame is a bulk transfer, ended by a packet that is not full. Windows selects its own driver (WinUSB) by the
 //! descriptors of Microsoft OS 2.0; other systems need no driver.
@@ -26,7 +26,7 @@ use crate::link::outlet::{ReceiveFrame, SendFrame, USB_COUNTERS};
 /// Identifier by which programs on Windows find the interface; generated once, for this interface.
 const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
 
-/// Longest wait for the peripheral, which takes 25 ms to change to device mode (RM0433, OTG_GUSBCFG.FDMOD).
+/// Longest wait for the peripheral, which needs 25 ms to change to device mode (RM0433, OTG_GUSBCFG.FDMOD).
 const READY_LIMIT: Duration = Duration::from_millis(100);
 
 /// Core identifiers that embassy's driver supports and this part may have (RM0433, OTG_CID).
@@ -45,15 +45,16 @@ bind_interrupts!(struct Interrupts {
 /// Device on the bus, which [`UsbDevice::run`] serves.
 pub type Device = UsbDevice<'static, Driver>;
 
-/// Sets the link up: device, sender and receiver. The peripheral must have been found by [`answers`].
+/// Sets up the link and returns device, sender and receiver. [`answers`] must have returned true.
 pub fn open(
     peripheral: Peri<'static, peripherals::USB_OTG_FS>,
     dp: Peri<'static, PA12>,
     dm: Peri<'static, PA11>,
 ) -> (Device, Sender, Receiver) {
     let mut config = usb::Config::default();
-    // The socket does not power the board, and PA9, its VBUS, may have another use. So D+ is pulled up while the socket
-    // has no power, too, which USB 2.0, section 7.1.5.1, forbids: a host that is off gets a current through 1.5 kΩ.
+    // The socket does not power the board, and PA9, which senses the socket's VBUS, may have another use. So D+ is also
+    // pulled up while the socket has no power, which USB 2.0, section 7.1.5.1, forbids: a host that is off receives a
+    // current through 1.5 kΩ.
     config.vbus_detection = false;
     let driver = usb::Driver::new_fs(peripheral, Interrupts, dp, dm, OUT.take(), config);
     describe(Driver(driver))
@@ -104,7 +105,7 @@ fn describe(driver: Driver) -> (Device, Sender, Receiver) {
     config.device_sub_class = 0;
     config.device_protocol = 0;
     config.composite_with_iads = false;
-    // The probe's socket powers the board.
+    // The debug probe's socket powers the board.
     config.self_powered = true;
     config.max_power = 0;
     let mut builder = Builder::new(
@@ -143,7 +144,7 @@ pub type Buffer = [u8; MAX_HOST_FRAME_BYTES];
 /// Sender of frames.
 pub struct Sender {
     endpoint: BulkIn,
-    /// Session of a frame of which only a part may have gone out.
+    /// Session of a frame of which only a part may have been sent.
     unfinished: Option<u32>,
 }
 
@@ -155,7 +156,7 @@ impl SendFrame for Sender {
             return false;
         }
         self.unfinished = Some(session);
-        // If the last packet is full, an empty one follows, so that the host sees the end.
+        // If the last packet is full, an empty packet follows, so that the host sees the end.
         let sent = self.endpoint.write_transfer(frame, true).await.is_ok();
         if sent {
             self.unfinished = None;

@@ -1,4 +1,4 @@
-//! The two wires, and the way of a frame to the host: over the serial port or over USB.
+//! The two links, and how a frame is sent to the host: over the serial port or over USB.
 //!
 //! A frame that cannot be sent is counted as unsent by its [`Outlet`]. `main` opens both outlets; requests, storage and
 //! recording send through [`Wire`]. All of it runs in tasks.

@@ -55,10 +55,10 @@ pub fn option_bytes() -> OptionByteValues {
 /// Base and number of monitors of RAMECC1 to RAMECC3 (RM0433 tables 7 and 8, section 3.3).
 const CONTROLLERS: [(usize, usize); 3] = [(0x5200_9000, 5), (0x4802_3000, 5), (0x5802_7000, 2)];
 
-/// Distance of two monitors, and of the first from the base.
+/// Bytes from one monitor to the next, and from the base to the first monitor.
 const MONITOR_BYTES: usize = 0x20;
 
-/// `MxSR` after `MxCR` (RM0433 section 3.4).
+/// Offset of `MxSR` from `MxCR`, bytes (RM0433 section 3.4).
 const STATUS_OFFSET: usize = 4;
 
 /// `ECCELEN`: latches the failing address.
@@ -74,10 +74,10 @@ fn monitors() -> impl Iterator<Item = usize> {
         .flat_map(|(base, count)| (1..=count).map(move |monitor| base + monitor * MONITOR_BYTES))
 }
 
-/// Lets the monitors watch from now on. Errors before, of memory that nobody had written, are forgotten.
+/// Clears and starts the monitors. Earlier errors are discarded, because they are of memory that nothing had written.
 pub fn watch_memories() {
     for monitor in monitors() {
-        // SAFETY: registers of RAMECC, which only this module touches and which change no memory.
+        // SAFETY: these are registers of RAMECC, which only this module uses and which change no memory.
         unsafe {
             write_volatile((monitor + STATUS_OFFSET) as *mut u32, 0);
             write_volatile(monitor as *mut u32, LATCHES);

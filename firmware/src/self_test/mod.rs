@@ -1,7 +1,8 @@
-//! Measurements of the self test, as `stylus_app::self_test` asks for them.
+//! Measurements of the self test, as `stylus_app::self_test` requests them.
 //!
-//! All of it runs in the storage's task, a few microseconds between two yields at most. Nothing here stops the tick or
-//! touches its converter. What a measurement changes it puts back before it ends, whatever the host does meanwhile.
+//! Everything here runs in the storage's task, for about a millisecond at most between two yields. Nothing here stops
+//! the tick or touches the tick's converter. Each measurement restores what it changed before it ends, whatever the
+//! host does meanwhile.
 
 pub mod chip;
 mod clocks;
@@ -34,7 +35,8 @@ impl Bench for Measured {
         chip::memory_errors()
     }
 
-    /// The lines are PA6 and PC7; an input register shows a pin's level whatever its function (RM0433 section 11.3.1).
+    /// The lines are PA6 and PC7. An input register shows a pin's level whatever the pin's function (RM0433 section
+    /// 11.3.1).
     fn encoder(&self) -> EncoderValues {
         EncoderValues {
             count: inputs::encoder_count(),

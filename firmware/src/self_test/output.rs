@@ -1,4 +1,4 @@
-//! The output's pin, moved by hand and read back.
+//! Sets the output's pin by hand and reads it back.
 
 use cortex_m::peripheral::DWT;
 use embassy_futures::yield_now;
@@ -16,17 +16,17 @@ use crate::self_test::clocks::since;
 use crate::self_test::read_back::ReadBack;
 use crate::tick::output::by_hand::ByHand;
 
-/// Time after which an amplifier is off whose enable has dropped: amplifiers mute or fade for tens of milliseconds
+/// Time after which an amplifier is off once its enable has dropped: amplifiers mute or fade for tens of milliseconds
 /// (TDF8544: 50 ms).
 const AMPLIFIER_OFF: Duration = Duration::from_millis(100);
 
-/// Largest step from one code to the next, but for the step that is measured: 0.1 V.
+/// Largest step from one code to the next, except the step that is measured: 0.1 V.
 const RAMP: i32 = 128;
 
-/// Time in which a new code settles, cycles: 20 µs, many times what the output's buffer takes.
+/// Time in which a new code settles, cycles: 20 µs, many times what the output's buffer needs.
 const SETTLE_CYCLES: u32 = CORE_HZ / 50_000;
 
-/// Time within which a new code is on the pin, many times the three ticks that it takes.
+/// Time within which a new code is on the pin, many times the three ticks that this takes.
 const LIMIT: Duration = Duration::from_millis(20);
 
 /// Longest busy wait until a new code is on the pin, cycles: 1 ms.
@@ -35,15 +35,15 @@ const LIMIT_CYCLES: u32 = CORE_HZ / 1_000;
 /// Cycles of the core per cycle of the converter.
 const CONVERTER_CYCLES: u32 = CORE_HZ / CONVERTER_HZ;
 
-/// From the order of a conversion to its sample with the shortest sampling time: 1.5 cycles of the converter, and up to
-/// three from the order to the start (RM0433 section 25.4.14).
+/// Cycles of the core from the order of a conversion to its sample with the shortest sampling time: 1.5 cycles of the
+/// converter, and up to three from the order to the start (RM0433 section 25.4.14).
 const SAMPLE_CYCLES: u32 = CONVERTER_CYCLES * 9 / 2;
 
 /// Conversions between two yields: 50 µs.
 const CONVERSIONS_PER_TURN: u32 = 8;
 
-/// Longest time between two looks at the step, and most cycles by which a conversion may be ordered late; with more, an
-/// interrupt was in between.
+/// Longest time between two looks at the step, and largest delay of the order of a conversion, cycles. If either is
+/// longer, an interrupt came in between.
 const LATE_CYCLES: u32 = STEP_INSTANT_CYCLES / 4;
 
 /// Attempts per instant of the step.
@@ -68,7 +68,7 @@ fn dac_code(code: u16) -> DacCode {
     DacCode::from_mid_scale(i32::from(code) - i32::from(DacCode::MID_SCALE.get()))
 }
 
-/// Leads the output to `code`, by steps of at most [`RAMP`], and waits until it has settled on the pin.
+/// Moves the output to `code`, by steps of at most [`RAMP`], and waits until it has settled on the pin.
 async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
     let offset = |code: DacCode| i32::from(code.get()) - i32::from(DacCode::MID_SCALE.get());
     loop {
@@ -89,10 +89,11 @@ async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
     }
 }
 
-/// Measures everything. However it ends, the output belongs to the tick again and the amplifier is as before.
+/// Measures everything. Afterwards, even after a failure, the output belongs to the tick again and the amplifier is as
+/// before.
 ///
 /// # Errors
-/// The converter does not answer, or the output takes no code.
+/// The converter does not answer, or the output does not accept a code.
 pub async fn measure() -> Result<OutputValues, SelfTestError> {
     let read_back = ReadBack::start().await?;
     let by_hand = ByHand::take();
@@ -118,7 +119,7 @@ pub async fn measure() -> Result<OutputValues, SelfTestError> {
     })
 }
 
-/// Reads the pin as the tick drives it, and leaves the output and the amplifier alone.
+/// Reads the pin as the tick drives it. Changes neither the output nor the amplifier.
 ///
 /// # Errors
 /// The converter does not answer.
@@ -138,7 +139,7 @@ pub async fn rest() -> Result<RestValues, SelfTestError> {
     Ok(RestValues { sum, range })
 }
 
-/// Sum of `count` words, and sum of their squares.
+/// Returns the sum of `count` words, and the sum of their squares.
 async fn add(read_back: &ReadBack, count: u32) -> Result<(u32, u64), SelfTestError> {
     let (mut sum, mut squares) = (0u32, 0u64);
     for n in 1..=count {
@@ -156,12 +157,13 @@ async fn add(read_back: &ReadBack, count: u32) -> Result<(u32, u64), SelfTestErr
 /// RMS about the mean of [`NOISE_CONVERSIONS`] words.
 fn noise((sum, squares): (u32, u64)) -> f32 {
     let count = u64::from(NOISE_CONVERSIONS);
-    // In whole numbers, because the difference is small against both.
+    // Computed in integers, because the difference is small compared with both terms.
     let spread = (count * squares).saturating_sub(u64::from(sum) * u64::from(sum));
     F32Ext::sqrt(spread as f32) / NOISE_CONVERSIONS as f32
 }
 
-/// Core's cycle at which `to` goes to the pin; none if an interrupt hid it, or it does not come.
+/// Returns the core's cycle at which `to` appears on the pin; none if an interrupt hid that instant, or if `to` does
+/// not appear.
 fn edge(by_hand: &ByHand, to: DacCode) -> Option<u32> {
     by_hand.set(to);
     let begin = DWT::cycle_count();
@@ -179,7 +181,7 @@ fn edge(by_hand: &ByHand, to: DacCode) -> Option<u32> {
     }
 }
 
-/// Word of the pin `after` cycles from the step.
+/// Returns the word of the pin `after` cycles from the step.
 async fn step(by_hand: &ByHand, read_back: &ReadBack, after: u32) -> Result<u16, SelfTestError> {
     let [from, to] = STEP_CODES.map(dac_code);
     for _ in 0..ATTEMPTS {

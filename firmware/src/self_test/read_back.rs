@@ -1,7 +1,7 @@
 //! ADC2, which reads the output's own pin: PA4 is DAC1_OUT1 and INP18 of both ADC1 and ADC2 (DS12110, pin definitions).
 //!
-//! ADC1 converts for the tick, so it is left alone. ADC2 shares its clock, which is on, and the reset of both, which is
-//! therefore not used. The converter is in deep power-down before and after.
+//! ADC1 converts for the tick, so it is not touched. ADC2 shares the clock of ADC1, which is on, and the reset, which
+//! is therefore not used. ADC2 is in deep power-down before and after.
 
 use cortex_m::asm;
 use cortex_m::peripheral::DWT;
@@ -17,16 +17,17 @@ use crate::self_test::clocks::since;
 /// Channel of PA4.
 const CHANNEL: usize = 18;
 
-/// Bound of the waits for the converter, of which the longest, a calibration, takes 165 010 of its cycles, 13 ms.
+/// Limit of the waits for the converter. The longest wait, for a calibration, takes 165 010 of the converter's cycles,
+/// 13 ms.
 const LIMIT: Duration = Duration::from_millis(100);
 
 /// Wait for the regulator, many times its start-up time of 10 µs (DS12110, ADC characteristics, t_ADCVREG_STUP).
 const REGULATOR: Duration = Duration::from_millis(1);
 
-/// Bound of a conversion, cycles of the core: many times the 73 cycles of the converter.
+/// Limit of a conversion, cycles of the core: many times the 73 cycles of the converter.
 const CONVERSION_CYCLES: u32 = CORE_HZ / 10_000;
 
-/// The converter, calibrated and enabled; dropped, it is in deep power-down again.
+/// The converter, calibrated and enabled. When this is dropped, the converter returns to deep power-down.
 pub struct ReadBack(());
 
 /// A failure of the converter.
@@ -54,14 +55,14 @@ impl ReadBack {
     /// # Errors
     /// The converter does not answer in time.
     pub async fn start() -> Result<Self, SelfTestError> {
-        // From here on a failure puts it back to sleep.
+        // From here on a failure drops this value, which puts the converter to sleep.
         let read_back = Self(());
         ADC2.cr().modify(|w| {
             w.set_deeppwd(false);
             w.set_boost(CONVERTER_BOOST);
         });
         ADC2.cr().modify(|w| w.set_advregen(true));
-        // By time, because revisions Z and Y have no flag of its readiness.
+        // Waits for a fixed time, because revisions Z and Y have no flag that shows when the regulator is ready.
         Timer::after(REGULATOR).await;
         ADC2.difsel()
             .modify(|w| w.set_difsel(CHANNEL, Difsel::SINGLE_ENDED));
@@ -125,7 +126,7 @@ impl ReadBack {
 }
 
 impl Drop for ReadBack {
-    /// Disables the converter, which is idle within a conversion's time, and puts it to sleep.
+    /// Disables the converter, which is idle within the time of a conversion, and puts it to sleep.
     fn drop(&mut self) {
         let begin = DWT::cycle_count();
         let waited = || DWT::cycle_count().wrapping_sub(begin) > CONVERSION_CYCLES;

@@ -12,9 +12,9 @@ pub(super) struct Draws(Pcg32);
 impl Draws {
     /// Choices that are the same for the same seed.
     pub fn new(seed: u64) -> Self {
-        /// Any odd increment gives the full period; this is not the Gaussian noise's.
+        /// Any odd increment gives the full period; this one differs from the Gaussian noise's.
         const STREAM: u64 = 0x5851_f42d_4c95_7f2d;
-        /// Digits of √2, so that the state is not the Gaussian noise's either, for this or a related seed.
+        /// Digits of √2, so that the state also differs from the Gaussian noise's, for this or a related seed.
         const OTHER: u64 = 0x6a09_e667_f3bc_c908;
         Self(Pcg32::new(hashed(seed ^ OTHER), STREAM))
     }
@@ -24,13 +24,13 @@ impl Draws {
         self.0.next_u32()
     }
 
-    /// A random number below `count`, uniform within a relative 2⁻³² · `count`; 0 if `count` is 0.
+    /// Returns a random number below `count`, uniform within a relative 2⁻³² · `count`; 0 if `count` is 0.
     pub fn below(&mut self, count: u32) -> u32 {
         share(self.bits(), count)
     }
 }
 
-/// The share of `count` that `bits` are of 2³².
+/// Scales `bits`, as a fraction of 2³², to the range of `count`.
 pub(super) fn share(bits: u32, count: u32) -> u32 {
     ((u64::from(bits) * u64::from(count)) >> 32) as u32
 }

@@ -1,29 +1,29 @@
-//! Pieces of a level track, joined where one entry goes over into the next.
+//! Pieces of a level track, joined by interpolation from the last entry of one piece to the first entry of the next.
 //!
-//! A piece takes 0.2 to 1 s. It begins at any entry of the track, and goes on at its beginning after its end. The
-//! amplitude goes in a straight line from entry to entry, and so it does from the last of a piece to the first of the
-//! next.
+//! A piece takes 0.2 to 1 s. It begins at any entry of the track, and continues at the track's beginning after its end.
+//! The amplitude goes in a straight line from entry to entry, also from the last entry of a piece to the first entry of
+//! the next.
 
 use model_format::{Modulation, level_amplitude};
 
 use super::draws::{Draws, share};
 
-/// Pieces per second at most; at least there is one.
+/// Most pieces per second. The longest piece takes one second.
 const SHORTEST_PER_S: u32 = 5;
 
 /// The state of the level.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Level {
-    /// Amplitude of the entry before and of the one ahead, in steps of 2⁻¹⁶.
+    /// Amplitudes of the previous entry and of the next entry, in steps of 2⁻¹⁶.
     from: i32,
     to: i32,
-    /// Samples since the entry before.
+    /// Samples since the previous entry.
     since: u32,
     /// Samples from one entry to the next; 0 before the first sample.
     step: u32,
-    /// Index of the entry ahead.
+    /// Index of the next entry.
     at: u32,
-    /// Entries of the piece after the one ahead.
+    /// Entries of the piece after the next entry.
     left: u32,
 }
 
@@ -49,7 +49,7 @@ impl Level {
         if self.since == self.step {
             self.advance(modulation, sample_rate_hz, draws);
         }
-        // An amplitude is below 2²² and a step at most 500, so that the product has room.
+        // An amplitude is below 2²² and a step has at most 500 samples, so that the product does not overflow.
         let way = (self.to - self.from) * self.since as i32;
         self.since += 1;
         self.from + way / self.step.max(1) as i32
@@ -75,7 +75,7 @@ impl Level {
     fn enter(&mut self, modulation: &Modulation<'_>, sample_rate_hz: u32, draws: &mut Draws) {
         let entries = modulation.entries().len() as u32;
         let start = draws.below(entries);
-        // One entry is the one ahead.
+        // `left` does not count the first entry of the piece.
         let shortest = (sample_rate_hz / SHORTEST_PER_S / self.step.max(1)).max(1);
         let longest = (sample_rate_hz / self.step.max(1)).max(shortest);
         self.left = shortest - 1 + share(draws.bits(), longest - shortest + 1);

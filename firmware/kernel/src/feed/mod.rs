@@ -1,20 +1,20 @@
-//! The excitation of a fed texture: one with codebooks of its recordings' residual, or with a track of their level.
+//! The excitation of a fed texture, which has codebooks of its recordings' residual, or a track of their level.
 //!
 //! ```text
 //! excitation(n) = source(n) · level(n)
 //! source = Gaussian noise, or pieces of a codebook       level = 1, or pieces of a level track
 //! ```
-//! Both factors have a mean square of 1 and are independent, so that the product has; see
-//! [`model_format::limits::MIN_FED_POWER`]. A [`Feed`] makes the excitation below the tick, because codebooks lie where
-//! the library is, in a memory that no tick reads. It goes to the tick with the frame of its block, as a word per
-//! sample; see [`crate::Frame::feed`].
+//! Both factors have a mean square of 1 and are independent, so that the product also has a mean square of 1; see
+//! [`model_format::limits::MIN_FED_POWER`]. A [`Feed`] computes the excitation below the tick's priority, because
+//! codebooks lie in the library's memory, which no tick reads. The excitation goes to the tick with the frame of its
+//! block, one word per sample; see [`crate::Frame::feed`].
 //!
-//! **Scale.** A step is 2⁻²⁵ standard deviations, and full scale 64 standard deviations, eight times a plain texture's.
-//! The highest peak of a codebook is 40 standard deviations ([`model_format::limits::MAX_CODEBOOK_PEAK`]).
+//! **Scale.** A step is 2⁻²⁵ standard deviations, and full scale is 64 standard deviations, eight times that of a plain
+//! texture. The highest peak of a codebook is 40 standard deviations ([`model_format::limits::MAX_CODEBOOK_PEAK`]).
 //!
 //! **Same bits.** The samples follow from the seed, the texture and the motion at each sample. They do not depend on
-//! the lengths of blocks. Random choices come from a generator of their own, so that the Gaussian noise is that of the
-//! same seed without them.
+//! the lengths of blocks. Random choices come from a separate generator, so that the Gaussian noise is the same as it
+//! would be without them.
 
 mod draws;
 mod level;
@@ -75,13 +75,13 @@ impl Feed {
         }
     }
 
-    /// Begins another texture, whose Gaussian noise is `gaussian`. The random choices go on.
+    /// Begins another texture, whose Gaussian noise is `gaussian`. The random choices continue.
     pub fn begin(&mut self, gaussian: Excitation) {
         self.gaussian = gaussian;
         (self.pieces, self.level) = (Pieces::NONE, Level::NONE);
     }
 
-    /// The number of another frame, which differs from those of the frames before.
+    /// Returns the number of the next frame, which differs from the numbers of earlier frames.
     pub(crate) fn next_frame(&mut self) -> u32 {
         self.frames = self.frames.wrapping_add(1);
         self.frames
@@ -92,9 +92,9 @@ impl Feed {
         &self.gaussian
     }
 
-    /// The next sample at `point` of the texture with this `material`: mean 0, variance 1, in steps of 2⁻²⁵, saturated
-    /// at full scale.
-    // Not inlined, because frames and run-ups share it and its code is in a small memory.
+    /// Returns the next sample at `point` of the texture with this `material`: mean 0, variance 1, in steps of 2⁻²⁵,
+    /// saturated at full scale.
+    // Not inlined, so that its code exists only once, because the memory that holds it is small.
     #[inline(never)]
     pub fn next_sample(&mut self, material: &Material<'_>, point: &GridPoint) -> i32 {
         let source = match &material.codebooks {

@@ -1,15 +1,15 @@
 //! Pieces of codebooks, joined by cross-fades of equal power.
 //!
-//! A piece takes 20 to 80 ms. It begins anywhere in its codebook, goes on at its beginning after its end, and has a
-//! random sign. The codebook is that of one of the four nodes around the motion, with the weights of interpolation as
-//! probabilities; a node without codebook gives a piece of Gaussian noise. Two neighbouring pieces overlap for 5 ms, in
-//! which their amplitudes are the cosine and the sine of an angle from 0 to a quarter turn. They are independent, so
-//! that the variance stays 1.
+//! A piece takes 20 to 80 ms. It begins anywhere in its codebook, continues at the codebook's beginning after its end,
+//! and has a random sign. The codebook belongs to one of the four nodes around the motion, chosen with the
+//! interpolation weights as probabilities; a node without a codebook gives a piece of Gaussian noise. Two neighbouring
+//! pieces overlap for 5 ms, in which their amplitudes are the cosine and the sine of an angle from 0 to a quarter turn.
+//! They are independent, so that the variance stays 1.
 //!
-//! A texture with moments has longer pieces, of 0.4 to 1.6 times their mean, which hold events with their levels. Few
-//! of them fit in a codebook, so that places at random would repeat some of it soon and leave out the rest. A piece
-//! begins a golden section of the codebook after the one before, and up to 1.6 % to either side at random: places that
-//! are spread evenly however many there are.
+//! A texture with moments (recorded snippets) has longer pieces, of 0.4 to 1.6 times their mean length, which hold
+//! events with their levels. Few of them fit in a codebook, so that random places would soon repeat some of it and
+//! leave out the rest. Therefore a piece begins a golden section of the codebook after the previous one, plus or minus
+//! up to 1.6 % at random. Such places are spread evenly however many there are.
 
 use model_format::{Codebook, Excitation as Codebooks, MU_LAW_FRACTION_BITS};
 
@@ -20,17 +20,17 @@ use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
 use crate::rotation::{Rotation, THETA_QUARTER_TURN};
 
-/// Pieces per second at most and at least: 20 ms and 80 ms.
+/// Most pieces per second, for the shortest piece of 20 ms, and length of the longest piece, ms.
 const SHORTEST_PER_S: u32 = 50;
 const LONGEST_MS: u32 = 80;
 
-/// Cross-fades per second: 5 ms.
+/// Cross-fades per second; one takes 5 ms.
 const FADES_PER_S: u32 = 200;
 
 /// The golden section of a turn of 2³².
 const GOLDEN_TURN: u32 = 0x9e37_79b9;
 
-/// Digits that the random part of a turn has fewer than a turn.
+/// Number of binary digits by which the random part of a turn is shorter than a turn.
 const RANDOM_TURN_SHIFT: u32 = 5;
 
 /// A piece that is played.
@@ -56,9 +56,9 @@ pub(super) struct Pieces {
     piece: Option<Piece>,
     /// Samples until the next piece begins.
     left: u32,
-    /// Place of a moment's beginning in its codebook, as a part of 2³².
+    /// Place of a moment's beginning in its codebook, as a fraction of 2³².
     turn: u32,
-    /// The piece that comes up, with the samples of the cross-fade that are done.
+    /// The piece that is fading in, with the number of samples of the cross-fade so far.
     next: Option<(Piece, u32)>,
 }
 
@@ -71,7 +71,7 @@ impl Pieces {
         next: None,
     };
 
-    /// The next sample in steps of 2⁻²⁵, of at most √2 times the highest peak.
+    /// Returns the next sample in steps of 2⁻²⁵, of at most √2 times the highest peak.
     #[inline]
     pub fn next_sample(
         &mut self,
@@ -91,7 +91,7 @@ impl Pieces {
             return sample;
         };
         let samples = fade_samples(sample_rate_hz);
-        // The middle of the sample's share of a quarter turn, so that the fade is the same in both directions.
+        // The middle of this sample's part of the quarter turn, so that the fade is symmetrical.
         let steps = u64::from(2 * *done + 1) * THETA_QUARTER_TURN as u64;
         let rotation = Rotation::from_theta((steps / u64::from(2 * samples)) as i32);
         let other = next.next_sample(codebooks, gaussian);
@@ -130,14 +130,14 @@ impl Pieces {
         let (shortest, longest) = piece_samples(codebooks, sample_rate_hz);
         self.left = shortest + share(length_and_sign << 1, longest - shortest + 1);
         match self.piece {
-            // Noise goes on as noise.
+            // Noise continues as noise, without a cross-fade.
             Some(Piece::Gaussian) if matches!(drawn, Piece::Gaussian) => {}
             Some(_) => self.next = Some((drawn, 0)),
             None => self.piece = Some(drawn),
         }
     }
 
-    /// The place of the next piece in its codebook, from random `bits`, as a part of 2³².
+    /// Returns the place of the next piece in its codebook, from random `bits`, as a fraction of 2³².
     fn turn_of(&mut self, codebooks: &Codebooks<'_>, bits: u32) -> u32 {
         if codebooks.moment_samples().is_none() {
             return bits;
@@ -185,8 +185,8 @@ fn value(codebook: &Codebook<'_>, at: u32) -> i32 {
     shift_toward_zero(product, MU_LAW_FRACTION_BITS) as i32
 }
 
-/// The source of the node at `point` that holds `place`, below [`ONE`], when the four nodes lie beside each other by
-/// their weights: 0 for Gaussian noise, k for codebook number k, from 1.
+/// Returns the source of the node at `point` that `place`, below [`ONE`], falls on when the weights of the four nodes
+/// are lined up: 0 for Gaussian noise, k for codebook number k, from 1.
 fn source_at(codebooks: &Codebooks<'_>, point: &GridPoint, place: u32) -> usize {
     let mut end = 0;
     for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
@@ -203,7 +203,7 @@ fn fade_samples(sample_rate_hz: u32) -> u32 {
     (sample_rate_hz / FADES_PER_S).max(1)
 }
 
-/// Fewest and most samples from the beginning of one piece to that of the next. A piece is longer than its cross-fade.
+/// Fewest and most samples from one piece's beginning to the next one's. A piece is longer than its cross-fade.
 fn piece_samples(codebooks: &Codebooks<'_>, sample_rate_hz: u32) -> (u32, u32) {
     let (shortest, longest) = match codebooks.moment_samples().map(u32::from) {
         Some(mean) => (mean * 2 / 5, mean * 8 / 5),

@@ -3,19 +3,19 @@
 //! ```text
 //! line = a(v, F) · sin(2π (x / λ + φ))        x the position, λ the wavelength, φ the phase at the origin
 //! ```
-//! A [`LinesFrame`] holds the lines of a block: the phase goes linearly from that of the position at the block's
-//! beginning to that at its end, and the amplitude with it. So a line's frequency is v/λ at every instant, it retraces
-//! when the tool reverses, and it stands still at rest, where its amplitude is exactly zero by the texture's law below
-//! the grid: there is no constant output. [`VoiceLines`] makes the frames, below the tick.
+//! A [`LinesFrame`] holds the lines of a block: phase and amplitude go linearly from their values at the block's
+//! beginning to those at its end. So a line's frequency is v/λ at every instant, and the line retraces when the tool
+//! reverses. At rest the line stands still, and its amplitude is exactly zero by the texture's law below the grid, so
+//! there is no constant output. [`VoiceLines`] computes the frames, below the tick's priority.
 //!
 //! **Amplitude** is the weighted mean of the amplitudes of the four nodes around the motion, times the fade below the
 //! grid and the voice's gain. It fades out between 0.40 and 0.44 of the sample rate.
 //!
-//! **A wander** moves the place of lines by a random function of the place, or moves it by a clock, so that a weave's
-//! amplitude is steady and its phase is not (`wander`). It is made per block, at both ends of its way.
+//! **A wander** displaces lines by a random function of the position, or of a clock, so that a weave's amplitude is
+//! steady and its phase is not (`wander`). It is computed once per block, at both ends of the block's path.
 //!
-//! **A jump** of the position gives no chirp: the line goes on at the frequency that it had and fades out within the
-//! block, and begins at the new place with the next one. So does a line that is too fast to be played.
+//! **A jump** of the position gives no chirp: the line fades out within the block at its previous frequency, and begins
+//! at the new position with the next block. So does a line that is too fast to be played.
 
 mod sine;
 mod turns;
@@ -31,8 +31,8 @@ use model_format::limits::MAX_LINES;
 use crate::fixed::shift_toward_zero;
 use crate::level::Ramp;
 
-/// Largest amplitude of a line in steps of an output sample: 1024 m/s². Eight lines then fit 64 bits with the digits of
-/// their sines.
+/// Largest amplitude of a line in steps of an output sample: 1024 m/s². With it, eight lines times the digits of their
+/// sines fit in 64 bits.
 const MAX_AMPLITUDE: u32 = 1 << 30;
 
 /// A line of a block.
@@ -40,7 +40,7 @@ const MAX_AMPLITUDE: u32 = 1 << 30;
 struct LineFrame {
     /// Phase at the block's last sample, in steps of 2⁻³² of a turn.
     end: u32,
-    /// Advance of the phase per sample, in the same steps; backwards it is a negative number modulo 2³².
+    /// Advance of the phase per sample, in the same steps; a backward advance is a negative number modulo 2³².
     step: u32,
     /// Amplitude in steps of an output sample.
     amplitude: Ramp,
@@ -65,9 +65,9 @@ impl LinesFrame {
         Self { lines: Vec::new() }
     }
 
-    /// Sum of all lines with `left` samples of the block to come, in steps of an output sample.
+    /// Sum of all lines when `left` samples of the block remain, in steps of an output sample.
     ///
-    /// The number of instructions depends on the number of lines alone.
+    /// The number of instructions depends only on the number of lines.
     #[inline(always)]
     pub fn sample(&self, left: u32) -> i64 {
         let mut sum = 0;

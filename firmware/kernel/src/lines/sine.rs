@@ -5,17 +5,17 @@ use crate::fixed::high_word;
 /// Binary digits after the point of a sine.
 pub const SINE_FRACTION_BITS: u32 = 29;
 
-/// The odd polynomial of degree 7 with the least largest error against sin(π/2 · z) for |z| ≤ 1, in steps of 2⁻³⁰; by
-/// linear programming over 4000 Chebyshev points.
+/// The odd polynomial of degree 7 with the smallest maximum error against sin(π/2 · z) for |z| ≤ 1, in steps of 2⁻³⁰;
+/// found by linear programming over 4000 Chebyshev points.
 const COEFFICIENTS: [i32; 4] = [1_686_624_005, -693_522_166, 85_291_978, -4_652_625];
 
-/// Sine of `phase`, in steps of 2⁻³² of a turn, in steps of 2⁻²⁹.
+/// Sine, in steps of 2⁻²⁹, of `phase`, in steps of 2⁻³² of a turn.
 ///
-/// It errs by at most 6·10⁻⁷ of full scale, -124 dBc; no harmonic is above -126 dBc.
+/// The error is at most 6·10⁻⁷ of full scale, -124 dBc; no harmonic is above -126 dBc.
 #[inline(always)]
 pub fn sine(phase: u32) -> i32 {
     let phase = phase.cast_signed();
-    // The outer quarters are folded at ±a quarter turn, by a mask because a branch would depend on the data.
+    // The outer quarters are folded at ±a quarter turn, by a mask, because a branch would depend on the data.
     let outer = ((phase ^ (phase << 1)) >> 31).cast_unsigned() >> 1;
     let quarters = (phase ^ outer.cast_signed()) << 1;
     let square = high_word(i64::from(quarters) * i64::from(quarters));

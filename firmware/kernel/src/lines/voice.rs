@@ -1,4 +1,4 @@
-//! Lines of a voice from block to block, below the tick.
+//! Lines of a voice from block to block, computed below the tick's priority.
 
 use heapless::Vec;
 use model_format::limits::{MAX_LINES, MAX_WANDERS};
@@ -17,10 +17,10 @@ const TURN: i64 = 1 << 32;
 /// Advance of the phase per sample at which a line begins to fade: 0.40 of the sample rate.
 const FADE_BEGINS: i64 = TURN * 40 / 100;
 
-/// Advance at and above which it is silent: 0.44 of the sample rate.
+/// Advance of the phase per sample at and above which a line is silent: 0.44 of the sample rate.
 const FADE_ENDS: i64 = TURN * 44 / 100;
 
-/// Longest way of a block whose turns are counted, in steps of a position: 256 mm.
+/// Longest distance in a block for which turns are counted, in steps of a position: 256 mm.
 pub(super) const LONGEST: u64 = 256 << Position::FRACTION_BITS;
 
 /// Lines of a voice.
@@ -28,7 +28,7 @@ pub(super) const LONGEST: u64 = 256 << Position::FRACTION_BITS;
 pub struct VoiceLines {
     lines: Vec<PlayedLine, MAX_LINES>,
     wanders: Vec<VoiceWander, MAX_WANDERS>,
-    /// The block before.
+    /// The lines of the previous block.
     frame: LinesFrame,
 }
 
@@ -39,9 +39,9 @@ struct PlayedLine {
     turns: Turns,
     /// Phase at the origin of positions, in steps of 2⁻³² of a turn.
     phase: u32,
-    /// Index of its wander; beyond them all if it does not wander.
+    /// Index of the line's wander; [`MAX_WANDERS`] if the line does not wander.
     wander: usize,
-    /// True if the block before left the position, because the line was too fast or the position jumped.
+    /// True if the line left the position in the previous block, because it was too fast or the position jumped.
     astray: bool,
 }
 
@@ -55,8 +55,8 @@ impl PlayedLine {
         }
     }
 
-    /// The line of the next block, whose way is `passage`: from `before`, of which `left` samples are not played, to
-    /// `amplitude`.
+    /// Returns the line in the next block, in which the tool moves along `passage`: from `before`, of which `left`
+    /// samples are not played, to `amplitude`.
     fn frame(
         &mut self,
         before: LineFrame,
@@ -72,7 +72,7 @@ impl PlayedLine {
         let lost = share == 0 || (self.astray && from > 0);
         self.astray = lost;
         if lost {
-            // The frequency that it had, while it fades out.
+            // The line keeps its frequency while it fades out.
             let end = before
                 .phase(left)
                 .wrapping_add(before.step.wrapping_mul(samples));
@@ -102,15 +102,15 @@ impl PlayedLine {
     }
 }
 
-/// Factor of the amplitude of a line whose phase advances by `advance` per sample, in steps of 2⁻¹⁶: [`ONE`] up to 0.40
-/// of the sample rate, and 0 from 0.44 on.
+/// Returns the factor of the amplitude of a line whose phase advances by `advance` per sample, in steps of 2⁻¹⁶:
+/// [`ONE`] up to 0.40 of the sample rate, and 0 from 0.44 on.
 fn share_of_speed(advance: i64) -> u32 {
     let beyond = (FADE_ENDS - advance.abs()).clamp(0, FADE_ENDS - FADE_BEGINS);
     ((beyond << 16) / (FADE_ENDS - FADE_BEGINS)) as u32
 }
 
 impl VoiceLines {
-    /// The lines of `texture`, silent; none if it has none.
+    /// The lines of `texture`, silent; none if the texture has no lines.
     pub fn new(texture: &Texture<'_>) -> Option<Self> {
         let lines: Vec<_, MAX_LINES> = texture
             .lines()?
@@ -129,10 +129,10 @@ impl VoiceLines {
         })
     }
 
-    /// The lines of the next block, of `samples` samples, at `motion`. `texture` is that given to [`VoiceLines::new`].
+    /// The lines of the next block, of `samples` samples, at `motion`; [`VoiceLines::new`] got the same `texture`.
     ///
-    /// `gain` is that of [`crate::Frame::update_scaled`]. `passage` is the tool's way in the block, which the phases
-    /// follow. `left` is the number of samples of the block before that are not played.
+    /// `gain` is that of [`crate::Frame::update_scaled`]. `passage` is the tool's path in the block, which the phases
+    /// follow. `left` is the number of samples of the previous block that are not played.
     pub fn follow(
         &mut self,
         texture: &Texture<'_>,

@@ -1,12 +1,12 @@
-//! Wander of the place of lines: a displacement that is a stationary Gaussian process of the place.
+//! Wander of lines: a displacement that is a stationary Gaussian process over the position.
 //!
 //! ```text
 //! d(x) = rms · Σ g(k) B(x / h - k) / √(∫ B²)      B the cubic B-spline, g(k) a random number per lattice point k
 //! ```
-//! The random numbers are a hash of the lattice point, so that nothing is stored. A place is displaced alike whenever
-//! and however the tool comes to it, and the tool feels the same threads backwards. The lattice's spacing is
-//! h = ℓ √1.5: the autocorrelation of B is nearly Gaussian with a variance of 2 h² / 3, so that ℓ is the correlation
-//! length. Between lattice points the RMS varies by ±2 %. A random number is the sum of four uniform ones.
+//! The random numbers are a hash of the lattice point, so that nothing is stored. A position has the same displacement
+//! whenever and however the tool comes to it, so the tool feels the same threads in both directions. The spacing of the
+//! lattice is h = ℓ √1.5: the autocorrelation of B is nearly Gaussian with a variance of 2 h² / 3, so that ℓ is the
+//! correlation length. Between lattice points the RMS varies by ±2 %. A random number is the sum of four uniform ones.
 
 use model_format::Wander;
 
@@ -19,13 +19,13 @@ use crate::position::{Passage, Position, distance_steps};
 pub(super) struct VoiceWander {
     /// Lattice points per mm.
     lattice: Turns,
-    /// Displacement of a unit of [`sum_at`], in steps of 2⁻¹⁶ of a step of a position.
+    /// Displacement per unit of [`sum_at`], in steps of 2⁻¹⁶ of a step of a position.
     scale: i64,
     /// Seed of the lattice's random numbers.
     seed: u64,
-    /// Speed of the clock that moves the place, mm/s; 0 if the hand does.
+    /// Speed of the clock that moves along the lattice, mm/s; 0 if the hand moves along it.
     clock_mm_s: f32,
-    /// Place of the clock at the end of the block before.
+    /// Position of the clock at the end of the previous block.
     clock: Position,
 }
 
@@ -36,7 +36,7 @@ const UNIT_RMS: f32 = 6.0 * 0.692_364_4 * 37_837.23;
 const SPACING: f32 = 1.224_744_9;
 
 impl VoiceWander {
-    /// The wander with this index among those of its texture.
+    /// The wander with this index among the wanders of its texture.
     pub fn new(wander: &Wander, index: usize) -> Self {
         const UNIT: f32 = (1u64 << (Position::FRACTION_BITS + 16)) as f32;
         Self {
@@ -48,8 +48,8 @@ impl VoiceWander {
         }
     }
 
-    /// The way of lines in a block of `samples` samples in which the tool goes `passage`, and `left` samples of the
-    /// block before are not played.
+    /// Returns the path of lines in a block of `samples` samples in which the tool moves along `passage`, if `left`
+    /// samples of the previous block are not played.
     pub fn passage(
         &mut self,
         passage: Passage,
@@ -76,7 +76,7 @@ impl VoiceWander {
         }
     }
 
-    /// `place`, displaced.
+    /// Returns `place`, displaced.
     fn moved(&self, place: Position) -> Position {
         let sum = sum_at(self.lattice.turns(place), self.seed);
         place.ahead((sum * self.scale) >> 16)
@@ -100,7 +100,7 @@ fn sum_at(x: i64, seed: u64) -> i64 {
     sum >> 24
 }
 
-/// The random number of a lattice point: the sum of four uniform ones in ±2¹⁵.
+/// Returns the random number of a lattice point: the sum of four uniform ones in ±2¹⁵.
 fn number(point: i64, seed: u64) -> i64 {
     let bits = hashed(point.cast_unsigned() ^ seed);
     let part = |index: u32| i64::from((bits >> (16 * index)) as u16);
@@ -125,7 +125,7 @@ mod tests {
         wander.moved(place).since(place) as f64 / libm::exp2(32.0)
     }
 
-    /// Over 20 000 correlation lengths, at places far from the origin too.
+    /// Over 20 000 correlation lengths, also at positions far from the origin.
     #[test]
     fn a_displacement_has_the_stated_rms_and_correlation() {
         for (origin, rms_mm, correlation_mm) in
@@ -154,7 +154,7 @@ mod tests {
         }
     }
 
-    /// Also across the lattice's points: no step of place moves a line by more than its slope allows.
+    /// Checks also across the lattice's points that no step of the position moves a line by more than its slope allows.
     #[test]
     fn a_displacement_is_smooth_and_at_most_five_times_its_rms() {
         let wander = wander(0.5, 2.0);

@@ -12,7 +12,7 @@ use crate::lines::LinesFrame;
 /// Number of voices that can sound at a time: two, while one surface fades into another.
 pub const SLOTS: usize = 2;
 
-/// Most stages of a block: two voices with their lines, a tap, the equaliser, and the fade while scenes are exchanged.
+/// Most stages of a block: two voices with their lines, a tap, the equaliser, and the fade while scenes change.
 pub const MAX_STAGES: usize = 2 * SLOTS + 3;
 
 /// A voice that sounds.
@@ -22,7 +22,7 @@ pub struct VoiceStage {
     pub slot: u8,
     /// Index of the frame within the slot.
     pub buffer: u8,
-    /// True if that frame begins with the block; otherwise it goes on from the block before.
+    /// True if that frame begins with the block; otherwise it continues from the previous block.
     pub begins: bool,
 }
 
@@ -39,9 +39,9 @@ pub enum Stage {
     Tap(Resonance),
     /// A probe's waveform.
     Wave,
-    /// The equaliser of all stages before.
+    /// The equaliser, for the sum of all earlier stages.
     Equaliser,
-    /// A fade of all stages before, by a ramp that ends at zero with the block.
+    /// A fade of the sum of all earlier stages, by a ramp that ends at zero with the block.
     FadeOut(Ramp),
 }
 
@@ -73,7 +73,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// Silence, without an end.
+    /// Silence of unlimited length.
     pub const fn silent() -> Self {
         Self {
             stages: Vec::new(),
@@ -89,13 +89,13 @@ impl Block {
 
     /// Adds a stage to the list.
     pub(super) fn push(&mut self, stage: Stage) {
-        // There is room for one of each.
+        // The list has space for one of each.
         let _ = self.stages.push(stage);
     }
 
-    /// The sample of the lines of `slot`, with `left` samples of the block to come.
+    /// The sample of the lines of `slot`, when `left` samples of the block remain.
     ///
-    /// It is a function of its own that counts as rare, because its registers would cost a tick without lines some
+    /// This is a separate function, marked as rare, because its registers would cost a tick without lines some
     /// instructions.
     #[cold]
     #[inline(never)]
@@ -103,8 +103,8 @@ impl Block {
         self.lines[usize::from(slot) % SLOTS].sample(left)
     }
 
-    /// The sample of the probe's waveform with `left` samples of the block to come. A function of its own for the
-    /// reason of [`Block::lines_of`].
+    /// The sample of the probe's waveform, when `left` samples of the block remain. This is a separate function for the
+    /// same reason as [`Block::lines_of`].
     #[cold]
     #[inline(never)]
     pub(super) fn wave_of(&self, left: u32) -> i64 {
@@ -116,7 +116,7 @@ impl Block {
         &self.stages
     }
 
-    /// Number of samples of the block, over which all ramps go.
+    /// Number of samples of the block, which all ramps take.
     pub fn samples(&self) -> u32 {
         self.samples
     }

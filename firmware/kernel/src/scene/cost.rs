@@ -1,7 +1,7 @@
-//! Cost of a plan in instructions per sample: for each stage a base, and a share per lattice stage, line or section.
+//! Cost of a plan in instructions per sample: for each stage a base, and a cost per lattice stage, line or section.
 //!
 //! **The constants are counts** of the image on the virtual stylus. Its test `scenes` compares them with the ticks of
-//! the image as built: they are never below the counts, and not far above. Instructions are not cycles.
+//! the built image: they are never below the counts, and not far above. Instructions are not cycles.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ use model_format::{PlayRate, Texture};
 
 use super::block::{MAX_STAGES, SLOTS};
 
-/// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
+/// Instructions of every sample: the list of stages, the sum of voices, its saturation. For an empty list 22 suffice.
 pub const MIX: StageCost = StageCost { base: 70, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
@@ -19,14 +19,14 @@ pub const LATTICE: StageCost = StageCost {
     each: 11,
 };
 
-/// A voice of a fed lattice, as [`LATTICE`]. It has no noise to make, but a call of its own and a saturation more.
+/// A voice of a fed lattice, like [`LATTICE`]. It generates no noise, but has one more call and one more saturation.
 pub const FED_LATTICE: StageCost = StageCost {
     base: 182,
     each: 11,
 };
 
 /// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade,
-/// the choice of a piece, and the level. QEMU's count of updates holds it.
+/// the choice of a piece, and the level. A test counts updates in QEMU against it.
 pub const FEED: u32 = 450;
 
 /// Stick-slip of a voice, in addition to the voice.
@@ -44,16 +44,16 @@ pub const WAVE: StageCost = StageCost { base: 28, each: 0 };
 /// The equaliser, with `each` per section.
 pub const EQUALISER: StageCost = StageCost { base: 56, each: 83 };
 
-/// The fade while scenes are exchanged.
+/// The fade while scenes change.
 pub const FADE_OUT: StageCost = StageCost { base: 27, each: 0 };
 
 /// Instructions per tick that a scene may take. At the device's 400 MHz a period of 200 µs is 80 000 cycles, or 40 000
 /// instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs, interrupts
-/// and margin. The codes of a tick are due 137.5 µs after its trigger, or 27 500 such instructions.
+/// and margin. The codes of a tick are due 137.5 µs after its trigger, or after 27 500 such instructions.
 pub const BUDGET: u32 = 20_000;
 
-/// Instructions that each sample may take, of `budget` per tick: all of them at 5 kHz, half at 10 kHz, where a tick
-/// computes two samples.
+/// Instructions that each sample may take, if a tick may take `budget`: all of them at 5 kHz, half at 10 kHz, where a
+/// tick computes two samples.
 pub const fn budget_per_sample(budget: u32, sample_rate_hz: u32) -> u32 {
     match PlayRate::of(sample_rate_hz) {
         Some(rate) => budget / rate.samples_per_tick(),
@@ -64,13 +64,13 @@ pub const fn budget_per_sample(budget: u32, sample_rate_hz: u32) -> u32 {
 /// Instructions of a stage per sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StageCost {
-    /// Instructions once.
+    /// Instructions independent of the count.
     pub base: u16,
     /// Instructions per stage of a lattice, line, or section.
     pub each: u16,
 }
 
-/// The subject of a term.
+/// What a term is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Item {
     /// [`MIX`].
@@ -96,14 +96,14 @@ pub enum Item {
     Wave,
     /// The equaliser.
     Equaliser,
-    /// The fade while scenes are exchanged.
+    /// The fade while scenes change.
     FadeOut,
 }
 
 /// One term of a plan's cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Term {
-    /// Subject of the term.
+    /// What the term is about.
     pub item: Item,
     /// Cost of one stage.
     pub cost: StageCost,
@@ -165,7 +165,7 @@ impl Term {
 
 impl Cost {
     pub(super) fn add(&mut self, term: Term) {
-        // There is room for the mix, for one term of each stage, and for one more of each voice.
+        // There is space for the mix, for one term of each stage, and for one more of each voice.
         let _ = self.terms.push(term);
     }
 

@@ -1,4 +1,4 @@
-//! The half of a scene that decides, once per block, below the tick.
+//! The half of a scene that decides, once per block, at a lower priority than the tick.
 
 use super::block::{Block, SLOTS, Stage};
 use super::interaction::Interaction;
@@ -17,11 +17,11 @@ use crate::synthesis::UPDATE_INTERVAL_SAMPLES;
 pub struct Director<'a> {
     plan: Plan<'a>,
     next_plan: Option<Plan<'a>>,
-    /// Number of plans played, this one included.
+    /// Number of plans played, including this one.
     plans: u32,
     slots: Slots<'a>,
     tap: Option<Resonance>,
-    /// The contact that began with the block that is played, and whose tap is to be struck.
+    /// The contact that began with the block that is played, and whose tap is yet to be struck.
     touched: Option<Touch>,
     /// True if the block that is played begins with a strike, which `ringing` may not show yet.
     struck: bool,
@@ -29,14 +29,14 @@ pub struct Director<'a> {
     fed: bool,
     /// The fade of the block that is played.
     fading: Option<Ramp>,
-    /// The way of the tool, for lines that are tied to position.
+    /// Movement of the tool, for lines that are tied to position.
     track: Track,
     before: Option<Before>,
     /// Tick at which the next block begins.
     tick: u64,
 }
 
-/// The interaction of the block before.
+/// The interaction in the previous block.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     interaction: Interaction,
@@ -48,12 +48,12 @@ struct Before {
 struct Touch {
     /// Index of the surface.
     surface: usize,
-    /// Rate of force of the block in which it began, N/s.
+    /// Rate of force in the block in which the contact began, N/s.
     rate_n_s: f32,
 }
 
 impl<'a> Director<'a> {
-    /// A director of `plan`. The same `seed` gives the same samples on every machine.
+    /// Creates a director of `plan`. The same `seed` gives the same samples on every machine.
     pub fn new(plan: Plan<'a>, seed: u64) -> Self {
         Self {
             plan,
@@ -71,18 +71,18 @@ impl<'a> Director<'a> {
         }
     }
 
-    /// Changes to `plan` from the next block on, as soon as what sounds has faded. That takes one block, and one more
-    /// if a voice needs a slot that was played until then.
+    /// Changes to `plan` from the next block on, as soon as everything audible has faded. That takes one block, and one
+    /// more if a voice needs a slot that was played until then.
     pub fn switch(&mut self, plan: Plan<'a>) {
         self.next_plan = Some(plan);
     }
 
-    /// Tells the tick at which the next block begins, which a probe's waveform is tied to.
+    /// Sets the tick at which the next block begins, to which a probe's waveform is tied.
     pub fn at_tick(&mut self, tick: u64) {
         self.tick = tick;
     }
 
-    /// Returns whether a plan waits for what sounds to fade.
+    /// Returns whether a plan waits for the present one to fade.
     pub fn is_switching(&self) -> bool {
         self.next_plan.is_some()
     }
@@ -94,11 +94,11 @@ impl<'a> Director<'a> {
 
     /// Decides the stages of the next block, of `samples` samples, writes them to `block`, and computes its frames.
     ///
-    /// `ringing` is the value of [`super::ScenePlayback::ringing`] after the block that is played had begun. `left`
-    /// is the number of samples of that block's ramps that will not be played: 0 if blocks are played to their end.
+    /// `ringing` is the value of [`super::ScenePlayback::ringing`] after the block that is played had begun. `left` is
+    /// the number of samples of that block's ramps that will not be played: 0 if blocks are played to their end.
     ///
-    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`] and one beginning of a playback, and
-    /// some thousand instructions.
+    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`], one start of a playback, and some
+    /// thousand instructions.
     pub fn next_block(
         &mut self,
         interaction: Interaction,
@@ -132,8 +132,8 @@ impl<'a> Director<'a> {
         });
     }
 
-    /// Changes to the plan that waits, once nothing sounds. Returns true if it did, and what still rings is to be
-    /// reset.
+    /// Changes to the waiting plan, once nothing is audible. Returns true if it changed, in which case tap and
+    /// equaliser must be reset.
     fn take_up_next_plan(&mut self, left: u32, ringing: Ringing) -> bool {
         let faded = self.fading.is_some_and(|ramp| ramp.value(left) == 0);
         let feeds = self.fed && !self.plan.equaliser.is_empty();
@@ -144,7 +144,7 @@ impl<'a> Director<'a> {
         let Some(next) = &mut self.next_plan else {
             return false;
         };
-        // In place, because a plan takes kilobytes, and the update has the stack of whatever it interrupts.
+        // In place, because a plan takes kilobytes, and the update uses the stack of whatever it interrupts.
         core::mem::swap(&mut self.plan, next);
         self.next_plan = None;
         self.plans = self.plans.wrapping_add(1);
@@ -199,7 +199,7 @@ impl<'a> Director<'a> {
         }
     }
 
-    /// The way of the tool in the block, if anything depends on it.
+    /// Returns the movement of the tool in the block, if anything depends on it.
     fn passage(
         &mut self,
         interaction: &Interaction,
@@ -210,18 +210,18 @@ impl<'a> Director<'a> {
         if !self.plan.has_lines {
             return Passage::default();
         }
-        // A motion that does not follow the hand does not take its position either.
+        // If the motion does not follow the hand, the position does not follow it either.
         let follows = self.plan.constant_motion.is_none();
         let told = interaction.position().filter(|_| follows);
         let (speed, rate) = (motion.speed_mm_s(), self.plan.sample_rate_hz);
         self.track.advance(told, speed, samples, left, rate)
     }
 
-    /// The tap of an impact: a contact that was not there in the block before, on the surface of greater weight.
-    /// Contact from the beginning is no impact.
+    /// Returns the tap of an impact: a contact that did not exist in the previous block, on the surface of greater
+    /// weight. Contact from the beginning is no impact.
     ///
-    /// The tap is struck one block after contact, at the larger rate of force of the two blocks. Contact falls
-    /// anywhere in a block, and a force that begins to rise at the block's end shows little of its rate in it.
+    /// The tap is struck one block after contact, at the larger rate of force of the two blocks, because contact can
+    /// begin anywhere in a block: a force that rises only at the block's end shows little of its rate in it.
     fn impact(
         &mut self,
         interaction: &Interaction,
@@ -233,7 +233,7 @@ impl<'a> Director<'a> {
         let rate_n_s = rise / seconds;
         let touched = self.touched.take();
         if interaction.contact && !before.interaction.contact {
-            // The surface at the position itself comes first, and never has the smaller weight.
+            // The surface at the position itself comes first; its weight is never the smaller one.
             self.touched = located.first().map(|there| Touch {
                 surface: usize::from(there.surface),
                 rate_n_s,
@@ -284,7 +284,7 @@ impl<'a> Director<'a> {
         self.fed = feeds;
     }
 
-    /// Fades tap and equaliser while a plan waits; the voices fade by their own levels.
+    /// Fades tap and equaliser while a plan waits. The voices fade by their own levels.
     fn direct_fade(&mut self, moment: Moment, block: &mut Block) {
         let rings = |stage: &Stage| matches!(stage, Stage::Tap(_) | Stage::Equaliser);
         if self.next_plan.is_none() || !block.stages.iter().any(rings) {

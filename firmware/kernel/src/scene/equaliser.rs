@@ -1,19 +1,19 @@
-//! The actuator's equaliser: a cascade of sections of second order in fixed point.
+//! The actuator's equaliser: a cascade of second-order sections in fixed point.
 //!
 //! A section is stored as a biquad and played as a normalised lattice of two stages with taps (Gray and Markel, *A
-//! normalized digital filter structure*, IEEE Trans. ASSP 23(3), 1975). Its poles' part is that of [`crate::lattice`]:
+//! normalized digital filter structure*, IEEE Trans. ASSP 23(3), 1975). [`crate::lattice`] has the all-pole part.
 //!
 //! ```text
 //! k2 = a2    k1 = a1 / (1 + a2)    y = v0 g0 + v1 g1 + v2 g2,  g the backward signals
 //! v2 = b2    v1 = (b1 - b2 a1) / cos θ2    v0 = (b0 - b2 a2 - v1 cos θ2 k1) / (cos θ1 cos θ2)
 //! ```
-//! The biquad itself is not played, because a direct recursion, truncated or rounded, may ring on for ever without an
-//! input, and error feedback, which moves that noise elsewhere, does not end it. Here no rotation lengthens its vector
-//! (cos² + sin² ≤ 2⁶² in the integers) and products are truncated toward zero, so that the state decays to exact zero,
-//! whatever the poles and however they change; see `tests/kernel/silence.rs` for the proof. The taps are not recursive.
+//! The biquad itself is not played, because a direct recursion, truncated or rounded, may ring forever without an
+//! input. Error feedback moves that noise elsewhere but does not end it. Here no rotation lengthens its vector (cos² +
+//! sin² ≤ 2⁶² in the integers) and products are truncated toward zero, so that the state decays to exact zero, whatever
+//! the poles and however they change; `tests/kernel/silence.rs` has the proof. The taps are not recursive.
 //!
-//! Internal signals have steps of 2⁻¹⁵ m/s² and 32 times the output's full scale: as much as a section at the limit of
-//! the poles' radius makes of a full-scale tone within its lattice.
+//! Internal signals have steps of 2⁻¹⁵ m/s² and 32 times the output's full scale. A section at the limit of the poles'
+//! radius raises a full-scale tone to this level within its lattice.
 
 use heapless::Vec;
 use model_format::OutputSample;
@@ -22,11 +22,11 @@ use model_format::scene::limits::{MAX_RESPONSE_SECTIONS, MAX_SECTIONS};
 
 use crate::fixed::{high_word_toward_zero, saturate, shift_toward_zero};
 
-/// Digits that internal signals lack of the output's.
+/// Binary digits after the point that internal signals have fewer than the output.
 const HEADROOM_BITS: u32 = 5;
 
-/// Digits after the point of a tap, which lies between -32 and 32. A section's taps are an orthonormal expansion of its
-/// impulse response: the sum of their squares is that of the response, so that no tap is above its largest gain, 16.
+/// Binary digits after the point of a tap, which lies between -32 and 32. A section's taps are an orthonormal expansion
+/// of its impulse response: the sums of squares are equal, so that no tap is above the largest gain, 16.
 const TAP_FRACTION_BITS: u32 = 26;
 
 /// Most sections of a cascade: those of a scene, and those of the device's response.
@@ -58,7 +58,7 @@ impl Section {
     fn new(biquad: &Biquad) -> Self {
         const ONE: i64 = 1 << Biquad::FRACTION_BITS;
         let [a1, a2] = biquad.denominator.map(i64::from);
-        // Inside Jury's triangle 1 + a2 is positive and |a1| below it.
+        // Within Jury's triangle 1 + a2 is positive, and |a1| is below it.
         let one = rotation((a1 << 31) / (ONE + a2));
         let two = rotation(a2 << (31 - Biquad::FRACTION_BITS));
         let [a1, a2] = biquad.denominator();
@@ -74,7 +74,7 @@ impl Section {
         }
     }
 
-    /// Passes one sample through. The flag is true if any signal was at full scale.
+    /// Passes one sample through the section. The flag is true if any signal was at full scale.
     #[inline(always)]
     fn process(&self, backward: &mut [i32; 2], input: i32) -> (i32, bool) {
         let [one, two] = self.rotations;
@@ -104,7 +104,7 @@ fn rotation(sin: i64) -> (i32, i32) {
     (cos.min(i32::MAX as u64) as i32, sin as i32)
 }
 
-/// One stage: forward and backward signal, in that order.
+/// One stage. Returns forward and backward signal, in that order.
 #[inline(always)]
 fn rotate((cos, sin): (i32, i32), forward: i32, backward: i32) -> (i32, i32) {
     let (cos, sin) = (i64::from(cos), i64::from(sin));
@@ -127,7 +127,7 @@ impl Equaliser {
         }
     }
 
-    /// Adds the sections of `biquads` after the others, as far as there is room.
+    /// Appends the sections of `biquads`, as many as fit.
     pub(super) fn append(&mut self, biquads: &[Biquad]) {
         for biquad in biquads {
             let _ = self.sections.push(Section::new(biquad));
@@ -153,7 +153,7 @@ impl EqualiserState {
         }
     }
 
-    /// Passes one sample through. The flag is true if any signal was at full scale.
+    /// Passes one sample through the cascade. The flag is true if any signal was at full scale.
     #[inline]
     pub fn process(&mut self, equaliser: &Equaliser, input: OutputSample) -> (OutputSample, bool) {
         let mut signal = shift_toward_zero(i64::from(input.0), HEADROOM_BITS) as i32;

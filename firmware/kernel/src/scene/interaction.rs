@@ -11,7 +11,7 @@ pub struct Interaction {
     /// Speed and force.
     pub motion: Motion,
     position_mm: f32,
-    /// Position at the last sample of the block that is decided; none if nobody knows it.
+    /// Position at the last sample of the block that is decided; none if it is not known.
     position: Option<Position>,
     /// True while the tool touches.
     pub contact: bool,
@@ -38,8 +38,8 @@ impl Interaction {
         contact: false,
     };
 
-    /// An interaction with `motion` at a position on the path, mm from its origin, which lines that are locked to
-    /// place follow too, unless [`Interaction::reaching`] tells a better one.
+    /// An interaction with `motion` at a position on the path, mm from its origin. Lines that are tied to position
+    /// follow this position, too, unless [`Interaction::reaching`] sets a better one.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -66,13 +66,13 @@ impl Interaction {
     }
 
     /// The interaction of a tool that will be at `position` at the last sample of the block that is decided. Lines that
-    /// are tied to position follow it; without one they go on by the speed.
+    /// are tied to position follow it; without one they advance by the speed.
     #[must_use]
     pub const fn reaching(self, position: Option<Position>) -> Self {
         Self { position, ..self }
     }
 
-    /// Position at the last sample of the block that is decided, if anybody knows it.
+    /// Position at the last sample of the block that is decided, if it is known.
     pub const fn position(&self) -> Option<Position> {
         self.position
     }
@@ -83,21 +83,21 @@ impl Interaction {
     }
 }
 
-/// Force above which contact begins. It ends at and below half of that, so that noise around either bound neither
-/// breaks it off nor causes taps.
+/// Force above which contact begins. It ends at and below half of that, so that noise around either bound neither ends
+/// contact nor causes taps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactThreshold {
     begins_n: f32,
 }
 
 impl ContactThreshold {
-    /// Threshold of forces without noise, as those of a file, and the lowest that is derived from a sensor's noise.
+    /// Threshold for forces without noise, such as those of a file, and the lowest that is derived from a sensor's
+    /// noise.
     ///
-    /// It is below the lightest force that a hand holds on purpose, and above the weight of a cable or a zero that has
-    /// drifted by a little.
+    /// It is below the lightest force that a hand holds on purpose, and above a cable's weight or a slight zero drift.
     pub const LEAST: Self = Self { begins_n: 0.02 };
 
-    /// A threshold at `force`, which is finite.
+    /// A threshold at `force`, which must be finite.
     pub const fn new(force: Newton) -> Self {
         Self {
             begins_n: force.0.max(0.0),

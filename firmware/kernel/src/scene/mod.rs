@@ -8,19 +8,19 @@
 //!                    v                                  tap ---------------------+--> equaliser --> output
 //!              frames of voices
 //! ```
-//! A [`Plan`] is the compiled scene; it does not change. The [`Director`] decides from it, once per block, which voices
+//! A [`Plan`] is the compiled scene; it does not change. Once per block, the [`Director`] decides from it which voices
 //! sound, whether a tap rings, and whether the tool sticks. The result is a [`Block`], a list of stages. The tick runs
-//! that list and nothing else, so that a stage that is not in it costs nothing. Without contact, and once nothing rings
-//! any more, the list is empty.
+//! only that list, so that a stage that is not in it costs nothing. Without contact, and once nothing rings any more,
+//! the list is empty.
 //!
 //! Gains and the weights of a transition are part of the voices' levels, which ramp across each block. They cost no
 //! instruction in the tick, and no change of region, gain or contact is faster than a block.
 //!
-//! The equaliser's sections are those of the scene, and after them those of the device's response, if it has one. A
-//! [`Wave`] is played in the place of voices: a probe's, which measures that response.
+//! The equaliser's sections are those of the scene, followed by those of the device's response, if it has one. A
+//! [`Wave`] is played instead of voices: it is the waveform of a probe, which measures that response.
 //!
-//! [`ScenePlayer`] joins both halves, for programs that compute block and samples in one thread. A scene of one surface
-//! without effects plays, bit for bit, what [`crate::Synthesis`] plays of its texture.
+//! [`ScenePlayer`] joins both halves, for programs that compute blocks and samples in one thread. A scene of one
+//! surface without effects plays, bit for bit, what [`crate::Synthesis`] plays of its texture.
 
 mod block;
 pub mod cost;

@@ -13,7 +13,7 @@ pub struct Located {
     /// Index of the surface in the scene.
     pub surface: u8,
     /// Factor of its amplitude, in steps of 2⁻¹⁶. The squares of all weights at a position add up to at most 2³².
-    /// Within rounding they add up to that, except near the end of a region without a neighbour.
+    /// Within rounding they reach this bound, except near the end of a region without a neighbour.
     pub weight: u32,
 }
 
@@ -33,7 +33,7 @@ impl Path {
         }
     }
 
-    /// The path with the first surface everywhere.
+    /// The path that has the first surface everywhere.
     pub const fn everywhere() -> Self {
         Self {
             regions: Vec::new(),
@@ -53,11 +53,11 @@ impl Path {
         })
     }
 
-    /// The surfaces at `position_mm`: at most two different ones, that of the region at this position first.
+    /// The surfaces at `position_mm`: at most two different ones, first the surface of the region at this position.
     pub fn locate(&self, position_mm: f32) -> Vec<Located, 2> {
         let mut found = Vec::new();
         let mut add = |surface: u8, weight: u32| {
-            // There is room for two.
+            // There is space for two.
             let _ = found.push(Located { surface, weight });
         };
         if self.regions.is_empty() {
@@ -77,7 +77,7 @@ impl Path {
             .regions
             .get(index + 1)
             .filter(|after| after.start_mm == region.end_mm);
-        // Transitions reach at most to the middle of a region, so that a position lies in one at most.
+        // Transitions reach at most to the middle of a region, so that a position lies in at most one transition.
         let (from_start, to_end) = (position_mm - region.start_mm, region.end_mm - position_mm);
         let (neighbour, distance) = if from_start <= to_end {
             (before, from_start)
@@ -91,7 +91,7 @@ impl Path {
             if neighbour.surface == region.surface {
                 add(region.surface, ONE);
             } else {
-                // From the middle of the transition, where both have the same power, to its end.
+                // From the middle of the transition, where both surfaces have the same power, to its end.
                 let (own, other) = weights(0.5 + 0.5 * distance / half);
                 add(region.surface, own);
                 add(neighbour.surface, other);
@@ -110,8 +110,8 @@ impl Path {
     }
 }
 
-/// Weights of the incoming and the outgoing surface at `share` (0 to 1) of a transition: sine and cosine of that
-/// share of a quarter turn, whose squares add up to at most one in the integers.
+/// Weights of the incoming and the outgoing surface at the fraction `share` of a transition: sine and cosine of that
+/// fraction of a quarter turn, whose squares add up to at most one in the integers.
 fn weights(share: f32) -> (u32, u32) {
     let theta = (share * THETA_QUARTER_TURN as f32) as i32;
     let rotation = Rotation::from_theta(theta);

@@ -1,4 +1,4 @@
-//! The compiled scene: everything that does not depend on the moment.
+//! The compiled scene: everything that stays the same while it is played.
 
 use heapless::Vec;
 use model_format::scene::limits::MAX_SURFACES;
@@ -46,7 +46,7 @@ pub(super) struct PlannedTap {
 }
 
 impl<'a> Plan<'a> {
-    /// Compiles `scene` with the textures of `library`, after a check of all but the gain of its equaliser.
+    /// Compiles `scene` with the textures of `library`, after checking everything except the gain of its equaliser.
     ///
     /// # Errors
     /// The fault that [`Scene::validate_decoded`] finds.
@@ -79,7 +79,7 @@ impl<'a> Plan<'a> {
     /// The plan of `texture` everywhere, without effects.
     pub fn of_texture(texture: Texture<'a>) -> Self {
         let mut surfaces = Vec::new();
-        // There is room for one.
+        // There is space for one.
         let _ = surfaces.push(PlannedSurface {
             texture: Some(texture),
             gain: ONE,
@@ -93,7 +93,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The plan of a probe's `wave` at `sample_rate_hz`, whatever the tool does.
+    /// The plan of a probe's `wave` at `sample_rate_hz`, independent of what the tool does.
     pub fn of_wave(wave: Wave<'a>, sample_rate_hz: u32) -> Self {
         Self {
             wave: Some(wave),
@@ -113,15 +113,15 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Adds `sections` after its own equaliser: those of the device's response.
+    /// Appends `sections`, those of the device's response, to the plan's own equaliser.
     pub fn append(&mut self, sections: &[Biquad]) {
         self.equaliser.append(sections);
     }
 
-    /// The plan with each texture changed to what `change` makes of it: for comparisons with parts left out, see
+    /// Returns the plan with each texture replaced by the result of `change`, for comparisons with parts left out; see
     /// [`Texture::without_codebooks`].
     ///
-    /// A player does not tell such textures from those that they were made of, so that each takes a player of its own.
+    /// A player cannot distinguish such textures from their originals, so each such plan needs its own player.
     #[must_use]
     pub fn with_textures(mut self, change: impl Fn(Texture<'a>) -> Texture<'a>) -> Self {
         let textures = self
@@ -136,7 +136,7 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// The texture and the gain, in steps of 2⁻¹⁶, of each surface; a smooth one has no texture.
+    /// The texture and the gain, in steps of 2⁻¹⁶, of each surface; a smooth surface has no texture.
     pub fn surfaces(&self) -> impl Iterator<Item = (Option<Texture<'a>>, u32)> {
         let surfaces = self.surfaces.iter();
         surfaces.map(|one| (one.texture, one.gain))
@@ -147,7 +147,7 @@ impl<'a> Plan<'a> {
         self.path.locate(position_mm)
     }
 
-    /// Speed and force that the textures follow, if they do not follow those of the moment.
+    /// Speed and force that the textures follow instead of the tool's, if the scene has them.
     pub fn constant_motion(&self) -> Option<Motion> {
         self.constant_motion
     }
@@ -162,15 +162,15 @@ impl<'a> Plan<'a> {
         update_interval_samples(self.sample_rate_hz)
     }
 
-    /// Returns whether any texture has lines that are tied to position, for which the position counts.
+    /// Returns whether any texture has lines that are tied to position, so that the position matters.
     pub fn has_lines(&self) -> bool {
         self.has_lines
     }
 
     /// Instructions per sample in the worst case, in the model of [`cost`].
     ///
-    /// With two surfaces or more, the two most expensive ones sound at a time, because the tool may jump from any one
-    /// to any other. With one surface there is one voice.
+    /// With two surfaces or more, the two most expensive ones may sound together, because the tool may jump from any
+    /// surface to any other. With one surface there is one voice.
     pub fn worst_case(&self) -> Cost {
         let voices = |surface: u8| -> Option<[Option<Term>; 3]> {
             let planned = self.surfaces.get(usize::from(surface))?;
@@ -224,7 +224,7 @@ impl<'a> Plan<'a> {
         cost
     }
 
-    /// Returns [`Plan::worst_case`] if all samples of a tick are within `budget` instructions per tick.
+    /// Returns [`Plan::worst_case`] if a tick's samples together are within `budget` instructions per tick.
     ///
     /// # Errors
     /// A worst case above the budget of a sample; the error holds its terms.

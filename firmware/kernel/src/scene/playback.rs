@@ -8,7 +8,7 @@ use super::stick_slip::StickSlipState;
 use super::tap::TapState;
 use crate::fixed::{saturate, shift_toward_zero};
 
-/// The parts of a scene that ring, as the [`super::Director`] needs to know.
+/// Whether the parts of a scene ring, which the [`super::Director`] needs to know.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ringing {
     /// True if a tap rings.
@@ -23,7 +23,7 @@ pub struct ScenePlayback {
     tap: TapState,
     equaliser: EqualiserState,
     stick_slip: [StickSlipState; SLOTS],
-    /// Samples of the block's ramps that are still to come.
+    /// Samples of the block's ramps that remain.
     left: u32,
     saturations: u32,
 }
@@ -40,8 +40,8 @@ impl ScenePlayback {
         }
     }
 
-    /// Begins `block`, which was not played before. `begin_voice` gets each voice whose frame begins with it, for
-    /// [`crate::Playback::begin_frame`].
+    /// Begins `block`, which was not played before. `begin_voice` is called with each voice whose frame begins with the
+    /// block, for [`crate::Playback::begin_frame`].
     #[inline]
     pub fn begin_block(&mut self, block: &Block, mut begin_voice: impl FnMut(VoiceStage)) {
         self.left = block.samples;
@@ -105,12 +105,12 @@ impl ScenePlayback {
         }
     }
 
-    /// Samples of the block's ramps that are still to come.
+    /// Samples of the block's ramps that remain.
     pub fn left(&self) -> u32 {
         self.left
     }
 
-    /// Number of samples at full scale in the sum or the equaliser. Voices count their own.
+    /// Number of samples that reached full scale in the sum or the equaliser. Voices count their own.
     pub fn saturations(&self) -> u32 {
         self.saturations
     }

@@ -14,7 +14,7 @@ use crate::arithmetic::{Arithmetic, Portable};
 use crate::level::Levels;
 use crate::synthesis::{Frame, Playback};
 
-/// Samples that voices play ahead at most, in [`ScenePlayer::next_block`].
+/// Most samples that voices play ahead, in [`ScenePlayer::next_block`].
 const BLOCK_SAMPLES: usize = 64;
 
 /// A scene being played: director, voices and playback in one.
@@ -26,7 +26,7 @@ pub struct ScenePlayer<'a, A: Arithmetic = Portable> {
     block: Block,
 }
 
-/// The voices, none of them shared.
+/// The voices, owned by the player alone.
 #[derive(Clone, Debug)]
 struct OwnVoices<A> {
     frames: [[Option<Frame>; 2]; SLOTS],
@@ -52,7 +52,7 @@ impl<A: Arithmetic> Voices for OwnVoices<A> {
 }
 
 impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
-    /// Plays `plan`, from rest: it is silent until the tool touches. The same `seed` gives the same samples on every
+    /// Plays `plan` from rest: it is silent until the tool touches. The same `seed` gives the same samples on every
     /// machine.
     pub fn new(plan: Plan<'a>, seed: u64) -> Self {
         Self {
@@ -85,7 +85,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         });
     }
 
-    /// Tells the tick at which the next block begins; see [`Director::at_tick`].
+    /// Sets the tick at which the next block begins; see [`Director::at_tick`].
     pub fn at_tick(&mut self, tick: u64) {
         self.director.at_tick(tick);
     }
@@ -108,7 +108,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         })
     }
 
-    /// The next samples, those of a call of [`ScenePlayer::next_sample`] for each; see
+    /// Computes the next samples, like a call of [`ScenePlayer::next_sample`] for each; see
     /// [`Playback::next_block`](crate::Playback::next_block).
     pub fn next_block(&mut self, outputs: &mut [OutputSample]) {
         for outputs in outputs.chunks_mut(BLOCK_SAMPLES) {
@@ -116,7 +116,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         }
     }
 
-    /// The next samples, at most [`BLOCK_SAMPLES`]. Each voice plays ahead, because none depends on what follows it.
+    /// Computes the next samples, at most [`BLOCK_SAMPLES`]. Voices play ahead, because none depends on a later stage.
     fn next_short_block(&mut self, outputs: &mut [OutputSample]) {
         let mut ahead = [[OutputSample::SILENCE; BLOCK_SAMPLES]; SLOTS];
         let voices = &mut self.voices;
@@ -133,7 +133,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         }
     }
 
-    /// Changes to `plan` as soon as what sounds has faded; see [`Director::switch`].
+    /// Changes to `plan` as soon as everything audible has faded; see [`Director::switch`].
     pub fn switch(&mut self, plan: Plan<'a>) {
         self.director.switch(plan);
     }
@@ -148,7 +148,7 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         &self.director
     }
 
-    /// Number of samples at full scale since the beginning, in voices, their sum, or the equaliser.
+    /// Number of samples that reached full scale since the beginning, in voices, their sum, or the equaliser.
     pub fn saturations(&self) -> u32 {
         let voices = self.voices.playbacks.iter().flatten();
         let voices = voices.map(Playback::saturations);

@@ -1,12 +1,12 @@
 //! Slots of voices: which surface sounds in which slot, and what each voice plays next.
 //!
 //! A **slot** holds a voice: two frames, of which one may be played while the other is computed, and a playback. A
-//! surface that is to sound gets a slot and keeps it as long as it sounds; one that is no longer wanted fades within a
+//! surface that is to sound gets a slot and keeps it while it sounds; one that is no longer wanted fades within a
 //! block. A slot's playback changes its texture only after a block in which the tick did not play the slot. There are
 //! therefore never more than two voices, however far the tool jumps; a third surface waits one block for a slot.
 //!
-//! **A voice begins at its level**, in a stationary state. That state stays stationary whatever motion it was left at,
-//! so that a slot which holds the texture is taken up as it is ([`crate::lattice::LatticeState::stationary`]).
+//! **A voice begins at its level**, in a stationary state. That state stays stationary at whatever motion it was left,
+//! so that a slot which holds the texture already continues from it ([`crate::lattice::LatticeState::stationary`]).
 
 use model_format::Texture;
 
@@ -31,15 +31,15 @@ pub trait Voices {
     /// Frame `buffer` of `slot`, which the block that is played does not use.
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame>;
 
-    /// The levels of frame `buffer` of `slot`, which the block that is played may use, with `left` samples of its
-    /// ramps to come.
+    /// The levels of frame `buffer` of `slot`, which the block that is played may use, when `left` samples of its ramps
+    /// remain.
     fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels;
 
     /// The playback of `slot`, which the block that is played does not use.
     fn playback(&mut self, slot: usize) -> &mut Option<Playback>;
 }
 
-/// A surface that is to sound, with its gain in steps of 2⁻¹⁶, which is not 0.
+/// A surface that is to sound, and its gain in steps of 2⁻¹⁶, which is not 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted {
     pub surface: u8,
@@ -51,7 +51,7 @@ pub(super) struct Wanted {
 pub(super) struct Moment {
     pub motion: Motion,
     pub distance_mm: f32,
-    /// The way of the tool, for lines that are tied to position.
+    /// Movement of the tool, for lines that are tied to position.
     pub passage: Passage,
     pub samples: u32,
     pub left: u32,
@@ -70,19 +70,19 @@ struct Slot<'a> {
     texture: Option<Texture<'a>>,
     /// The excitation of fed textures.
     feed: Feed,
-    /// The surface that sounds here, or last did.
+    /// The surface that sounds here, or the last one that did.
     surface: Option<u8>,
-    /// Index of the frame that is played, or last was.
+    /// Index of the frame that is played, or of the last one that was.
     buffer: usize,
-    /// True for each frame that was made for the texture.
+    /// True for each frame that has been prepared for the texture.
     made: [bool; 2],
-    /// The motion and gain of each frame's last update, while they are known.
+    /// The motion and gain of each frame's last update, if they are known.
     updated: [Option<(Motion, u32)>; 2],
     /// True if the block that is played uses the slot.
     played: bool,
     /// True if the frame began with that block; otherwise its ramps are at their ends.
     began: bool,
-    /// The motion that the frame was computed for.
+    /// The motion for which the frame was computed.
     motion: Option<Motion>,
     /// The gain at the end of the frame's ramp, in steps of 2⁻¹⁶.
     gain: u32,
@@ -101,13 +101,13 @@ impl<'a> Slots<'a> {
         }
     }
 
-    /// Returns whether any slot is audible at the end of the block that is played, of which `left` samples are left
-    /// out.
+    /// Returns whether any slot is audible at the end of the block that is played, of which `left` samples are not
+    /// played.
     pub(super) fn sound(&self, left: u32) -> bool {
         self.slots.iter().any(|slot| slot.sounds(left))
     }
 
-    /// Takes the surfaces from their slots. Playbacks keep their textures.
+    /// Removes the surfaces from their slots. Playbacks keep their textures.
     pub(super) fn release(&mut self) {
         for slot in &mut self.slots {
             slot.surface = None;
@@ -147,8 +147,8 @@ impl<'a> Slots<'a> {
     }
 
     /// Gives the surface of `one` a slot, unless it has one. A slot is free if it is silent and no other wanted surface
-    /// has it. One whose playback holds the same texture comes first, then one that the tick does not use. Does nothing
-    /// if none is free.
+    /// has it. A free slot whose playback holds the same texture is preferred, then one that the tick does not use.
+    /// Does nothing if none is free.
     fn find(
         &mut self,
         plan: &Plan<'a>,
@@ -198,7 +198,7 @@ impl<'a> Slots<'a> {
         }
     }
 
-    /// Takes slot `index` to `gain`, and returns its stage if it is to be played.
+    /// Brings slot `index` to `gain`, and returns its stage if it is to be played.
     fn direct_slot<V: Voices>(
         &mut self,
         plan: &Plan<'a>,
@@ -256,7 +256,7 @@ impl<'a> Slots<'a> {
     }
 }
 
-/// Makes a frame. Out of line, because it takes kilobytes of the stack; the image makes its frames before it plays.
+/// Creates a frame. Not inlined, because it takes kilobytes of the stack; the image creates its frames before it plays.
 #[cold]
 #[inline(never)]
 fn make(place: &mut Option<Frame>) {
@@ -282,8 +282,8 @@ impl Slot<'_> {
         }
     }
 
-    /// Computes the slot's other frame for its motion and gain, from the levels of the present one, of whose ramps
-    /// `left` samples are left out. Returns none without a texture or motion.
+    /// Computes the slot's other frame for its motion and gain, from the levels of the present frame, of whose ramps
+    /// `left` samples are not played. Returns none without a texture or motion.
     fn begin_frame<V: Voices>(
         &mut self,
         index: usize,
@@ -317,20 +317,20 @@ impl Slot<'_> {
         Some(())
     }
 
-    /// Returns whether the slot is audible at the end of the block that is played, of which `left` samples are left
-    /// out.
+    /// Returns whether the slot is audible at the end of the block that is played, of which `left` samples are not
+    /// played.
     fn sounds(&self, left: u32) -> bool {
         self.played && (self.gain > 0 || self.left(left) > 0)
     }
 
-    /// Number of samples of the frame's ramps that are left out with `left` of the block's.
+    /// Number of samples of the frame's ramps that are not played if `left` samples of the block are not.
     fn left(&self, left: u32) -> u32 {
         if self.played && self.began { left } else { 0 }
     }
 }
 
-/// The seed of a slot's own noise. The first slot has `seed` itself, the second its hash, which no sum of related seeds
-/// meets.
+/// The seed of a slot's own noise. The first slot has `seed` itself, the second its hash, with which no sum of related
+/// seeds coincides.
 fn seed_of(seed: u64, slot: usize) -> u64 {
     (0..slot).fold(seed, |seed, _| hashed(seed))
 }

@@ -4,7 +4,7 @@
 //! envelope = 1 - amount · (1 - w(x / duty))     w(y) = (4y(1 - y))² for y in 0..1, else 0;  x the phase, 0..1
 //! ```
 //! The window's value and slope are zero at both ends of a slip, and the amount ramps across each block, so that the
-//! envelope has no step. It is never above one, so that no sample is larger than that of the texture alone.
+//! envelope has no step. It is never above one, so that no sample is larger than without stick-slip.
 
 use model_format::OutputSample;
 use model_format::scene::StickSlip;
@@ -13,14 +13,14 @@ use crate::fixed::shift_toward_zero;
 use crate::grid::{Motion, ONE};
 use crate::level::Ramp;
 
-/// Fewest samples per slip: a faster path is not followed. The envelope changes by at most a fifth of the amount from
+/// Fewest samples per slip; on a faster path the phase lags. The envelope changes by at most a fifth of the amount from
 /// sample to sample, because the window's slope is at most 3.08.
 const FEWEST_SAMPLES_PER_SLIP: f32 = 16.0;
 
-/// A whole turn of the phase in its steps.
+/// A whole turn of the phase, in steps of the phase.
 const TURN: f32 = 4_294_967_296.0;
 
-/// Width of the onset of sticking, as a share of the threshold.
+/// Width of the onset of sticking, as a fraction of the threshold.
 const ONSET_SHARE: f32 = 0.25;
 
 /// The constants of a surface's stick-slip.
@@ -71,8 +71,8 @@ impl StickSlipWindow {
         ((self.stick_slip.depth * slow * pressed * ONE as f32) as u32).min(ONE)
     }
 
-    /// The frame of a block of `samples` samples in which the tool goes `distance_mm` and the amount goes from `from`
-    /// to that of `motion`.
+    /// Returns the frame of a block of `samples` samples in which the tool moves by `distance_mm` and the amount goes
+    /// from `from` to the amount at `motion`.
     pub fn frame(
         &self,
         motion: Motion,
@@ -83,7 +83,7 @@ impl StickSlipWindow {
         let turns = distance_mm.abs() / self.stick_slip.period_mm / samples.max(1) as f32;
         StickSlipFrame {
             amount: Ramp::between(from, self.amount(motion), samples),
-            // A cast of too large a number saturates, and the smaller of both is far below.
+            // A cast of too large a number saturates, and `fastest` is far below that.
             advance: (turns * TURN).min(self.fastest) as u32,
             inverse_duty: self.inverse_duty,
         }
@@ -91,7 +91,7 @@ impl StickSlipWindow {
 }
 
 impl StickSlipFrame {
-    /// The amount with `left` samples of its ramp to come, in steps of 2⁻¹⁶.
+    /// The amount when `left` samples of its ramp remain, in steps of 2⁻¹⁶.
     #[inline(always)]
     pub fn amount(&self, left: u32) -> i32 {
         self.amount.value(left)
@@ -104,7 +104,7 @@ impl StickSlipState {
         Self { phase: 0 }
     }
 
-    /// `sample` times the envelope, with `left` samples of the frame's ramp to come.
+    /// Returns `sample` times the envelope, when `left` samples of the frame's ramp remain.
     #[inline(always)]
     pub fn modulate(
         &mut self,

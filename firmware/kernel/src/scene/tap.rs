@@ -1,13 +1,13 @@
-//! Tap transients: a resonator of two poles as a damped rotation.
+//! Tap transients: a two-pole resonator, computed as a damped rotation.
 //!
-//! The state is a vector (c, s). Each sample turns it by the frequency's angle and shortens it by the decay; s is the
+//! The state is a vector (c, s). Each sample rotates it by the frequency's angle and shortens it by the decay; s is the
 //! output. The rotation's cos² + sin² is at most 2⁶² in the integers, and products are truncated toward zero, so that
-//! the vector never lengthens and a ringing tap decays to exact zero, as in [`crate::lattice`].
+//! the vector never lengthens and a ringing tap decays to exact zero, like in [`crate::lattice`].
 //!
-//! A strike adds to c and leaves s as it is, so that the transient begins at 0, in sine phase. It adds only so much
+//! A strike adds to c and leaves s unchanged, so that the transient begins at 0, in sine phase. It adds only so much
 //! that the 1-norm of (c, s) stays within the limit: **the norm of the state is never above the larger of the limit and
-//! its former value**, however often the tool strikes. Frequency and decay may change while it rings, because every
-//! rotation keeps the bound.
+//! its former value**, however often the tool strikes. Frequency and decay may change while the tap rings, because
+//! every rotation keeps the bound.
 
 use model_format::OutputSample;
 use model_format::scene::Tap;
@@ -15,7 +15,7 @@ use model_format::scene::Tap;
 use crate::fixed::{high_word_toward_zero, shift_toward_zero};
 use crate::rotation::{Rotation, THETA_QUARTER_TURN};
 
-/// Digits that the state has in addition to those of an output sample.
+/// Binary digits after the point that the state has in addition to those of an output sample.
 const GUARD_BITS: u32 = 2;
 
 /// The rotation of one sample.
@@ -45,7 +45,7 @@ impl Resonance {
     /// The resonance of `tap` at `sample_rate_hz`.
     pub fn new(tap: &Tap, sample_rate_hz: u32) -> Self {
         let rate = f64::from(sample_rate_hz);
-        // Half a turn is twice the quarter; the frequency is below half the sample rate.
+        // Half the sample rate is half a turn, two quarter turns; the frequency is below half the sample rate.
         let theta = f64::from(tap.frequency_hz) / rate * 4.0 * f64::from(THETA_QUARTER_TURN);
         let theta = theta as i32;
         let beyond_quarter = theta > THETA_QUARTER_TURN;
@@ -97,7 +97,7 @@ impl TapState {
         Self { cosine: 0, sine: 0 }
     }
 
-    /// Applies a strike. The next sample goes on from the last one.
+    /// Applies a strike. The next sample continues from the last one.
     #[inline(always)]
     pub fn strike(&mut self, strike: Strike) {
         let room = strike.limit - self.sine.abs();

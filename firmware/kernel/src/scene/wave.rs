@@ -1,7 +1,7 @@
-//! A probe's waveform, played as it was given.
+//! A probe's waveform, played unchanged.
 //!
-//! It is tied to the device's ticks, so that a recording is aligned with it even if ticks were missed. Below the tick,
-//! a block takes its samples from the memory of the waveform; in the tick, a stage adds one per sample.
+//! The waveform is tied to the device's ticks, so that a recording is aligned with it even if ticks were missed. Once
+//! per block, its samples are copied from the waveform's memory; in the tick, a stage adds one per sample.
 
 use core::sync::atomic::{AtomicI16, Ordering};
 
@@ -17,15 +17,15 @@ pub struct Wave<'a> {
     pub samples: &'a [AtomicI16],
     /// Number of samples of all periods together.
     pub total: u32,
-    /// Acceleration of a sample of `i16::MAX`, m/s², below the output's full scale.
+    /// Acceleration of a sample of value `i16::MAX`, m/s², below the output's full scale.
     pub peak_m_s2: f32,
     /// Tick of the first sample.
     pub first_tick: u64,
 }
 
 impl Wave<'_> {
-    /// Fills `block` with the samples from number `from` on, the last one first; zero before the wave begins and after
-    /// its end. Returns false if none of them is of the wave.
+    /// Fills `block` with the samples from number `from` on, the last one first, and with zeros before the wave begins
+    /// and after its end. Returns false if no sample belongs to the wave.
     pub(super) fn fill(&self, from: i64, block: &mut [i32]) -> bool {
         let one = (1u32 << OutputSample::FRACTION_BITS) as f32;
         let step = self.peak_m_s2 * one / f32::from(i16::MAX);

@@ -1,4 +1,4 @@
-//! Blocks of samples ahead of time: the bits of one sample after the other.
+//! Blocks of samples computed ahead of time have the same bits as samples computed one by one.
 
 use model_format::{Library, OutputSample, PartsSpec, TextureSpec, encode, encode_with_scenes};
 use proptest::prelude::*;
@@ -9,7 +9,7 @@ use crate::fed::{all_parts, encoded, fed_h3};
 use crate::models::{motion, texture};
 use crate::scenes::{at, lifted, resonant, side_by_side, tap};
 
-/// A moment of a motion: speed and force, the samples up to the next one, and the first cut of them.
+/// Moments of a motion: speed and force, the samples until the next moment, and the place of the first cut in them.
 fn moments() -> impl Strategy<Value = Vec<(f32, f32, u32, usize)>> {
     let samples = prop_oneof![Just(10), 1..=MAX_FED_SAMPLES as u32];
     let speed = prop_oneof![Just(75.0f32), 40.0..120.0f32];
@@ -17,7 +17,7 @@ fn moments() -> impl Strategy<Value = Vec<(f32, f32, u32, usize)>> {
     prop::collection::vec((speed, force, samples, 0usize..90), 1..12)
 }
 
-/// Plays `samples` samples in two blocks and single samples after them, by `block` and `single`.
+/// Plays `samples` samples: two blocks by `block`, and then single samples by `single`.
 fn in_blocks<P>(
     player: &mut P,
     samples: u32,
@@ -25,7 +25,7 @@ fn in_blocks<P>(
     block: impl Fn(&mut P, &mut [OutputSample]),
     single: impl Fn(&mut P) -> OutputSample,
 ) -> Vec<OutputSample> {
-    // More than a frame holds too, as after a late update.
+    // More samples than a frame holds, as after a late update.
     let mut outputs = vec![OutputSample::SILENCE; samples as usize + cut];
     let (first, rest) = outputs.split_at_mut(cut.min(samples as usize));
     let (second, singles) = rest.split_at_mut(rest.len() - rest.len() / 5);

@@ -1,4 +1,4 @@
-//! The direct form: its accuracy, and its shortcoming beside the lattice.
+//! The direct form: its accuracy, and its shortcoming compared with the lattice.
 
 use model_format::Texture;
 use stylus_kernel::direct_form::{self, DirectFrame, DirectState};
@@ -10,10 +10,10 @@ use crate::models::{Deviation, Model, fixture, library, motion, single, texture}
 
 const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
 
-/// The power that every model here has, (m/s²)².
+/// Output power of every model here, (m/s²)².
 const POWER: f32 = 100.0;
 
-/// The texture of a library of one node, at that node.
+/// The texture of a library of one node, and its grid point at that node.
 fn located(bytes: &[u8]) -> (Texture<'_>, GridPoint) {
     let texture = texture(bytes);
     (texture, GridPoint::locate(&texture, motion(100.0, 1.0)))
@@ -28,7 +28,7 @@ fn codes(model: &Model) -> Vec<i32> {
     model.predictor.iter().map(code).collect()
 }
 
-/// The direct form of a model, and float64's own recursion on the same excitation.
+/// Compares the direct form of a model with float64's own recursion on the same excitation.
 #[test]
 fn a_direct_form_is_its_recursion_in_float64() {
     for name in ["H1a", "H1b"] {

@@ -18,7 +18,7 @@ use crate::scenes::texture_of;
 /// One standard deviation of a fed excitation.
 pub const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;
 
-/// Gaussian numbers of unit variance, for tests to make codebooks and tracks of.
+/// Gaussian numbers of unit variance, from which tests make codebooks and tracks.
 pub fn gaussian(seed: u64) -> impl Iterator<Item = f64> {
     let mut source = Excitation::new(seed);
     std::iter::repeat_with(move || f64::from(source.next_sample()) / 2f64.powi(28))
@@ -37,19 +37,19 @@ pub fn codebook(samples: &[f64]) -> CodebookSpec {
     CodebookSpec { peak, codes }
 }
 
-/// Value of a code as a share of the peak, by the formula of the format in floating point.
+/// Value of a code as a fraction of the peak, by the formula of the format in floating point.
 fn share(code: i8) -> f64 {
     let magnitude = ((8.0 * LN_2 * f64::from(code.unsigned_abs()) / 127.0).exp() - 1.0) / 255.0;
     f64::from(code.signum()) * magnitude
 }
 
-/// Samples of a codebook, standard deviations.
+/// Samples of a codebook, in standard deviations.
 pub fn values(codebook: &CodebookSpec) -> Vec<f64> {
     let peak = f64::from(codebook.peak);
     codebook.codes.iter().map(|&c| peak * share(c)).collect()
 }
 
-/// Independent samples of a kurtosis of about 20: a Gaussian times one that is cubed.
+/// Independent samples with a kurtosis of 27: a Gaussian number times 0.3 plus the square of another.
 pub fn impulsive(samples: usize) -> CodebookSpec {
     let pairs: Vec<f64> = gaussian(1).take(2 * samples).collect();
     let samples = pairs.chunks(2).map(|x| x[0] * (0.3 + x[1].powi(2)));
@@ -65,7 +65,7 @@ pub fn spikes() -> CodebookSpec {
     codebook(&samples)
 }
 
-/// A level track of so many entries and samples between them, with a spread of `db` and a memory of some entries.
+/// A level track of `entries` entries, `step_samples` apart, with a spread of `db` and a correlation over some entries.
 pub fn track(step_samples: u16, entries: usize, db: f64) -> ModulationSpec {
     let mut level = 0.0;
     let levels: Vec<f64> = gaussian(2)
@@ -133,7 +133,7 @@ pub fn bare(parts: PartsSpec) -> TextureSpec {
     fed(texture_of("bare", &node), parts)
 }
 
-/// A library of a texture that puts out an excitation of codebooks alone, with these numbers of its four nodes.
+/// A library of a texture whose output is only its excitation of codebooks, with these numbers of its four nodes.
 fn bare_of(codebooks: Vec<CodebookSpec>, of_nodes: [u8; 4]) -> Vec<u8> {
     let excitation = ExcitationSpec {
         codebooks,
@@ -150,7 +150,7 @@ pub fn encoded(spec: TextureSpec) -> Vec<u8> {
     encode(&[spec]).expect("a valid library")
 }
 
-/// Excitation of a fed texture, standard deviations.
+/// Excitation of a fed texture, in standard deviations.
 pub fn excitation(texture: &Texture<'_>, seed: u64) -> impl Iterator<Item = f64> {
     let material = Material::of(texture);
     let point = GridPoint::locate(texture, motion(75.0, 0.75));
@@ -158,25 +158,25 @@ pub fn excitation(texture: &Texture<'_>, seed: u64) -> impl Iterator<Item = f64>
     std::iter::repeat_with(move || f64::from(feed.next_sample(&material, &point)) / SIGMA)
 }
 
-/// A piece of the excitation of [`steady`]: the sample at which it comes up, and its sign.
+/// A piece of the excitation of [`steady`]: the sample at which it fades in, and its sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Join {
     at: usize,
     negative: bool,
 }
 
-/// A codebook of ones, so that signs and joins are seen.
+/// A codebook of ones, so that signs and joins are visible.
 pub fn steady() -> CodebookSpec {
     let codes = vec![127; 1000];
     CodebookSpec { peak: 1.0, codes }
 }
 
-/// Samples of a cross-fade at 5 kHz, and between the beginnings of pieces.
+/// Samples of a cross-fade at 5 kHz, and range of samples between the beginnings of pieces.
 const FADE: usize = 25;
 const PIECES: std::ops::RangeInclusive<usize> = 100..=400;
 
-/// The pieces of so many samples of `signal`, which is the excitation of [`steady`]. Each must be ±1 after a cross-fade
-/// of cosine and sine.
+/// Finds the pieces in `signal`, which is the excitation of [`steady`]. Each must be ±1 after a cross-fade of cosine
+/// and sine.
 fn joins(signal: &[f64]) -> Vec<Join> {
     let mut joins = vec![Join {
         at: 0,
@@ -222,7 +222,7 @@ pub fn mean_square(samples: &[f64]) -> f64 {
     mean(samples.iter().map(|x| x * x))
 }
 
-/// Mean and its standard deviation, from means over blocks that are long enough to be independent.
+/// Returns the mean and its standard deviation, from means over blocks that are long enough to be independent.
 fn mean_with_error(values: &[f64], block: usize) -> (f64, f64) {
     let means: Vec<f64> = values
         .chunks_exact(block)
@@ -249,7 +249,7 @@ fn played(texture: Texture<'_>, seed: u64, blocks: u32) -> (Vec<f64>, u32) {
     (samples, synthesis.saturations())
 }
 
-/// 120 s, in which a track's level has a standard deviation of 0.1 dB.
+/// Plays 120 s, over which a track's level has a standard deviation of 0.1 dB.
 #[test]
 fn a_fed_texture_has_the_level_of_its_node() {
     let plain = encoded(fed_h3(PartsSpec::default()));
@@ -269,7 +269,7 @@ fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
     let bytes = bare_of(vec![steady()], [1; 4]);
     let signal: Vec<f64> = excitation(&texture(&bytes), 5).take(3_000_000).collect();
     let joins = joins(&signal);
-    // Neighbours of one sign are joined too, by a swell.
+    // Neighbours of equal sign are cross-faded too, and show a swell.
     let lengths = joins.windows(2).map(|pair| pair[1].at - pair[0].at);
     let lengths: Vec<usize> = lengths.collect();
     assert!(lengths.iter().all(|length| PIECES.contains(length)));
@@ -283,7 +283,7 @@ fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
         "{average}"
     );
     uniform(lengths.iter().map(|length| (length - 100) * 10 / 301), 10);
-    // No sign follows from the one before.
+    // The sign of a piece is independent of the previous one.
     let turned = |pair: &&[Join]| pair[0].negative != pair[1].negative;
     let turns = joins.windows(2).filter(turned).count();
     let negative = joins.iter().filter(|join| join.negative).count();
@@ -304,7 +304,7 @@ pub fn blocks_of_ones(levels: impl Iterator<Item = i8>) -> CodebookSpec {
     codebook
 }
 
-/// A texture that puts out moments of `codebook` of this mean length.
+/// A library of a texture whose output is only moments of `codebook`, of this mean length.
 pub fn bare_of_moments(codebook: CodebookSpec, moment_samples: u16) -> Vec<u8> {
     let mut parts = PartsSpec {
         excitation: Some(everywhere(codebook, 4)),
@@ -314,8 +314,8 @@ pub fn bare_of_moments(codebook: CodebookSpec, moment_samples: u16) -> Vec<u8> {
     encoded(bare(parts))
 }
 
-/// The block that each sample is of tells the place, except in cross-fades. Places at random would leave out a block
-/// for four rounds about once in fifty, and this plays forty.
+/// The level of each sample shows its block, and so the place, except in cross-fades. With random places, a block would
+/// be missing from four rounds about once in fifty; this test plays forty rounds.
 #[test]
 fn moments_are_played_on_with_their_level_and_go_round_the_whole_codebook() {
     const BLOCKS: usize = 60;
@@ -335,20 +335,21 @@ fn moments_are_played_on_with_their_level_and_go_round_the_whole_codebook() {
         let left_out = (0..BLOCKS).filter(|n| !rounds.contains(&Some(*n))).count();
         assert_eq!(left_out, 0);
     }
-    // Most moments are longer than a block, and the next one comes up in its order.
+    // Most moments are longer than a block, so the next block usually follows in its order.
     let mut in_order = 0;
     for pair in blocks.chunks_exact(2 * BLOCK_SAMPLES) {
         let (from, to) = (pair[0], pair[BLOCK_SAMPLES]);
         in_order += usize::from(from.is_some_and(|n| to == Some((n + 1) % BLOCKS)));
     }
     let share = in_order as f64 * (2 * BLOCK_SAMPLES) as f64 / signal.len() as f64;
-    // A joint or a fade is within 64 + 2 · 25 samples of the thousand.
+    // Joins and fades affect 64 + 2 · 25 of the thousand samples of a moment.
     assert!((0.8..0.95).contains(&share), "{share}");
     let power_db = decibels(mean_square(&signal));
     assert!(power_db.abs() < 0.5, "{power_db} dB");
 }
 
-/// Checks that `bins` are uniform on 0 to `count` - 1, by χ² at a level that chance exceeds once in a million.
+/// Checks that `bins` are uniform on 0 to `count` - 1, by a χ² test at a level that is exceeded by chance once in a
+/// million.
 fn uniform(bins: impl Iterator<Item = usize>, count: usize) {
     let mut counts = vec![0.0; count];
     for bin in bins {
@@ -360,13 +361,13 @@ fn uniform(bins: impl Iterator<Item = usize>, count: usize) {
         .map(|found| (found - expected).powi(2) / expected)
         .sum();
     let degrees = (count - 1) as f64;
-    // The cube root of χ² over its degrees is nearly Gaussian (Wilson and Hilferty, 1931).
+    // The cube root of χ² over its degrees of freedom is nearly Gaussian (Wilson and Hilferty, 1931).
     let spread = 2.0 / (9.0 * degrees);
     let z = ((square / degrees).cbrt() - (1.0 - spread)) / spread.sqrt();
     assert!(z < 4.75, "{counts:?}: {z} standard deviations");
 }
 
-/// The magnitude of a code tells its place in the codebook: eight samples of each.
+/// The magnitude of a code shows its place in the codebook: eight samples have each magnitude.
 #[test]
 fn pieces_begin_anywhere_in_a_codebook_and_go_on_at_its_beginning_after_its_end() {
     let samples: Vec<f64> = (0..1024).map(|n| share((n / 8) as i8)).collect();
@@ -375,13 +376,14 @@ fn pieces_begin_anywhere_in_a_codebook_and_go_on_at_its_beginning_after_its_end(
     let [bytes, steady] = [codebook, steady()].map(|one| bare_of(vec![one], [1; 4]));
     let count = 3_000_000;
     let signal: Vec<f64> = excitation(&texture(&bytes), 6).take(count).collect();
-    // Choices do not depend on what a codebook holds. The one of ones is shorter, but its shares are the same.
+    // Choices do not depend on the content of a codebook. The codebook of ones is shorter, but the relative places are
+    // the same.
     let ones: Vec<f64> = excitation(&texture(&steady), 6).take(count).collect();
     let joins = joins(&ones);
     let mut starts = Vec::new();
     let mut wrapped = 0;
     for pair in joins.windows(2) {
-        // The piece alone, after its cross-fade and before the next.
+        // The samples of one piece only, after its cross-fade and before the next.
         let alone = &signal[pair[0].at + FADE..pair[1].at];
         let near = |a: f64, b: f64| (a - b).abs() < 1e-5;
         let sign = if pair[0].negative { -1.0 } else { 1.0 };
@@ -402,7 +404,7 @@ fn pieces_begin_anywhere_in_a_codebook_and_go_on_at_its_beginning_after_its_end(
     uniform(starts.into_iter().skip(1).map(|start| start / 64), 16);
 }
 
-/// Two minutes. A piece takes at most 400 samples and a piece of a track 5000, so that means over 2 and 20 s are
+/// Plays 20 minutes. A piece takes at most 400 samples and a piece of a track 5000, so that means over 2 and 10 s are
 /// independent.
 #[test]
 fn an_excitation_has_a_variance_of_one_and_no_mean() {
@@ -412,7 +414,7 @@ fn an_excitation_has_a_variance_of_one_and_no_mean() {
         let signal: Vec<f64> = excitation(&texture, 7).take(6_000_000).collect();
         let squares: Vec<f64> = signal.iter().map(|x| x * x).collect();
         let (power, error) = mean_with_error(&squares, block);
-        // The mean squares of its parts as they are stored, which may differ from 1 by 2 %.
+        // The mean squares of the parts as they are stored, which may differ from 1 by 2 %.
         let codebooks = parts.excitation.iter().flat_map(|spec| &spec.codebooks);
         let source: f64 = codebooks
             .map(|codebook| mean_square(&values(codebook)))
@@ -421,7 +423,7 @@ fn an_excitation_has_a_variance_of_one_and_no_mean() {
             .modulation
             .as_ref()
             .map_or(1.0, |track| f64::from(track.mean_square()));
-        // Joins of a track's pieces go between entries that are no neighbours, which takes up to 0.5 %.
+        // Joins of a track's pieces go between entries that are not neighbours, which reduces the power by up to 0.5 %.
         assert!(
             (power - source * level).abs() < 4.5 * error + 0.005,
             "{power} {error}"
@@ -432,7 +434,7 @@ fn an_excitation_has_a_variance_of_one_and_no_mean() {
     }
 }
 
-/// Of the noise that is multiplied nothing is left in the quotient with the same noise alone.
+/// Returns the levels of a track as the quotient of the fed excitation and the same noise without the track.
 fn levels_of(track: &ModulationSpec, seed: u64, samples: usize) -> Vec<f64> {
     let parts = PartsSpec {
         modulation: Some(track.clone()),
@@ -442,7 +444,7 @@ fn levels_of(track: &ModulationSpec, seed: u64, samples: usize) -> Vec<f64> {
     let noise = gaussian(seed);
     let texture = texture(&bytes);
     let pairs = excitation(&texture, seed).zip(noise).take(samples);
-    // Where the noise is near zero its steps are coarse: those samples have no level.
+    // Where the noise is near zero its steps are coarse, so those samples have no level.
     pairs
         .map(|(fed, noise)| {
             if noise.abs() > 0.01 {
@@ -465,7 +467,7 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
     let amplitudes = track.entries.iter().map(|&entry| amplitude(entry));
     let amplitudes: Vec<f64> = amplitudes.collect();
     let levels = levels_of(&track, 11, 500_000);
-    // The entries that are played: at each step, the line back from the next one's beginning is straight.
+    // The played entries: within each step, the fitted line gives the level at its beginning and at its end.
     let mut played = Vec::new();
     for step in levels.chunks_exact(100) {
         let known: Vec<(f64, f64)> = step
@@ -474,7 +476,7 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
             .filter(|(_, level)| level.is_finite())
             .map(|(n, &level)| (n as f64 / 100.0, level))
             .collect();
-        // The line of least squares.
+        // The least-squares line.
         let (x, y) = (
             mean(known.iter().map(|p| p.0)),
             mean(known.iter().map(|p| p.1)),
@@ -489,7 +491,7 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
     for pair in played.windows(2) {
         assert!((pair[0].1 - pair[1].0).abs() < 2e-3, "a step in level");
     }
-    // The entries follow each other in the track but at the beginnings of pieces.
+    // The entries follow each other as in the track, except at the beginnings of pieces.
     let index = |level: f64| -> Vec<usize> {
         (0..amplitudes.len())
             .filter(|&n| (amplitudes[n] - level).abs() < 3e-3)
@@ -509,14 +511,14 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
             (at, length) = (here, 1);
         }
     }
-    // 0.2 to 1 s in entries of 20 ms. An entry that is met by chance hides a join, or the true one.
+    // 0.2 to 1 s in entries of 20 ms. If an entry matches by chance, a join is missed or misplaced.
     let fits = lengths.iter().filter(|length| (10..=50).contains(*length));
     let fits = fits.count();
     assert!(fits * 20 > lengths.len() * 19, "{lengths:?}");
     assert!(lengths.iter().all(|&length| length <= 101));
 }
 
-/// Ones at one node, sparse impulses at another, noise at two: the pieces of each are told apart by their values.
+/// Ones at one node, sparse impulses at another, noise at two: the values of a piece show its node.
 #[test]
 fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
     let sparse = CodebookSpec {
@@ -540,7 +542,7 @@ fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
         history[n % 8] = f64::from(feed.next_sample(&material, &point)) / SIGMA;
         let magnitudes = || history.iter().map(|x| x.abs());
         let near = |value: f64| magnitudes().filter(|x| (x - value).abs() < 1e-5).count();
-        // Neither a fade nor a piece of noise has eight samples in a row of such values.
+        // Neither a fade nor a piece of noise has eight such values in a row.
         if near(1.0) == 8 {
             samples[0] += 1.0;
         } else if near(0.0) == 6 && near(2.0) == 2 {
@@ -549,8 +551,7 @@ fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
             samples[2] += 1.0;
         }
     }
-    // A fade and the window take 32 samples of a piece's 250 from the first two, but a piece that follows its like
-    // by noise is no fade.
+    // A fade and the window take 32 samples of a piece's 250 from the first two. Noise that follows noise has no fade.
     let clear = 1.0 - 32.0 / 250.0;
     let pieces = count as f64 / 250.0;
     for (found, weight) in samples.iter().zip(weights).take(2) {
@@ -561,7 +562,7 @@ fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
             "{share} of {weight} within {bound}"
         );
     }
-    // On a node alone, at the edge and beyond it, only its own codebook sounds.
+    // At a single node, at the edge and beyond it, only that node's codebook is heard.
     let beyond = GridPoint::locate(&texture, motion(20.0, 0.1));
     let mut feed = Feed::new(4);
     let alone = (0..100_000).map(|_| f64::from(feed.next_sample(&material, &beyond)) / SIGMA);
@@ -589,7 +590,8 @@ fn noise_beside_codebooks_is_that_of_the_seed_without_them() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A late update: the filter has no more excitation, so that its energy falls, and with no filter there is silence.
+    /// After a late update the filter has no more excitation, so that its energy falls; without a filter there is
+    /// silence.
     #[test]
     fn without_an_update_the_excitation_ends(seed: u64, which in 0usize..3, samples in 1u32..=MAX_FED_SAMPLES as u32) {
         let bytes = encoded(bare(all_parts()[which].clone()));
@@ -600,7 +602,7 @@ proptest! {
         }
         let mut on_time = synthesis.clone();
         prop_assert!((0..500).all(|_| synthesis.next_sample() == OutputSample::SILENCE));
-        // It goes on as if nothing had been missed.
+        // It continues as if nothing had been missed.
         for one in [&mut synthesis, &mut on_time] {
             one.follow(motion(75.0, 0.75), 10);
         }

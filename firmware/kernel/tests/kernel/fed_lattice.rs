@@ -19,7 +19,7 @@ use crate::scenes::texture_of;
 
 const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;
 
-/// 12 s. The state begins as a texture's does.
+/// Plays 12 s. The state begins like a texture's.
 #[test]
 fn noise_of_the_arithmetic_is_90_db_below_the_signal_with_a_fed_excitation() {
     for model in fixtures() {
@@ -52,12 +52,12 @@ fn largest_signal(model: &Model, excitation: impl IntoIterator<Item = f64>) -> f
     f64::from(largest) / SIGMA
 }
 
-/// Full scale is 64. The lattice's signals have the energy of what excites it, so that an impulse adds at most itself
-/// to a signal of variance 1.
+/// Full scale is 64. The lattice's signals have at most the energy of the excitation, so that an impulse adds at most
+/// itself to a signal of variance 1.
 #[test]
 fn impulses_of_40_standard_deviations_do_not_saturate_the_fixtures() {
     for model in fixtures() {
-        // Of both signs, as often as a variance of 1 allows and four times as often.
+        // Impulses of both signs, as often as a variance of 1 allows, and four times as often.
         for every in [1600, 400] {
             let impulses = (0..20_000).map(|n| match (n % every, n / every % 2) {
                 (100, 0) => 40.0,
@@ -67,7 +67,7 @@ fn impulses_of_40_standard_deviations_do_not_saturate_the_fixtures() {
             let largest = largest_signal(&model, impulses);
             assert!(largest < 48.0, "{}: {largest}", model.name);
         }
-        // Two impulses in a row, one after the other.
+        // Two impulses of the same sign, 1, 2 or 7 samples apart.
         for gap in [1, 2, 7] {
             let impulses = (0..3000).map(|n| {
                 if n == 100 || n == 100 + gap {
@@ -86,7 +86,7 @@ fn impulses_of_40_standard_deviations_do_not_saturate_the_fixtures() {
     }
 }
 
-/// A minute of each, with the cross-fades of two peaks that a codebook of impulses has.
+/// Plays a minute of each, with the cross-fades of two peaks that occur in a codebook of impulses.
 #[test]
 fn codebooks_with_the_highest_peaks_do_not_saturate_the_fixtures() {
     let steep = spikes();
@@ -111,9 +111,9 @@ fn codebooks_with_the_highest_peaks_do_not_saturate_the_fixtures() {
     }
 }
 
-/// A tone in blocks, of the longest moments, on a pole just inside the circle: its density is
-/// E[L²]/E[L] = 1.12 · 5000 there, which is 75 standard deviations, above full scale. The state is then at full scale
-/// and not beyond, and dies away after it. Ten minutes.
+/// A tone in blocks, of the longest moments, on a pole just inside the unit circle. There its spectral density is
+/// E[L²]/E[L] = 1.12 · 5000, which is 75 standard deviations, above full scale. The state then reaches full scale but
+/// does not exceed it, and decays afterwards. Plays ten minutes.
 #[test]
 fn a_tone_of_moments_on_a_resonance_saturates_and_dies_away_after_it() {
     let codebook = blocks_of_ones(std::iter::repeat_n(0, 400));
@@ -133,8 +133,9 @@ fn a_tone_of_moments_on_a_resonance_saturates_and_dies_away_after_it() {
     assert_eq!(silence.last(), Some(0));
 }
 
-/// The worst codebook by the mu-law that a library can have: one line of its spectrum, on a pole just inside the
-/// circle. With random signs, pieces of 100 to 400 samples have a density of E[L²]/E[L] = 280 there. Five minutes.
+/// The worst codebook by the mu-law that a library can have: a single spectral line, on a pole just inside the unit
+/// circle. With random signs, pieces of 100 to 400 samples have a density of E[L²]/E[L] = 280 there. Plays five
+/// minutes.
 #[test]
 fn a_tone_on_a_resonance_is_at_most_17_standard_deviations_and_dies_away_after_it() {
     for sign in [1.0, -1.0_f64] {

@@ -1,4 +1,4 @@
-//! Fed textures in scenes: slots, transitions, exchanges of plans.
+//! Fed textures in scenes: slots, transitions, changes of plans.
 
 use model_format::scene::Scene;
 use model_format::{Library, PartsSpec, TextureSpec, encode_with_scenes};
@@ -41,7 +41,7 @@ fn a_scene_of_one_texture_plays_what_the_texture_does() {
         let mut alone: Synthesis<'_> = Synthesis::new(texture(&bytes), 3);
         let mut scene: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture(&bytes)), 3);
         for block in 0..400u16 {
-            // Some motions stay for blocks, and some blocks are short or long.
+            // Some motions stay for several blocks, and some blocks are short or long.
             let motion = motion(60.0 + f32::from(block / 3 % 30), 0.75);
             let samples = [10, 1, 7, MAX_FED_SAMPLES as u32][usize::from(block % 4)];
             scene.follow(at(0.0, motion), samples);
@@ -54,8 +54,8 @@ fn a_scene_of_one_texture_plays_what_the_texture_does() {
     }
 }
 
-/// Both voices of a transition, every pair of parts; each alone far from it; and back. The two have noise and
-/// choices of their own.
+/// Tests every pair of parts: both voices in a transition, each alone far from it, and the way back. The two voices
+/// have their own noise and their own random choices.
 #[test]
 fn two_fed_voices_sound_on_a_transition_each_at_its_share() {
     let bytes = library();
@@ -74,14 +74,15 @@ fn two_fed_voices_sound_on_a_transition_each_at_its_share() {
             }
             *power = decibels(mean_square(&samples) / 4.0);
         }
-        // The middle of the transition has half of each power, and they add up if they are independent.
+        // In the middle of the transition each voice has half its power. The powers add up if the voices are
+        // independent.
         assert!(power[0].abs() < 1.2 && power[2].abs() < 1.2, "{power:?}");
         assert!(power[1].abs() < 1.0, "{power:?}");
         assert_eq!(player.saturations(), 0);
     }
 }
 
-/// From a plan with fed textures to one without and back, over and over: no sample is at full scale, the fade ends in
+/// Changes repeatedly between plans with fed textures and one without: no sample is at full scale, each fade ends in
 /// silence, and the same seed repeats every sample.
 #[test]
 fn plans_with_and_without_feeds_are_exchanged_without_a_click() {
@@ -112,7 +113,7 @@ fn plans_with_and_without_feeds_are_exchanged_without_a_click() {
     assert!(loudest > 4.0 && loudest < 200.0, "{loudest}");
 }
 
-/// The Gaussian noise of a seed is used once, whichever texture has it.
+/// The Gaussian noise of a seed is used only once, whichever texture uses it.
 #[test]
 fn noise_goes_on_from_a_plain_texture_through_a_fed_one_to_a_plain_one() {
     let plain = encoded(bare(PartsSpec::default()));
@@ -140,7 +141,7 @@ fn noise_goes_on_from_a_plain_texture_through_a_fed_one_to_a_plain_one() {
     assert_eq!([before, after], [expected[0], expected[2]]);
 }
 
-/// Rates at which a piece has a few samples, and the highest. A codebook of ones shows the joins.
+/// Sample rates at which a piece has only a few samples, and the highest rate. A codebook of ones shows the joins.
 #[test]
 fn a_feed_suits_every_sample_rate() {
     for rate in [1, 13, 199, 1000, 8000, 48_000] {

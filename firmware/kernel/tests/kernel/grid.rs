@@ -8,7 +8,7 @@ use stylus_kernel::grid::{GridPoint, ONE};
 
 use crate::models::{library, motion, texture};
 
-/// Axes of any length, from values that hands and hardware have to the extremes of the type.
+/// Axes of any length, with values from those of hands and hardware to the extremes of the type.
 fn axis() -> impl Strategy<Value = Vec<f32>> {
     let value = prop_oneof![
         4 => (1u32..10_000).prop_map(|value| (value as f32 / 10.0).to_bits()),
@@ -24,7 +24,7 @@ fn grid(speeds: &[f32], forces: &[f32]) -> Vec<u8> {
     library(speeds, forces, nodes)
 }
 
-/// A value anywhere about `axis`: in a cell, on a node or next to one, below, above, or any finite number.
+/// A value anywhere around `axis`: in a cell, on a node or next to one, below, above, or any finite number.
 fn value_about(axis: &[f32], choice: (u8, f32, u32)) -> f32 {
     let (kind, share, bits) = choice;
     let node = axis[bits as usize % axis.len()];
@@ -46,7 +46,7 @@ fn choice() -> impl Strategy<Value = (u8, f32, u32)> {
     (any::<u8>(), 0.0f32..=1.0, any::<u32>())
 }
 
-/// A quantity's mean over the nodes with the weights of `point`, times [`ONE`].
+/// Mean of a quantity over the nodes with the weights of `point`, times [`ONE`].
 fn weighted(point: &GridPoint, quantity: impl Fn(usize, usize) -> f64) -> f64 {
     let nodes = point.nodes.iter().zip(&point.weights);
     nodes
@@ -54,7 +54,7 @@ fn weighted(point: &GridPoint, quantity: impl Fn(usize, usize) -> f64) -> f64 {
         .sum()
 }
 
-/// `value` on the axis, and the width of its cell.
+/// `value` clamped to the axis, and the width of its cell.
 fn clamped(axis: &[f32], value: f32) -> (f64, f64) {
     let value = value.clamp(axis[0], axis[axis.len() - 1]);
     let above = axis
@@ -86,7 +86,8 @@ proptest! {
             let doubled = point.nodes[..at].contains(&(s, f));
             prop_assert!(!doubled || point.weights[at] == 0);
         }
-        // A quantity affine in speed and force is reproduced: the constant by the sum, these two by the weights.
+        // An affine function of speed and force is reproduced: the sum of weights gives the constant, the weights give
+        // the rest.
         let one = f64::from(ONE);
         let (exact, width) = clamped(&speeds, speed);
         let mean = weighted(&point, |s, _| f64::from(speeds[s]));

@@ -1,4 +1,4 @@
-//! Grids, motions and states of any kind at once: the lattice keeps its promises for all of them together.
+//! Grids, motions and states of any kind together: the lattice keeps its promises for all combinations.
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
@@ -16,7 +16,7 @@ use stylus_kernel::{Levels, Motion, Synthesis};
 use crate::lattice::{energy, sample, state, theta_code};
 use crate::models::{motion, spec, texture};
 
-/// A node of any order and level, silent ones among them.
+/// A node of any order and level, including silent ones.
 fn node() -> impl Strategy<Value = NodeSpec> {
     let codes = prop_oneof![6 => vec(theta_code(), 0..40), 1 => vec(theta_code(), MAX_ORDER), 1 => Just(Vec::new())];
     let fractions = prop_oneof![1 => Just(Vec::new()), 2 => vec(any::<i8>(), 0..=MAX_FINE_STAGES)];
@@ -34,7 +34,7 @@ fn node() -> impl Strategy<Value = NodeSpec> {
     ]
 }
 
-/// The same nodes with one byte per stage after the first 32, in steps of `step` where more than one is allowed.
+/// The same nodes with one byte per stage after the first 32, in steps of `step` if that node allows more than one.
 fn with_tails(mut nodes: Vec<NodeSpec>, step: u16) -> Vec<NodeSpec> {
     for node in &mut nodes {
         let thetas: Vec<i32> = node.codes.thetas().collect();
@@ -46,7 +46,7 @@ fn with_tails(mut nodes: Vec<NodeSpec>, step: u16) -> Vec<NodeSpec> {
     nodes
 }
 
-/// A library of 3 x 2 such nodes, with laws that they allow.
+/// A library of 3 x 2 such nodes, with laws that these nodes allow.
 fn grid() -> impl Strategy<Value = Vec<u8>> {
     let laws = (select(&LevelLaw::ALL[..]), select(&FadeLaw::ALL[..]));
     let step = prop_oneof![Just(1), Just(u16::MAX), 1..=u16::MAX];
@@ -98,7 +98,7 @@ proptest! {
             let before = energy(state.backward(stages)) + energy(&[excitation]);
             let (output, at_full_scale) = state.next_sample::<Portable>(&frame, excitation, 0);
             prop_assert!(energy(state.backward(stages)) <= before);
-            // No output is beyond the lattice's full scale times the gain of the loudest node.
+            // No output exceeds the lattice's full scale times the gain of the loudest node.
             let most = f64::from(texture.max_output_power()).sqrt() * 8.0;
             prop_assert!(f64::from(output.metres_per_second_squared().0).abs() <= most * 1.000_001);
             let newest = if stages == 0 { excitation } else { state.backward(1)[0] };

@@ -16,7 +16,7 @@ pub fn energy(signals: &[i32]) -> u128 {
         .sum()
 }
 
-/// A sample of any size, with the extremes more often than by chance.
+/// A sample of any size; the extremes are more frequent than by chance.
 pub fn sample() -> impl Strategy<Value = i32> {
     prop_oneof![6 => any::<i32>(), 2 => -100..100i32, 1 => Just(i32::MIN), 1 => Just(i32::MAX)]
 }
@@ -35,7 +35,7 @@ pub fn state(backward: &[i32]) -> LatticeState {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
-    /// In a long lattice the truncation of one stage hides a gain of another, so each stage must hold by itself.
+    /// In a long lattice the truncation in one stage could hide a gain in another, so each stage is tested separately.
     #[test]
     fn one_stage_is_its_rotation_never_longer_truncated_and_saturated(
         code in theta_code(), f in sample(), g in sample(),
@@ -50,7 +50,7 @@ proptest! {
         for (&actual, exact) in turned.iter().zip([cos * f - sin * g, sin * f + cos * g]) {
             let (actual, full_scale) = (i128::from(actual), 1i128 << 31);
             let saturated = exact.clamp(-full_scale << 31, (full_scale - 1) << 31);
-            // The error is toward zero, by two steps at most, because halves are truncated before they are doubled.
+            // The error is toward zero and at most two steps, because halves are truncated before they are doubled.
             prop_assert!((actual << 31).abs() <= saturated.abs());
             prop_assert!(((actual << 31) - saturated).abs() <= 2 << 31);
         }
@@ -59,7 +59,7 @@ proptest! {
 
 const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
 
-/// The standard deviation of a power estimated over 60 s is up to 0.08 dB for the narrowest of these lines.
+/// The standard deviation of a power that is estimated over 60 s is up to 0.08 dB for the narrowest of these lines.
 #[test]
 fn output_and_backward_signals_have_the_power_of_the_excitation() {
     const SAMPLES: u32 = 60 * SAMPLE_RATE_HZ;
@@ -91,7 +91,7 @@ fn output_and_backward_signals_have_the_power_of_the_excitation() {
     }
 }
 
-/// 12 s at the level that the kernel always has, an RMS of an eighth of full scale.
+/// Plays 12 s at the level of the kernel's noise, an RMS of an eighth of full scale.
 #[test]
 fn noise_of_the_arithmetic_is_108_db_below_the_signal_and_nothing_saturates() {
     for model in fixtures() {

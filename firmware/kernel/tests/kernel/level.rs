@@ -1,4 +1,4 @@
-//! Laws of the level between nodes and below the grid, against their definitions in floating point.
+//! Laws of the level between nodes and below the grid, compared with their definitions in floating point.
 
 use model_format::{CodeSpec, FadeLaw, Laws, LevelLaw, NodeSpec, TextureSpec, encode};
 use proptest::prelude::*;
@@ -8,23 +8,23 @@ use stylus_kernel::level::{rms_at, rms_in_steps};
 
 use crate::models::{fixtures, motion, spec, texture};
 
-/// Digits of the lattice's gain and of the direct form's finest and coarsest history.
+/// Binary digits of the lattice's gain and of the direct form's finest and coarsest history.
 const BITS: [u32; 3] = [20, 23, 40];
 
 const SPEEDS: [f32; 3] = [40.0, 100.0, 250.0];
 const FORCES: [f32; 2] = [0.5, 2.0];
 
-/// A share of the highest power that a texture may have at its number of digits.
+/// A fraction of the highest power that a texture may have with its number of digits.
 fn share() -> impl Strategy<Value = f32> {
     prop_oneof![6 => (-12.0f32..0.0).prop_map(|exponent| 10f32.powf(exponent)), 1 => Just(1.0), 1 => Just(1e-30)]
 }
 
-/// The power of that share: the highest RMS is 2²⁸ steps.
+/// The power for that fraction: the highest RMS is 2²⁸ steps.
 fn power(share: f32, bits: u32) -> f32 {
     (share * 4f32.powi(28 - bits as i32)).max(f32::from_bits(1))
 }
 
-/// A point in a cell with these fractions of the way, in steps of 2⁻¹⁶, as [`GridPoint::locate`] weighs it.
+/// A point in a cell at these fractions of its sides, in steps of 2⁻¹⁶, with the weights of [`GridPoint::locate`].
 fn point(speed: u32, force: u32) -> GridPoint {
     let both = ((u64::from(speed) * u64::from(force)) >> 16) as u32;
     GridPoint {
@@ -43,7 +43,7 @@ fn fraction() -> impl Strategy<Value = u32> {
     prop_oneof![4 => 0..=ONE, 1 => Just(0), 1 => Just(ONE), 1 => Just(1), 1 => Just(ONE - 1)]
 }
 
-/// The law in float64: the RMS of these powers with these weights.
+/// The law in float64: the RMS between these powers with these weights.
 fn oracle(law: LevelLaw, terms: &[(f64, f64)]) -> f64 {
     let mean =
         |of: &dyn Fn(f64) -> f64| terms.iter().map(|(p, weight)| weight * of(*p)).sum::<f64>();
@@ -73,10 +73,10 @@ proptest! {
         for law in LevelLaw::ALL {
             let rms = rms_at(&point, law, bits, of);
             let exact = oracle(law, &terms);
-            // A thousandth of 0.01 dB, and a step of the nodes' levels and of the result.
+            // A thousandth of 0.01 dB, plus a step of the nodes' levels and a step of the result.
             let error = (f64::from(rms) * step - exact).abs();
             prop_assert!(error <= 2.0 * step + exact * 1.2e-6, "{law}: {rms} {}", exact / step);
-            // The mean power is one of single precision, which may be above the largest by its rounding.
+            // The mean of powers is computed in single precision, so rounding may put it above the largest power.
             let round_off = if law == LevelLaw::Power { highest / (1 << 22) + 1 } else { 0 };
             prop_assert!(rms >= lowest - round_off.min(lowest) && rms <= highest + round_off, "{law}: {rms}");
         }
@@ -126,7 +126,7 @@ proptest! {
             let error = (f64::from(found) / f64::from(ONE) - exact).abs();
             prop_assert!(error <= 2.1 / f64::from(ONE), "{fade}: {found} {exact}");
             prop_assert!(found <= locate(speed * SPEEDS[0] * 1.01, force * FORCES[0]));
-            // Exactly nothing at rest, exactly one at the grid's edge, and no jump on the way there.
+            // Exactly zero at rest, exactly one at the grid's edge, and no jump in between.
             prop_assert_eq!((locate(0.0, force * FORCES[0]), locate(speed * SPEEDS[0], 0.0)), (0, 0));
             prop_assert_eq!(locate(SPEEDS[0], FORCES[0]), ONE);
             prop_assert!(locate(SPEEDS[0].next_down(), FORCES[0]) >= ONE - 1);

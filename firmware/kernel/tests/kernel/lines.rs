@@ -17,7 +17,8 @@ use crate::scenes::side_by_side;
 const RATE: f64 = SAMPLE_RATE_HZ as f64;
 const BLOCK: usize = UPDATE_INTERVAL_SAMPLES as usize;
 
-/// A library of one texture that is silent but for `lines`: wavelength, mm, phase, turns, and the amplitude, m/s².
+/// A library of one texture that is silent except for `lines`, each given as wavelength, mm, phase, turns, and
+/// amplitude, m/s².
 ///
 /// The grid is one node at 10 mm/s and 0.5 N, so that all speeds of a hand lie above it.
 fn silent_but_for(lines: &[(f32, f64, f32)]) -> Vec<u8> {
@@ -62,8 +63,8 @@ fn block(synthesis: &mut Synthesis<'_>, motion: Motion, end: Option<Position>) -
     [(); BLOCK].map(|()| m_s2(synthesis.next_sample()))
 }
 
-/// The samples of `texture` as the tool goes to `position_mm(t)`, told at the end of each block, at the speed that it
-/// has at the beginning.
+/// Returns the samples of `texture` while the tool moves along `position_mm(t)`. The position is given for the end of
+/// each block, with the speed at its beginning.
 fn played(texture: Texture<'_>, seconds: f64, position_mm: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
     let mut samples = Vec::new();
@@ -77,8 +78,8 @@ fn played(texture: Texture<'_>, seconds: f64, position_mm: impl Fn(f64) -> f64) 
     samples
 }
 
-/// The definition in floats, with the position linear within a block: steadily, in acceleration from 20 to 300 mm/s,
-/// and to and fro, so that a place feels the same in both directions.
+/// Compares with the definition in floats, with the position linear within a block: at constant speed, in acceleration
+/// from 20 to 300 mm/s, and back and forth, so that a place feels the same in both directions.
 #[test]
 fn lines_are_the_sines_of_the_position() {
     let lines = [(0.61, 0.25, 1.5), (2.0, 0.9, 0.3), (731.0, 0.0, 4.0)];
@@ -119,7 +120,7 @@ fn lines_are_the_sines_of_the_position() {
     }
 }
 
-/// Without positions.
+/// Tests lines without given positions.
 #[test]
 fn a_lines_frequency_is_speed_over_wavelength() {
     let bytes = silent_but_for(&[(0.61, 0.3, 1.0)]);
@@ -141,7 +142,7 @@ fn a_lines_frequency_is_speed_over_wavelength() {
     }
 }
 
-/// A library of a silent texture but for a line of this wavelength and amplitude 1, whose place wanders.
+/// A library of a texture that is silent except for a wandering line of this wavelength, with amplitude 1.
 fn wandering(wavelength_mm: f32, wander: Wander) -> Vec<u8> {
     let mut spec = spec(&[10.0], &[0.5], vec![NodeSpec::silent()]);
     let mut lines = line_of(wavelength_mm, vec![1.0]);
@@ -151,15 +152,15 @@ fn wandering(wavelength_mm: f32, wander: Wander) -> Vec<u8> {
     encode(&[spec]).expect("a valid library")
 }
 
-/// A wander of 1.5 rad of a wavelength of 0.85 mm.
+/// A wander that is 1.5 rad of a wavelength of 0.85 mm.
 const OF_THREADS: Wander = Wander {
     rms_mm: 0.2,
     correlation_mm: 8.0,
     clock_mm_s: 0.0,
 };
 
-/// Another way over the same places, at other speeds and with other blocks, meets the same threads; so does the way
-/// back.
+/// Another movement over the same places, at other speeds and with other blocks, meets the same threads; so does the
+/// movement back.
 #[test]
 fn a_wandering_line_is_a_function_of_the_place_and_its_harmonics_stay_locked() {
     let at_block_ends = |bytes: &[u8], position_mm: fn(f64) -> f64| -> Vec<(f64, f64)> {
@@ -189,14 +190,14 @@ fn a_wandering_line_is_a_function_of_the_place_and_its_harmonics_stay_locked() {
     }
 }
 
-/// The amplitude is that of a steady line; the phase against the line without its wander has the RMS that the wander
-/// states.
+/// The amplitude is that of a steady line. The phase relative to the same line without wander has the RMS that the
+/// wander states.
 #[test]
 fn a_wandering_line_keeps_its_amplitude_while_its_phase_wanders() {
     let bytes = wandering(0.85, OF_THREADS);
     let speed = 85.0;
     let samples = played(only_texture(&bytes), 40.0, |t| 85.0 * t);
-    // Means of 20 ms, two periods, turned back by the steady phase.
+    // Means over 20 ms, two periods, relative to the steady phase.
     let phasors: Vec<[f64; 2]> = samples[BLOCK..]
         .chunks_exact(100)
         .enumerate()
@@ -245,7 +246,7 @@ fn level_db(window: &[f64]) -> f64 {
 #[test]
 fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {
     let bytes = silent_but_for(&[(0.61, 0.1, 1.0), (50.0, 0.9, 3.0)]);
-    // It stops at a place at which neither line is at zero.
+    // The tool stops at a place at which neither line is zero.
     let samples = played(only_texture(&bytes), 2.0, |t| 80.0 * t.min(1.0013));
     let rest = samples
         .iter()
@@ -262,7 +263,7 @@ fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {
     assert_eq!(last, 0.0);
 }
 
-/// Peak of a line at each speed, from its RMS, as a share of its amplitude.
+/// Peak of a line at each speed, from its RMS, as a fraction of its amplitude.
 #[test]
 fn a_line_fades_from_0_40_of_the_sample_rate_and_is_silent_from_0_44_on() {
     let wavelength_mm = 0.05;
@@ -315,7 +316,7 @@ fn a_jump_of_the_position_does_not_click_and_the_line_goes_on_at_the_new_place()
             samples.extend(block(&mut synthesis, motion(120.0, 1.0), Some(position)));
         }
         never_clicks(&samples[BLOCK..], 120.0 / f64::from(wavelength_mm));
-        // Two blocks later it is the sine of the new place.
+        // Two blocks later the output is the sine of the new place.
         for (n, sample) in samples.iter().enumerate().skip((252 + 2) * BLOCK) {
             let t = n as f64 / RATE;
             let exact = (TAU * (smooth(t) + jump(t)) / f64::from(wavelength_mm)).sin();
@@ -340,7 +341,7 @@ fn blocks_that_are_cut_short_do_not_click() {
         let length = 1 + block * 7 % BLOCK;
         samples.extend((0..length).map(|_| m_s2(synthesis.next_sample())));
     }
-    // Blocks that end early let the phase catch up at up to the highest frequency that a line has.
+    // Blocks that end early let the phase catch up at frequencies up to the highest that a line has.
     never_clicks(&samples, 0.44 * RATE);
 }
 
@@ -381,7 +382,7 @@ fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
     }
 }
 
-/// The texture's own output and the lines do not know of each other.
+/// The texture's own output and the lines are independent of each other.
 #[test]
 fn lines_are_added_to_what_the_texture_plays_without_them_bit_for_bit() {
     let node = fixture("H1b").node(4.0);
@@ -438,7 +439,7 @@ fn a_scene_of_one_surface_plays_its_textures_lines_and_only_then_has_a_stage_for
             assert_eq!(player.next_sample(), synthesis.next_sample());
         }
     }
-    // In the air there is neither voice nor line.
+    // In the air neither voice nor lines are played.
     for _ in 0..2 {
         player.follow(Interaction::NONE, UPDATE_INTERVAL_SAMPLES);
         (0..BLOCK).for_each(|_| _ = player.next_sample());
@@ -454,7 +455,7 @@ fn a_scene_of_one_surface_plays_its_textures_lines_and_only_then_has_a_stage_for
     assert!(matches!(player.block().stages(), [Stage::Voice(_)]));
 }
 
-/// Two surfaces with lines: each has the weight of its surface across the transition, and its gain.
+/// Two surfaces with lines: each line has the weight of its surface across the transition, and the surface's gain.
 #[test]
 fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface() {
     let silent = || vec![NodeSpec::silent()];
@@ -486,7 +487,8 @@ fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface()
         player.follow(interaction.reaching(Some(told)), UPDATE_INTERVAL_SAMPLES);
         samples.extend((0..BLOCK).map(|_| m_s2(player.next_sample())));
     }
-    // Sine and cosine of the share of the transition; the position of regions is that of the block's beginning.
+    // Weights are sine and cosine over the transition. The position that selects regions is that of the block's
+    // beginning.
     for (n, sample) in samples.iter().enumerate().skip(2 * BLOCK) {
         let t = n as f64 / RATE;
         let share = ((x(t) - 80.0) / 40.0).clamp(0.0, 1.0) * TAU / 4.0;

@@ -56,7 +56,7 @@ pub fn fixture(name: &str) -> Model {
 }
 
 impl Model {
-    /// θ codes of the lattice, to the nearest step of π/65 536.
+    /// θ codes of the lattice, rounded to the nearest step of π/65 536.
     pub fn theta_codes(&self) -> Vec<i16> {
         let code = |k: &f64| (k.asin() / PI * 65_536.0).round() as i16;
         self.reflection.iter().map(code).collect()
@@ -76,7 +76,7 @@ impl Model {
     }
 }
 
-/// The rotation of a stored θ code, as it is played on its own node.
+/// The rotation of a stored θ code, as the kernel plays it at its own node.
 pub fn rotation(code: i16) -> Rotation {
     Rotation::from_theta(i32::from(code) << THETA_FRACTION_BITS)
 }
@@ -86,7 +86,7 @@ pub fn library(speeds: &[f32], forces: &[f32], nodes: Vec<NodeSpec>) -> Vec<u8> 
     encode(&[spec(speeds, forces, nodes)]).expect("a valid library")
 }
 
-/// The texture of [`library`], as it is written.
+/// The texture of [`library`], before it is encoded.
 pub fn spec(speeds: &[f32], forces: &[f32], nodes: Vec<NodeSpec>) -> TextureSpec {
     TextureSpec::new("test", speeds, forces, nodes)
 }
@@ -132,7 +132,7 @@ impl FloatLattice {
         }
     }
 
-    /// Takes these backward signals over, `g[0]` first.
+    /// Replaces the backward signals by `backward`, `g[0]` first.
     pub fn begin(&mut self, backward: &[i32]) {
         for (own, &given) in self.backward.iter_mut().zip(backward) {
             *own = f64::from(given);

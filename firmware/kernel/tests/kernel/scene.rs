@@ -1,4 +1,4 @@
-//! Whole scenes: the stages that a moment needs are played, and no others.
+//! Whole scenes: only the stages that a moment needs are played.
 
 use model_format::scene::{MotionOfScene, Scene, StickSlip, Surface};
 use model_format::{Library, Newton, SAMPLE_RATE_HZ};
@@ -43,7 +43,7 @@ fn any_motion() -> impl Strategy<Value = Motion> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
-    /// Blocks are played to their end or broken off; motions change or stay.
+    /// Blocks are played to their end or cut short; motions change or stay.
     #[test]
     fn one_surface_without_effects_is_its_texture_bit_for_bit(
         seed: u64,
@@ -92,7 +92,7 @@ fn at_constant_motion_the_frame_is_computed_once() {
     let mut played = player(&bytes, &scene, 3);
     let mut followed = player(&bytes, &single(2), 3);
     for n in 0..50u8 {
-        // The stylus's own motion is not followed.
+        // The scene does not follow the hand's motion.
         let hand = motion(f32::from(n), 0.6);
         let samples = block(&mut played, at(0.0, hand));
         assert_eq!(samples, block(&mut followed, at(0.0, moving())));
@@ -125,7 +125,7 @@ fn after_the_lift_there_is_exact_silence_and_no_stage() {
         assert_eq!(peak(&block(&mut player, lifted())), 0.0);
         assert!(player.block().stages().is_empty());
     }
-    // The voice itself ended with the block in which it faded.
+    // The voice itself ended with the block in which its fade ended.
     block(&mut player, at(0.0, moving()));
     block(&mut player, lifted());
     block(&mut player, lifted());
@@ -150,7 +150,7 @@ fn a_gain_of_zero_and_a_surface_without_a_texture_run_no_voice() {
     }
 }
 
-/// A gain of two is 6 dB, to the precision of the level's 2⁻¹⁶, of which a ramp of ten samples may lack nine steps.
+/// A gain of two is 6 dB, to the precision of the level's 2⁻¹⁶; a ramp of ten samples may be short by nine steps.
 #[test]
 fn a_gain_scales_every_sample() {
     let bytes = library(&[]);
@@ -165,7 +165,7 @@ fn a_gain_scales_every_sample() {
             let pairs = block(&mut one, at(0.0, moving()));
             let voice = one.block().stages().first().and_then(Stage::voice);
             let precision = if voice.is_some_and(|voice| voice.begins) {
-                // Nine steps of the first tenth of 2¹⁶ of them, for each of both.
+                // Nine of 2¹⁶ steps in the first tenth of the ramp, for each of the two players.
                 2.0 * 9.0 / 6_553.6
             } else {
                 1e-4
@@ -188,7 +188,7 @@ fn two_voices_run_only_while_a_transition_lasts() {
         block(&mut player, at(position, moving()));
         let stages = player.block().stages().len();
         most = most.max(stages);
-        // One more block, in which the fade ends.
+        // The fade takes one more block to end.
         if !(95.0..=105.2).contains(&position) {
             assert_eq!(
                 stages,
@@ -200,7 +200,7 @@ fn two_voices_run_only_while_a_transition_lasts() {
     assert_eq!(most, 2);
 }
 
-/// Both textures have the same power; the mean is over many crossings.
+/// Both textures have the same power; the mean is taken over many crossings.
 #[test]
 fn the_power_does_not_dip_in_a_transition() {
     let bytes = library(&[]);
@@ -209,7 +209,7 @@ fn the_power_does_not_dip_in_a_transition() {
     let mut player = player(&bytes, &scene, 8);
     let (mut middle, mut outside) = ((0.0, 0), (0.0, 0));
     for step in 0..40_000u32 {
-        // To and fro, by 4 mm and more to either side of the boundary.
+        // Back and forth, by 4 mm and more on each side of the boundary.
         let phase = f64::from(step) * 0.01;
         let position = 100.0 + 30.0 * phase.sin();
         let power: f64 = block(&mut player, at(position as f32, moving()))
@@ -248,7 +248,7 @@ fn boundaries_make_no_step_larger_than_the_signals_own() {
                 block(&mut player, at(place, moving()))
             })
             .collect();
-        // Equal power is at most √2 in amplitude, and each voice goes to its level within a block.
+        // Equal power is at most √2 in amplitude, and each voice reaches its level within a block.
         let bound = 1.42 * own.0 + 2.0 * own.1 / f64::from(UPDATE_INTERVAL_SAMPLES);
         assert!(largest_step(&crossing) <= bound);
         assert!(bound < 0.5 * own.1, "a hard cut would pass");
@@ -303,7 +303,7 @@ fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
         Plan::of_texture(texture).worst_case()
     );
     assert_eq!(items(&single(2)).len(), 2);
-    // Of three surfaces the two most expensive ones.
+    // Of three surfaces, the two most expensive ones count.
     let cost = plan(&bytes, &side_by_side(&[2, 0, 3], 1.0)).worst_case();
     let expected =
         u32::from(cost::MIX.base) + 2 * u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each);
@@ -364,7 +364,7 @@ fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
             position += speed * 0.002;
             block(&mut player, at(position, motion(speed, force)));
             let stage = player.block().stages()[0];
-            // Within one block the amount goes to zero.
+            // The amount goes to zero within one block.
             if n > 1 {
                 assert_eq!(matches!(stage, Stage::StickSlip(..)), sticks);
             }
@@ -395,7 +395,7 @@ fn stick_slip_has_the_period_of_the_path() {
     let (low, high) = shares.iter().fold((1.0f64, 0.0f64), |(low, high), &share| {
         (low.min(share), high.max(share))
     });
-    // While the tool sticks, a tenth of the amplitude is left.
+    // While the tool sticks, a tenth of the amplitude remains.
     assert!((low - 0.01).abs() < 0.005, "{low}");
     assert!(high > 0.7, "{high}");
 }
@@ -419,7 +419,7 @@ fn contact_has_a_hysteresis() {
     }
 }
 
-/// A finger that comes down anywhere between two updates, its force rising for some milliseconds.
+/// A finger that comes down at any time between two updates, with a force that rises for some milliseconds.
 #[test]
 fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
     let bytes = library(&[]);
@@ -461,7 +461,7 @@ fn a_tap_sounds_on_contact_alone_and_scales_with_the_rate_of_force() {
     assert!((peak_at(0.1) - 4.7).abs() < 0.3, "{}", peak_at(0.1));
     assert!((peak_at(0.2) / peak_at(0.1) - 2.0).abs() < 0.01);
     assert!(peak_at(100.0) <= 20.0);
-    // No impact, no tap: neither contact from the beginning nor a force that rises later.
+    // Without an impact there is no tap: neither for contact from the beginning nor for a force that rises later.
     let mut player = player(&bytes, &scene, 1);
     for force in [0.5, 5.0, 50.0] {
         assert_eq!(peak(&block(&mut player, at(0.0, motion(0.0, force)))), 0.0);

@@ -1,4 +1,4 @@
-//! Each effect by itself, compared with its definition in floating point.
+//! Each effect separately, compared with its definition in floating point.
 
 use std::f64::consts::PI;
 
@@ -88,7 +88,7 @@ proptest! {
         }
     }
 
-    /// The next sample goes on from the last one, however hard the tool strikes.
+    /// The next sample continues from the last one, however hard the tool strikes.
     #[test]
     fn a_strike_leaves_the_sample_as_it_is(tap in any_tap(), rates in vec(0.0f32..1e4, 1..20)) {
         let resonance = Resonance::new(&tap, SAMPLE_RATE_HZ);
@@ -105,7 +105,7 @@ proptest! {
         let resonance = Resonance::new(&tap, SAMPLE_RATE_HZ);
         let mut state = TapState::new();
         state.strike(Strike::new(&tap, 1e6));
-        // Thirty time constants are 130 dB; truncation does the rest of 2³⁰ steps.
+        // Thirty time constants are 130 dB; truncation removes what is left of 2³⁰ steps.
         let limit = (30.0 * tap.decay_s * SAMPLE_RATE_HZ as f32) as usize + 100;
         let silent = (0..limit).any(|_| {
             state.next_sample(resonance);
@@ -253,7 +253,7 @@ fn any_biquad() -> impl Strategy<Value = Biquad> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// This holds however sections are exchanged. The input's share is its square.
+    /// This holds however sections are exchanged. The input contributes its square.
     #[test]
     fn one_section_gains_no_energy_whatever_its_poles(
         sections in vec(any_biquad(), 1..6), inputs in vec(any::<i32>(), 1..300),

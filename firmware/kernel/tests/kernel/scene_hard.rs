@@ -1,4 +1,4 @@
-//! Hard cases: bouncing contact, motion that stops dead, sixteen surfaces, jumps, and all effects at a time.
+//! Hard cases: bouncing contact, motion that stops abruptly, sixteen surfaces, jumps, and all effects at once.
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::scene::{Scene, StickSlip, Surface};
@@ -42,16 +42,16 @@ fn blocks_to_silence(
     })
 }
 
-/// Contact and lift in turn, 200 and 250 times per second, for two seconds.
+/// Contact and lift alternate, 200 and 250 times per second, for two seconds.
 #[test]
 fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
     let bytes = library(&[]);
-    // In blocks of 2 ms: two contacts in five, and one in two.
+    // In blocks of 2 ms: contact in two of five, and in one of two.
     for touches_at in [|n: u32| n * 2 % 5 < 2, |n: u32| n.is_multiple_of(2)] {
         let mut player = player(&bytes, &busy(), 13);
         let mut highest: f64 = 0.0;
         for n in 0..1000u32 {
-            // Each contact comes with 500 N/s, which asks for more than the limit.
+            // Each contact comes with 500 N/s, which would exceed the limit.
             let interaction = if touches_at(n) {
                 at(n as f32 * 0.1, motion(80.0, 1.0))
             } else {
@@ -59,7 +59,7 @@ fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
             };
             highest = highest.max(peak(&block(&mut player, interaction)));
         }
-        // The texture's 2 m/s² and the tap's 20, times what the equaliser makes of either.
+        // The texture's 2 m/s² and the tap's 20, each times the equaliser's gain.
         assert!(highest > 10.0 && highest < 60.0, "{highest}");
         assert_eq!(player.saturations(), 0);
         assert!(blocks_to_silence(&mut player, 2000).is_some());
@@ -188,7 +188,7 @@ proptest! {
             let stages = player.block().stages();
             prop_assert!(stages.iter().filter(|stage| stage.voice().is_some()).count() <= SLOTS);
             if n < switch_at {
-                // The worst case has a line for each stage and one for the sum, or two for a voice that sticks.
+                // The worst case has a term for each stage and one for the sum, but two terms for a voice that sticks.
                 prop_assert!(stages.len() < cost.terms().len());
             }
         }
@@ -200,7 +200,7 @@ proptest! {
     }
 }
 
-/// A jump to a third surface waits for a slot, no longer than two blocks, and never takes a third voice.
+/// A jump to a third surface waits for a slot, at most two blocks, and never uses a third voice.
 #[test]
 fn jumps_between_sixteen_surfaces_are_followed_within_three_blocks() {
     let bytes = library(&[]);

@@ -62,7 +62,8 @@ proptest! {
         };
         for surface in 0..regions as u8 {
             let change = (weight(place + step, surface) - weight(place, surface)).abs();
-            // The angle goes π/2 over the width between surfaces, over half of it at an end without a neighbour.
+            // The angle changes by π/2 over the width between surfaces, or over half of it at an end without a
+            // neighbour.
             let slope = std::f64::consts::PI * f64::from(ONE) / f64::from(width);
             prop_assert!(change <= slope * (f64::from(step) + 1e-4) + 2.0, "{}", change);
         }

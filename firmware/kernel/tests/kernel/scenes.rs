@@ -83,7 +83,8 @@ pub fn tap(frequency_hz: f32, decay_s: f32) -> Tap {
     }
 }
 
-/// Poles at `radius` and ± `hz`, gain 1 at 0 Hz and 2500 Hz: the zeros lie at `zero_radius` of the same frequency.
+/// A section with poles at `radius` and ± `hz`, and gain 1 at 0 Hz and 2500 Hz. The zeros have `zero_radius` and the
+/// same frequency.
 pub fn biquad(hz: f64, radius: f64, zero_radius: f64) -> Biquad {
     let cos = (2.0 * std::f64::consts::PI * hz / f64::from(SAMPLE_RATE_HZ)).cos();
     let polynomial = |r: f64| [1.0, -2.0 * r * cos, r * r];
@@ -104,7 +105,7 @@ pub fn moving() -> Motion {
     motion(75.0, 0.75)
 }
 
-/// Plays a block; its samples in m/s².
+/// Plays a block and returns its samples, m/s².
 pub fn block(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
     player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
     (0..UPDATE_INTERVAL_SAMPLES)

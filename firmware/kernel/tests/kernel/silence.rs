@@ -1,16 +1,16 @@
-//! The lattice comes to rest: exactly, for good, and in bounded time.
+//! The lattice comes to rest: exactly, permanently, and in bounded time.
 //!
-//! *Proved.* cos² + sin² ≤ 2⁶² with both below 2³¹ means cos² + sin² < 2⁶², because 4³¹ is a sum of two squares in
-//! one way only. Each stage whose signals are not zero therefore loses energy. It loses at least 4, because after one
-//! sample all signals are even (but for a saturated one, which has lost more). Every g[m] that is not zero goes
-//! through one stage per sample: without excitation the energy falls by at least four times their number per sample,
-//! and silence comes in the end.
+//! *Proved.* cos² + sin² ≤ 2⁶² with both below 2³¹ means cos² + sin² < 2⁶², because 4³¹ is a sum of two squares in only
+//! one way. Each stage whose signals are not zero therefore loses energy. It loses at least 4, because after one sample
+//! all signals are even (except a saturated one, which has lost more). Every g[m] that is not zero goes through one
+//! stage per sample. So without excitation the energy falls by at least four times their number per sample, and silence
+//! comes in the end.
 //!
 //! *Measured.* This bound is on energy; the time that it implies is far too long. On average, truncation takes 1 from
-//! each signal at each stage. With all |k| at 0.9999, where coefficients alone would let the lattice ring for very
-//! long, states of magnitude A were silent after A samples or less (0.71 A for random coefficients, 0.999 A for the
-//! worst pattern found, orders 1 to 400, A from 2¹⁰ to 2¹⁷). Real models lose their energy by themselves: with every
-//! signal at full scale the fixtures were silent after 560 (H3) to 3020 samples (H1b).
+//! each signal at each stage. With all |k| at 0.9999, where the coefficients would let the lattice ring for very long
+//! without truncation, states of magnitude A were silent after A samples or less (0.71 A for random coefficients, 0.999
+//! A for the worst pattern found, orders 1 to 400, A from 2¹⁰ to 2¹⁷). Real models lose their energy even without
+//! truncation: with every signal at full scale the fixtures were silent after 560 (H3) to 3020 samples (H1b).
 
 use model_format::limits::MAX_ORDER;
 use proptest::collection::vec;
@@ -68,12 +68,12 @@ proptest! {
         }
     }
 
-    /// The bound is twice the worst that was measured, and the time that a sample takes through the stages.
+    /// The bound is twice the worst measured time, plus the time that a sample takes through the stages.
     #[test]
     fn silence_comes_within_twice_as_many_samples_as_the_largest_signal_has_steps(
         codes in prop_oneof![
             9 => vec(-THETA_OF_0_9999..=THETA_OF_0_9999, 1..=60),
-            // One magnitude throughout is worse than random ones.
+            // A single magnitude in all stages is worse than random ones.
             9 => (1..=60usize, 0..=THETA_OF_0_9999, any::<bool>()).prop_map(|(order, theta, alternating)| {
                 (0..order).map(|stage| if alternating && stage % 2 == 1 { -theta } else { theta }).collect()
             }),
@@ -90,7 +90,7 @@ proptest! {
     }
 }
 
-/// Every signal is at full scale, with a random sign.
+/// Every signal begins at full scale, with a random sign.
 #[test]
 fn models_of_order_400_are_silent_within_a_second_after_the_loudest_state() {
     for model in fixtures() {

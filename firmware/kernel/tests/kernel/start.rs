@@ -1,4 +1,4 @@
-//! Beginnings: no voice is heard from an empty state, and none at another level than its own.
+//! Beginnings: no voice begins in an empty state or at a level other than its own.
 //!
 //! Levels are means over many seeds. The exact level is that of the filter's impulse response in float64.
 
@@ -18,10 +18,10 @@ use crate::scenes::{at, block, lifted, moving, player, side_by_side, texture_of}
 /// Blocks of the first 20 ms.
 const FIRST_BLOCKS: usize = 10;
 
-/// Largest deviation of the mean level in that time, dB. The ramp of the first block takes 0.3 of it.
+/// Largest deviation of the mean level in that time, dB. The ramp of the first block accounts for 0.3 dB of it.
 const WITHIN_DB: f64 = 0.5;
 
-/// A line of this pole radius at `hz`, with an RMS of 1 m/s².
+/// A resonance of this pole radius at `hz`, with an RMS of 1 m/s².
 fn line(hz: f64, radius: f64) -> NodeSpec {
     let a1 = -2.0 * radius * (2.0 * PI * hz / 5000.0).cos();
     let a2 = radius * radius;
@@ -30,7 +30,7 @@ fn line(hz: f64, radius: f64) -> NodeSpec {
     NodeSpec::new(1.0, CodeSpec::lattice(k.map(code).to_vec()))
 }
 
-/// A texture that is played, with what its level shows best.
+/// A texture that is played, and the number of seeds and the power for its test.
 struct Case {
     name: String,
     spec: TextureSpec,
@@ -39,11 +39,11 @@ struct Case {
     power: f64,
 }
 
-/// Lines, a broadband texture, and a model of order 400.
+/// Resonances, a broadband texture, and a model of order 400.
 fn cases() -> Vec<Case> {
     let cases = [
         ("line of radius 0.9995", line(200.0, 0.9995), 4000),
-        // Its θ has 16 bits, of which the radius of a line has some more.
+        // Its θ has 16 bits, but the radius of a line needs some more.
         ("line of radius 0.9999", line(200.0, 0.9999), 4000),
         ("broadband", line(300.0, 0.3), 100),
         ("order 400", fixture("H3").node(4.0), 500),
@@ -57,7 +57,7 @@ fn cases() -> Vec<Case> {
     cases.map(case).into()
 }
 
-/// Samples of the first 20 ms in which a voice is in the blocks.
+/// Samples of the first 20 ms in which the blocks contain a voice.
 fn first_samples(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
     let mut samples = block(player, interaction);
     for _ in 1..FIRST_BLOCKS {
@@ -88,7 +88,7 @@ fn a_texture_is_at_its_level_in_its_first_20_ms() {
     }
 }
 
-/// It was left at another motion, with other coefficients and another level.
+/// The lattice was left at another motion, with other coefficients and another level.
 #[test]
 fn a_lattice_comes_down_at_its_level_wherever_it_was_left() {
     let quiet = line(700.0, 0.999);
@@ -125,7 +125,7 @@ fn among_others(case: &Case) -> Vec<u8> {
     encode(&textures).expect("a valid library")
 }
 
-/// Three surfaces have two slots, so that each entry finds that its texture had to go.
+/// Three surfaces share two slots, so that at each entry the surface's texture has lost its slot.
 #[test]
 fn a_texture_is_at_its_level_at_each_entry_of_its_region() {
     let scene = side_by_side(&[0, 1, 2], 0.0);
@@ -154,8 +154,8 @@ fn a_texture_is_at_its_level_at_each_entry_of_its_region() {
     }
 }
 
-/// Drawn for each of many seeds, and after each of some samples with other rotations: every signal has unit variance,
-/// neighbours are uncorrelated, and none is near full scale.
+/// For many seeds, after thirty samples with changing rotations: every signal has unit variance, neighbours are
+/// uncorrelated, and none came near full scale.
 #[test]
 fn the_drawn_state_of_a_lattice_is_white_and_stays_so_whatever_its_coefficients() {
     const STAGES: usize = 40;
@@ -186,7 +186,7 @@ fn the_drawn_state_of_a_lattice_is_white_and_stays_so_whatever_its_coefficients(
             *product += pair[0] * pair[1];
         }
     }
-    // Five standard deviations of a mean of squares and of products.
+    // Five standard deviations of the means of squares and of products.
     let deviation = 1.0 / (SEEDS as f64).sqrt();
     for (stage, square) in squares.iter().enumerate() {
         let variance = square / SEEDS as f64;

@@ -56,8 +56,9 @@ fn before_any_motion_there_is_exact_silence() {
 }
 
 proptest! {
-    /// Compared with the same noise at its full level from the first sample on. The first sample exceeds a tenth of
-    /// that by ten output steps at most: one for rounding, and nine for the steps of the ramp, which are truncated.
+    /// Compared with the same noise at its full level from the first sample on. The first sample may exceed a tenth of
+    /// that level by ten output steps at most: one for rounding, and nine for the steps of the ramp, which are
+    /// truncated.
     #[test]
     fn the_first_sample_has_a_tenth_of_the_level_at_most(seed: u64, power in 0.0f32..MAX_OUTPUT_POWER) {
         let bytes = smooth(power.max(f32::MIN_POSITIVE));
@@ -73,7 +74,7 @@ proptest! {
 }
 
 proptest! {
-    /// Compared with the same noise at full level. A model of order 0 puts out its excitation times the level.
+    /// Compared with the same noise at full level. The output of a model of order 0 is its excitation times the level.
     #[test]
     fn a_motion_that_comes_before_the_level_is_there_goes_on_from_the_level_of_the_moment(
         seed: u64, played in 1u32..UPDATE_INTERVAL_SAMPLES,
@@ -124,7 +125,7 @@ fn the_same_seed_gives_the_same_samples_and_a_copy_goes_on_alike() {
     assert_ne!(played, played_other);
 }
 
-/// Earlier frames leave a trace in the filter's state only, neither in coefficients nor in levels.
+/// Earlier frames leave a trace only in the filter's state, neither in coefficients nor in levels.
 #[test]
 fn a_motion_calls_for_the_same_whatever_the_motion_before() {
     let nodes = ["H1b", "H2b", "H1b", "H2b", "H1b", "H2b"].map(|name| fixture(name).node(1.0));
@@ -154,7 +155,7 @@ fn a_motion_calls_for_the_same_whatever_the_motion_before() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A held frame equals one that is updated again at the same motion, at any point of its ramps.
+    /// A held frame equals one that is updated again with the same motion, at any point of its ramps.
     #[test]
     fn holding_a_motion_gives_the_bits_of_another_update(
         speed in 0.0f32..200.0, force in 0.0f32..1.5, gain in 0u32..=ONE, left in 0u32..10, samples in 1u32..20,
@@ -173,7 +174,7 @@ proptest! {
     }
 }
 
-/// Four equal nodes take other paths of code than a single one, and give the same bits.
+/// Four equal nodes take other paths in the code than a single node, and give the same bits.
 #[test]
 fn a_grid_of_equal_nodes_plays_like_a_single_node() {
     let node = || fixture("H3").node(4.0);

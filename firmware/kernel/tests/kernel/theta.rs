@@ -1,4 +1,4 @@
-//! Interpolation of θ with its fractions, against sums in wider integers.
+//! Interpolation of θ with its fractions, compared with sums in wider integers.
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{CodeSpec, FINE_THETA_STEP_RAD, MAX_FINE_THETA, NodeSpec};
@@ -21,7 +21,7 @@ fn node_of(codes: CodeSpec) -> NodeSpec {
     NodeSpec::new(1.0, codes)
 }
 
-/// Any θ that a library holds, its ends more often than by chance.
+/// Any θ that a library holds; the ends of the range are more frequent than by chance.
 fn theta() -> impl Strategy<Value = i32> {
     prop_oneof![
         6 => -MAX_FINE_THETA..=MAX_FINE_THETA,
@@ -35,7 +35,7 @@ fn thetas() -> impl Strategy<Value = Vec<i32>> {
     prop_oneof![4 => vec(theta(), 0..60), 1 => vec(theta(), MAX_ORDER)]
 }
 
-/// θ as it is stored: all digits of the first stages, and 16 bits of the others.
+/// θ as it is stored: all digits of the first stages, and 16 bits of the other stages.
 fn stored(thetas: &[i32]) -> impl Iterator<Item = i32> {
     let rounded = |(stage, &theta): (usize, &i32)| match stage {
         0..MAX_FINE_STAGES => theta,
@@ -52,7 +52,7 @@ fn rotations(bytes: &[u8], speed: f32, force: f32) -> Vec<Rotation> {
     frame.rotations().to_vec()
 }
 
-/// A texture of the lattices `nodes` at the corners of one cell, 40 to 80 mm/s and 0.5 to 1 N.
+/// A texture with the lattices `nodes` at the corners of one cell, 40 to 80 mm/s and 0.5 to 1 N.
 fn square(nodes: Vec<NodeSpec>) -> Vec<u8> {
     library(&[40.0, 80.0], &[0.5, 1.0], nodes)
 }
@@ -69,8 +69,8 @@ proptest! {
         prop_assert_eq!(rotations(&bytes, 100.0, 1.0), expected);
     }
 
-    /// Each product of a weight with a code or a fraction is rounded down by itself. The start is such that the sum is
-    /// right after its last three digits are dropped.
+    /// Each product of a weight with a code or a fraction is rounded down separately. The start is chosen so that the
+    /// sum is right after its last three digits are dropped.
     #[test]
     fn between_nodes_theta_is_the_sum_of_truncated_products(
         nodes in vec(thetas(), 4), speed in 40.0f32..=80.0, force in 0.5f32..=1.0,
@@ -91,7 +91,7 @@ proptest! {
         prop_assert_eq!(rotations(&bytes, speed, force), expected);
     }
 
-    /// The sum is within 8 steps, each 5.6 steps of 2⁻³¹; a rotation has 4 of its own.
+    /// The sum is within 8 steps, each 5.6 steps of 2⁻³¹. The rotation adds an error of 4 steps of 2⁻³¹.
     #[test]
     fn between_nodes_sine_and_cosine_are_those_of_the_weighted_mean(
         nodes in vec(thetas(), 4), speed in 40.0f32..=80.0, force in 0.5f32..=1.0,
@@ -101,7 +101,7 @@ proptest! {
         is_within_steps_of_the_mean(&bytes, &nodes, speed, force)?;
     }
 
-    /// Nodes whose tails differ in length and step, and among them nodes without one.
+    /// Nodes whose tails differ in length and step, including nodes without a tail.
     #[test]
     fn the_same_holds_of_tails(
         nodes in vec((thetas(), 0u32..20), 4), speed in 40.0f32..=80.0, force in 0.5f32..=1.0,

@@ -6,11 +6,11 @@
 //! | internal: HSI, 64 MHz | 400 MHz, PLL1 | HSI48, trimmed by the host's frames | 1 % |
 //! | unmultiplied: HSI | 64 MHz | HSI48, trimmed by the host's frames | 1 %; no samples |
 //!
-//! The wait for HSE is bounded here. embassy's `init` waits for supply and PLLs without a bound. A hang there ends in
-//! the watchdog's reset, and the next start takes the next source (`stylus_app::start`).
+//! The wait for HSE is bounded here. embassy's `init` waits for supply and PLLs without a bound. If it hangs, the
+//! watchdog resets the chip, and the next start uses the next source in the table (`stylus_app::start`).
 //!
-//! Invariant: [`CORE_HZ`] and [`TIMER_HZ`] are the clocks that [`config`] sets, unless it multiplies none. No check at
-//! build time compares them.
+//! Invariant: [`CORE_HZ`] and [`TIMER_HZ`] are the clocks that [`config`] sets, unless the source is the unmultiplied
+//! one. No check at build time compares them.
 
 use cortex_m::peripheral::DWT;
 use embassy_stm32::pac::adc::vals::Boost;
@@ -33,18 +33,18 @@ pub const TIMER_HZ: u32 = 200_000_000;
 /// Clock of the converters, Hz, on every revision of the silicon.
 pub const CONVERTER_HZ: u32 = 12_500_000;
 
-/// Value of ADC_CR.BOOST for it: 6.25 to 12.5 MHz (RM0433 section 25.4.3).
+/// Value of ADC_CR.BOOST for a clock of 6.25 to 12.5 MHz, as [`CONVERTER_HZ`] is (RM0433 section 25.4.3).
 pub const CONVERTER_BOOST: Boost = Boost::LT12_5;
 
-/// Clock of the core from the reset until [`config`] holds: HSI, Hz (RM0433 section 8.5.2).
+/// Clock of the core from the reset until [`config`] is applied: HSI, Hz (RM0433 section 8.5.2).
 const RESET_HZ: u32 = 64_000_000;
 
-/// Longest wait for the external clock, ms. A crystal takes some 2 ms (DS12110, HSE oscillator characteristics), the
-/// ST-LINK's output less, once its own firmware runs.
+/// Longest wait for the external clock, ms. A crystal takes some 2 ms (DS12110, HSE oscillator characteristics). The
+/// ST-LINK's output takes less, once the ST-LINK's own firmware runs.
 const EXTERNAL_LIMIT_MS: u32 = 100;
 
-/// SYNCSRC of CRS_CFGR: start of frame of USB2, the core OTG_FS on PA11 and PA12. embassy's choice, 2, is that of USB1,
-/// OTG_HS. The value is that of ST's driver (RCC_CRS_SYNC_SOURCE_USB2); on revision Y it is not verified.
+/// SYNCSRC of CRS_CFGR: start of frame of USB2, the core OTG_FS on PA11 and PA12. embassy's value, 2, selects USB1,
+/// OTG_HS, instead. The value 3 is from ST's driver (RCC_CRS_SYNC_SOURCE_USB2); on revision Y it is not verified.
 const FRAMES_OF_USB2: u8 = 3;
 
 /// Stage of the start that sets up a clock from `source`.
@@ -56,7 +56,7 @@ pub const fn stage(source: ClockSource) -> StartStage {
     }
 }
 
-/// Returns the best source that is there and no better than `best`. Waits for the external clock up to
+/// Returns the best source that is available and no better than `best`. Waits for the external clock up to
 /// [`EXTERNAL_LIMIT_MS`]; the cycle counter must run.
 pub fn select(best: ClockSource) -> ClockSource {
     if best == ClockSource::External && !starts_external() {
@@ -65,7 +65,7 @@ pub fn select(best: ClockSource) -> ClockSource {
     best
 }
 
-/// Turns HSE on, in bypass, and returns true once it is ready; false if it is not in time.
+/// Turns HSE on, in bypass. Returns true once HSE is ready, and false if that takes too long.
 fn starts_external() -> bool {
     RCC.cr().modify(|w| w.set_hsebyp(true));
     RCC.cr().modify(|w| w.set_hseon(true));
@@ -82,17 +82,18 @@ fn starts_external() -> bool {
 ///
 /// - Core 400 MHz from PLL1, AHB buses 200 MHz, APB buses 100 MHz: the highest clocks that `Scale1` allows.
 /// - USB: 48 MHz.
-/// - ADC: [`CONVERTER_HZ`]. From PLL2 come 25 MHz where the silicon halves them, and 12.5 MHz where it does not.
+/// - ADC: [`CONVERTER_HZ`]. PLL2 supplies 25 MHz on silicon that halves the ADC's clock, and 12.5 MHz on silicon that
+///   does not.
 pub fn config(source: ClockSource, revision: SiliconRevision) -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     // DBGSLEEP_D1 (RM0433 section 60.5.8): without it the cycle counter stops in WFE, with or without a debugger, and
-    // what is measured from one interrupt to the next is too short.
+    // measured times between two interrupts come out too short.
     config.enable_debug_during_sleep = true;
     let rcc = &mut config.rcc;
     rcc.voltage_scale = VoltageScale::Scale1;
     rcc.hsi = Some(HSIPrescaler::DIV1);
     rcc.hse = None;
-    // Trimming is `trim_usb`'s, because embassy's follows the other core's frames.
+    // embassy's trimming follows the frames of the other USB core, so `guard` sets up the trimming instead.
     rcc.hsi48 = Some(Hsi48Config {
         sync_from_usb: false,
     });
@@ -119,10 +120,12 @@ pub fn config(source: ClockSource, revision: SiliconRevision) -> embassy_stm32::
     config
 }
 
-/// Sets the PLLs and buses for `source`, which `divided` makes 4 MHz, with the divider `converter` for the ADC.
+/// Sets the PLLs and buses for `source`. The divider `divided` brings `source` to 4 MHz, and the divider `converter` is
+/// for the ADC's clock.
 ///
-/// At that reference a PLL needs its wide range of 192 to 960 MHz; the medium one is for 1 to 2 MHz (RM0433 section
-/// 8.5.5). embassy takes the medium one wherever it contains the frequency, so each of these is above its 420 MHz.
+/// At this reference of 4 MHz a PLL needs its wide range of 192 to 960 MHz, because the medium range is for references
+/// of 1 to 2 MHz (RM0433 section 8.5.5). embassy chooses the medium range for every frequency within it, so each PLL
+/// here runs above the medium range's end of 420 MHz.
 fn multiply(
     rcc: &mut embassy_stm32::rcc::Config,
     source: PllSource,
@@ -144,8 +147,8 @@ fn multiply(
     rcc.pll1 = pll(PllMul::MUL200, Some(PllDiv::DIV2), None);
     // For the ADC: 4 MHz x 125 / 20 or / 40.
     rcc.pll2 = pll(PllMul::MUL125, Some(converter), None);
-    // For USB: 4 MHz x 120 / 10. It runs unused on the internal clock, because embassy turns a PLL off by a write to
-    // the dividers of all of them.
+    // For USB: 4 MHz x 120 / 10. PLL3 also runs, unused, on the internal clock, because embassy turns a PLL off by
+    // writing the dividers of all PLLs.
     rcc.pll3 = pll(PllMul::MUL120, None, Some(PllDiv::DIV10));
     rcc.sys = Sysclk::PLL1_P;
     rcc.ahb_pre = AHBPrescaler::DIV2;
@@ -155,9 +158,9 @@ fn multiply(
     rcc.apb4_pre = APBPrescaler::DIV2;
 }
 
-/// Keeps the clock from `source` honest once it runs: the external one is watched, and its failure is a non-maskable
-/// interrupt (RM0433 section 8.5.3); HSI48 is trimmed by the frames of the host on USB, which allows 0.25 % (USB 2.0,
-/// section 7.1.11).
+/// Guards the running clock from `source`. The external clock is watched, and its failure raises a non-maskable
+/// interrupt (RM0433 section 8.5.3). On an internal source, HSI48 is trimmed by the frames of the host on USB, because
+/// USB allows an error of only 0.25 % (USB 2.0, section 7.1.11).
 pub fn guard(source: ClockSource) {
     if source == ClockSource::External {
         RCC.cr().modify(|w| w.set_hsecsson(true));
@@ -174,7 +177,7 @@ pub fn guard(source: ClockSource) {
     });
 }
 
-/// Reports whether the watch of the external clock has found that it failed.
+/// Reports whether the monitor of the external clock has detected a failure.
 pub fn has_failed() -> bool {
     RCC.cifr().read().hsecssf()
 }
@@ -182,15 +185,15 @@ pub fn has_failed() -> bool {
 /// Mask of `CC1IF` in `TIM2_SR`.
 const COMPARE_1: u32 = 1 << 1;
 
-/// Calls `start`, which starts embassy's clock, and clears the flag before its interrupt comes. The first true one
-/// comes half a turn later, after 32.8 ms.
+/// Calls `start`, which starts embassy's clock, and clears a false flag before its interrupt comes. The first true
+/// interrupt comes half a turn later, after 32.8 ms.
 ///
 /// The driver of embassy-stm32 0.6 counts half turns of TIM2's 16 bits by two flags: update, and compare of channel 1
-/// at 0x8000. It generates an update while the compare value is still 0, which is what the counter holds then, and does
-/// not clear the flag that this sets (`CC1IF`, RM0433 section 39.4.5; crate rigless 0.4.0 sets it). The first interrupt
-/// counts it, so the clock is half a turn ahead, and its parity is wrong for good: a reading between a half turn and
-/// its interrupt is 65.5 ms too early, and time steps back. Whether the part sets the flag was not measured; clearing
-/// it does no harm.
+/// at 0x8000. At its start the driver generates an update while both the compare value and the counter are 0. The match
+/// sets `CC1IF` (RM0433 section 39.4.5; crate rigless 0.4.0 sets it, too), and the driver does not clear it. The first
+/// interrupt then counts a half turn that has not happened. The clock is half a turn ahead, and its parity stays wrong:
+/// a reading between a half turn and its interrupt is 65.5 ms too early, and time steps back. Whether the part sets the
+/// flag was not measured; clearing it does no harm.
 pub fn begin_time<R>(start: impl FnOnce() -> R) -> R {
     critical_section::with(|_| {
         let started = start();

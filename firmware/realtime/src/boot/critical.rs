@@ -1,8 +1,8 @@
-//! Critical sections, each measured: interrupts masked by PRIMASK, on the one core.
+//! Critical sections, whose durations are measured: interrupts are masked by PRIMASK, on the one core.
 //!
-//! The tick cannot begin within one, so the longest is what a tick may be late by, plus the update's own handler entry.
-//! Every critical section of the image is one of these, those of embassy's executor, time driver, channels and USB
-//! driver included. Sections of embassy run from flash, so on the part a miss in the cache lengthens them.
+//! The tick cannot begin within a critical section. So a tick may be late by the longest section plus the entry of the
+//! update's handler. Every critical section of the image is implemented here, including those of embassy's executor,
+//! time driver, channels and USB driver. embassy's sections run from flash, so on the part a cache miss lengthens them.
 //!
 //! The measurement costs each outermost section two reads of the cycle counter and a comparison, some ten instructions.
 #![expect(unsafe_code, reason = "critical sections are what this implements")]
@@ -18,7 +18,7 @@ struct Measured;
 
 critical_section::set_impl!(Measured);
 
-/// Cycle at which the section under way began.
+/// Cycle at which the current section began.
 static BEGAN: AtomicU32 = AtomicU32::new(0);
 
 /// Cycles of the longest section so far.
@@ -45,12 +45,12 @@ unsafe impl critical_section::Impl for Measured {
         if cycles > LONGEST.load(Ordering::Relaxed) {
             LONGEST.store(cycles, Ordering::Relaxed);
         }
-        // SAFETY: interrupts were enabled when this section began, and no other is under way.
+        // SAFETY: interrupts were enabled when this section began, and it is the outermost one.
         unsafe { interrupt::enable() };
     }
 }
 
-/// Forgets the sections before the tick: embassy sets the clocks up within one.
+/// Discards the sections before the tick starts, because embassy sets up the clocks within a long one.
 pub fn begin_measuring() {
     LONGEST.store(0, Ordering::Relaxed);
 }

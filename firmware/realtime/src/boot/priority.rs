@@ -21,7 +21,7 @@ use embassy_stm32::interrupt::{Interrupt, InterruptExt, Priority};
 /// Interrupt of the tick: TIM6's update event.
 pub const TICK: Interrupt = Interrupt::TIM6_DAC;
 
-/// Interrupt of the update, pended by the tick: that of a peripheral which the product does not use.
+/// Interrupt of the update, pended by the tick. It belongs to SWPMI1, a peripheral that the product does not use.
 pub const UPDATE: Interrupt = Interrupt::SWPMI1;
 
 /// Interrupt of the serial port.
@@ -36,7 +36,8 @@ const TASKS: [Interrupt; 3] = [Interrupt::TIM2, Interrupt::OTG_FS, Interrupt::FL
 /// Value of BASEPRI that masks all interrupts except those of tick, update and serial port.
 pub const TASKS_MASK: u8 = 8 << 4;
 
-/// Sets all priorities, right after embassy's initialisation, because embassy gives its own interrupts the highest one.
+/// Sets all priorities. It runs right after embassy's initialisation, because embassy gives its own interrupts the
+/// highest priority.
 pub fn assign() {
     for interrupt in TASKS {
         interrupt.set_priority(Priority::P8);
@@ -56,7 +57,7 @@ pub fn enable() {
     }
 }
 
-/// Requests the update, which runs as soon as nothing more urgent does.
+/// Requests the update, which runs as soon as nothing more urgent runs.
 #[inline(always)]
 pub fn pend_update() {
     NVIC::pend(UPDATE);

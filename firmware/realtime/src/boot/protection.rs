@@ -1,7 +1,7 @@
 //! Memory protection: the regions of the processor's MPU (ARM DDI 0403E, B3.5).
 //!
-//! Without it everything that is memory can be executed, address 0 can be written, and a stack that overflows is
-//! noticed by the bus alone: late and without its place, because a store's bus fault is asynchronous (PM0253 section
+//! Without the MPU, all memory can be executed and address 0 can be written. Only the bus notices a stack that
+//! overflows: late, and without the place of the store, because a store's bus fault is asynchronous (PM0253 section
 //! 2.5.3). A refusal by the MPU is always precise.
 //!
 //! | region | access | memory | reason |
@@ -19,22 +19,23 @@
 //! | SRAM 4 | read, write | write-back | large values of tasks |
 //! | peripherals | read, write | device | |
 //!
-//! 1. The processor fetches and reads ahead in normal memory, and external memory is normal by default though no
-//!    controller is there (AN4838). A region with an attribute that forbids this is safer than no region. The
+//! 1. The processor fetches and reads ahead in normal memory. External memory is normal by default, though no memory
+//!    controller is in use (AN4838). A region with an attribute that forbids such reads is safer than no region. The
 //!    background map is off.
-//! 2. No region is write-through, as bank 1 is by default: a Cortex-M7 can corrupt data in a sequence of stores and
-//!    loads there (ES0392, on the data cache in write-through). Nothing is stored to bank 1, so write-back is never
-//!    dirty.
+//! 2. No region is write-through, which is the default of bank 1, because a Cortex-M7 can corrupt data in a sequence of
+//!    stores and loads in such memory (ES0392, on the data cache in write-through). Nothing is stored to bank 1, so its
+//!    write-back lines are never dirty.
 //! 3. Stores must reach the bank as they are, and reads must see what was programmed. With the data cache on, erases
 //!    were found unreliable (NuttX issue 7397). The memory is normal, not device, because slices of bytes are read
 //!    unaligned, which device memory refuses (ARM DDI 0403E, A3.2.1). The bank's lock, which is off only while a word
 //!    is programmed, refuses stray stores.
-//! 4. Below it is no region, so the first store of a stack that overflows is refused. TCMs are never cached.
-//! 5. A fetch from a busy bank stalls until the bank is idle, past the watchdog's end. The processor also fetches ahead
-//!    along the path that it predicts, from wherever that may be executed (ARM DDI 0489F, 5.2.1): see [`hide_code`].
+//! 4. No region lies below DTCM, so the first store of a stack that overflows is refused. TCMs are never cached.
+//! 5. A fetch from a busy bank stalls until the bank is idle, which can take longer than the watchdog allows. The
+//!    processor also fetches ahead along the path that it predicts, from wherever execution is allowed (ARM DDI 0489F,
+//!    5.2.1): see [`hide_code`].
 //!
-//! SRAM 2 and 3, the backup SRAM and the rest of the system memory have no use, so they have no region. The processor's
-//! own registers, from 0xE0000000 on, are not subject to the MPU.
+//! SRAM 2 and 3, the backup SRAM and the rest of the system memory are not used, so they have no region. The
+//! processor's own registers, from 0xE0000000 on, are not subject to the MPU.
 //!
 //! Handlers of HardFault and NMI run without the MPU (HFNMIENA = 0), so that nothing stops them. MemManage is not
 //! enabled: it arrives as HardFault, with its status.
@@ -42,7 +43,8 @@
 #[cfg(target_arch = "arm")]
 use cortex_m::peripheral::MPU;
 
-/// Permissions of a region, in the numbers of RASR.AP. Nothing runs unprivileged, so both levels have the same.
+/// Permissions of a region, in the encoding of RASR.AP. Nothing runs unprivileged, so both privilege levels have the
+/// same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// None.
@@ -69,7 +71,7 @@ pub enum Memory {
 }
 
 impl Memory {
-    /// TEX, S, C and B at their places in RASR.
+    /// TEX, S, C and B at their positions in RASR.
     const fn bits(self) -> u32 {
         const B: u32 = 1 << 16;
         const C: u32 = 1 << 17;
@@ -85,7 +87,7 @@ impl Memory {
     }
 }
 
-/// A region. Of several around an address, the one that comes last in [`REGIONS`] holds.
+/// A region. Where several regions overlap, the last of them in [`REGIONS`] applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
     /// First address, a multiple of the length.
@@ -131,7 +133,7 @@ impl Region {
     }
 }
 
-/// The regions, see the table above. The part has room for 16 (DS12110 section 3.2).
+/// The regions, see the table above. The part supports 16 (DS12110 section 3.2).
 pub const REGIONS: [Region; 13] = [
     Region::new(0, 32, Access::Nothing, Memory::StronglyOrdered),
     Region::of_code(0x0000_0000, 16, Memory::NotCached),
@@ -153,12 +155,13 @@ pub const REGIONS: [Region; 13] = [
     Region::new(0x4000_0000, 29, Access::ReadWrite, Memory::Device),
 ];
 
-/// Place of the code's region in [`REGIONS`].
+/// Index of the code's region in [`REGIONS`].
 #[cfg(target_arch = "arm")]
 const CODE: usize = 3;
 
-/// Hides bank 1 but for its records from the processor: strongly ordered, no access and no execution, with which it
-/// fetches and reads nothing ahead from there (ARM DDI 0489F, 5.2.1). To be inlined into code outside of bank 1.
+/// Hides bank 1, except for its records, from the processor. The region becomes strongly ordered, without access and
+/// execution, so that the processor fetches and reads nothing ahead from there (ARM DDI 0489F, 5.2.1). Must be inlined
+/// into code outside bank 1.
 #[cfg(target_arch = "arm")]
 #[inline(always)]
 pub fn hide_code() {
@@ -178,7 +181,7 @@ pub fn show_code() {
     set_code(const { REGIONS[CODE].attributes() });
 }
 
-/// Sets the attributes of the code's region, and has everything after it fetched by them.
+/// Sets the attributes of the code's region; everything after this call is fetched under these attributes.
 #[cfg(target_arch = "arm")]
 #[inline(always)]
 #[expect(unsafe_code, reason = "the processor's own registers")]
@@ -192,8 +195,8 @@ fn set_code(attributes: u32) {
     cortex_m::asm::isb();
 }
 
-/// Turns the MPU on. Code has been copied to ITCM before, and the caches are turned on after, so that no line of memory
-/// that is not to be cached is in them.
+/// Turns the MPU on. Code must have been copied to ITCM before. The caches are turned on afterwards, so that they hold
+/// no line of memory that must not be cached.
 #[cfg(target_arch = "arm")]
 #[expect(unsafe_code, reason = "the processor's own registers")]
 pub fn enable(mpu: &mut MPU) {

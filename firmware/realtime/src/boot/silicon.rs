@@ -1,7 +1,7 @@
-//! The silicon: its revision and the remedy that an old one needs, the cause of its last reset, and the level of its
-//! brown-out reset.
+//! The silicon: its revision and the remedy that an old revision needs, the cause of its last reset, and the level of
+//! its brown-out reset.
 //!
-//! Option bytes are read, never written. A supply that the probe could not set right is for a person to see to.
+//! Option bytes are only read. If the debug probe could not set them for the supply, a person has to see to it.
 #![expect(unsafe_code, reason = "a register that the register crate lacks")]
 
 use embassy_stm32::pac::{DBGMCU, FLASH, RCC};
@@ -12,7 +12,7 @@ use stylus_boot::supply;
 /// registers).
 const AXI_SRAM_ISSUING: *mut u32 = 0x5100_8108 as *mut u32;
 
-/// READ_ISS_OVERRIDE of it: one read at a time.
+/// READ_ISS_OVERRIDE of that register: one read at a time.
 const ONE_READ: u32 = 1;
 
 /// Revision of the silicon (RM0433 section 60.5.8).
@@ -20,8 +20,8 @@ pub fn revision() -> SiliconRevision {
     SiliconRevision(DBGMCU.idc().read().rev_id())
 }
 
-/// Applies the workaround of ES0392 section 2.2.9 where `revision` needs it: reads of the AXI SRAM, where the library
-/// lies, may be corrupted unless they are issued one at a time. To be called before the first of them.
+/// Applies the workaround of ES0392 section 2.2.9 if `revision` needs it: reads of the AXI SRAM, where the library
+/// lies, may be corrupted unless they are issued one at a time. Must be called before the first such read.
 pub fn remedy(revision: SiliconRevision) {
     if revision.misreads_axi_sram() {
         // SAFETY: the register exists on every revision, its clock is always on, and reads that are issued one at a

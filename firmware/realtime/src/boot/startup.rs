@@ -1,5 +1,5 @@
-//! From reset to `main`: the watchdog starts, the amplifier goes off and the output to mid-scale, then code, constants
-//! and vectors go to the memories of the tick.
+//! From reset to `main`. The amplifier is turned off and the output set to mid-scale, the watchdog starts, and then
+//! code, constants and vectors are copied to the memories that the tick uses.
 #![expect(
     unsafe_code,
     reason = "memory is laid out and the processor's own registers are set before they have owners"
@@ -15,18 +15,18 @@ use cortex_m::peripheral::{CPUID, DCB, DWT, SCB};
 /// Entries of the vector table: 16 of the core and 150 of the STM32H743 (RM0433 table 148).
 const VECTORS: usize = 166;
 
-/// Timeout of the watchdog during the start, µs. The first one after a reset is twice as long, because the count begins
-/// at its highest (RM0433 section 45.3.1).
+/// Timeout of the watchdog during the start, µs. The first timeout after a reset is twice as long, because the count
+/// begins at its maximum (RM0433 section 45.3.1).
 const WATCHDOG_US: u32 = 250_000;
 
-/// Timeout of the watchdog once tasks run, µs. A hung core whose output hangs, too, leaves its last code on a coil for
-/// as long, and 9 % longer on the slowest LSI.
+/// Timeout of the watchdog once tasks run, µs. If the core and the output both hang, the last code stays on the coil
+/// for this time, and 9 % longer with the slowest LSI.
 pub const RUNNING_WATCHDOG_US: u32 = 100_000;
 
 /// Nominal clock of the watchdog, LSI, Hz. It is within 29.4 and 33.6 kHz (DS12110, LSI oscillator characteristics).
 const WATCHDOG_HZ: u32 = 32_000;
 
-/// Divider of that clock after a reset, which stays.
+/// Divider of that clock after a reset. The program does not change it.
 const WATCHDOG_DIVIDER: u32 = 4;
 
 /// Value of IWDG_RLR for a timeout in µs.
@@ -49,19 +49,20 @@ unsafe impl Sync for VectorTable {}
 static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 
 // cortex-m-rt's reset handler calls this first, when no variable has its value yet, so it must not be Rust. It begins
-// as the bootloader does, because a probe can start the image alone.
+// like the bootloader, because a debug probe can start the image without the bootloader.
 //
-// At power-on RAM holds noise whose error-correcting code is wrong: one code per 64 bits in ITCM and AXI SRAM, per 32
-// bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, the processor reads
-// ahead, and a fill of a cache line reads what is beside. So these memories are written to their ends in units of 64
-// bits before anything reads them, which by count of cycles takes some 5 ms at the 64 MHz of the start. The DTCM keeps
-// what outlives a reset (`.uninit`), so it is written only where power came on (RCC_RSR, PORRSTF and BORRSTF): its
-// content is noise there. `main` clears these flags. The fault of a start that dies before is therefore not kept.
-// SRAM 1 gets its values in words (`tick/output/ring.rs`). SRAM 2, SRAM 3 and the backup SRAM are never read.
+// At power-on RAM holds noise, and its error-correcting codes are wrong: one code per 64 bits in ITCM and AXI SRAM, per
+// 32 bits elsewhere (DS12110, error code correction; AN5342). A store narrower than that reads the rest of the unit
+// first, the processor reads ahead, and a fill of a cache line reads the neighbouring words. So these memories are
+// written to their ends in units of 64 bits before anything reads them. By a count of cycles this takes some 5 ms at
+// the 64 MHz of the start. The DTCM holds data that survives a reset (`.uninit`), so it is written only after power-on
+// or brown-out (RCC_RSR, PORRSTF and BORRSTF), when its content is noise. `main` clears these flags. Therefore the
+// fault of a start that dies before that is not kept. SRAM 1 gets its values in words (`tick/output/ring.rs`). SRAM 2,
+// SRAM 3 and the backup SRAM are never read.
 //
-// SAFETY: besides the registers named here it writes ITCM, AXI SRAM, SRAM 4 and DTCM in pairs of words, before any
-// variable has its value and before anything is on the stack. What it calls changes two registers alone. cortex-m-rt's
-// reset handler keeps nothing in registers across this call.
+// SAFETY: in addition to the registers named here it writes ITCM, AXI SRAM, SRAM 4 and DTCM in pairs of words, before
+// any variable has its value and before anything is on the stack. The function that it calls changes only two
+// registers. cortex-m-rt's reset handler keeps nothing in registers across this call.
 global_asm!(
     ".section .text.before_main, \"ax\", %progbits",
     ".global __pre_init",
@@ -137,12 +138,12 @@ unsafe extern "C" {
     static __vector_table: u32;
 }
 
-/// Moves the vector table to the DTCM, so that an interrupt is taken without a read of flash, and turns the caches on,
-/// for code in flash and the library in AXI SRAM. `protection.rs` says which memory is cached.
+/// Moves the vector table to the DTCM, so that an interrupt needs no read of flash. Also turns the caches on, for code
+/// in flash and the library in AXI SRAM. `protection.rs` lists which memory is cached.
 pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
     let table = VECTOR_TABLE.0.get().cast::<u32>();
     for index in 0..VECTORS {
-        // SAFETY: both tables have this many entries: those of the core and those of the device.
+        // SAFETY: both tables have `VECTORS` entries, for the core and for the device.
         unsafe {
             let handler = read_volatile(addr_of!(__vector_table).add(index));
             write_volatile(table.add(index), handler);
@@ -159,9 +160,9 @@ pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
 
 /// Starts the processor's cycle counter, with or without a debugger.
 ///
-/// The counter goes on in WFE because `clock.rs` has embassy keep the clocks of sleep modes on (DBGMCU_CR.DBGSLEEP_D1,
-/// RM0433 section 60.5.8). The tick's instants do not depend on the counter; the tick's durations, the marks and the
-/// waits for bank 1 do.
+/// The counter continues in WFE because `clock.rs` makes embassy keep the clocks of sleep modes on
+/// (DBGMCU_CR.DBGSLEEP_D1, RM0433 section 60.5.8). The instants of ticks do not depend on the counter. The durations of
+/// ticks, the marks and the waits for bank 1 do.
 pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
     dcb.enable_trace();
     DWT::unlock();

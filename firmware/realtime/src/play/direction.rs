@@ -1,13 +1,14 @@
-//! The director, which decides each block, and the plan that follows the one it plays.
+//! The director, which decides each block, and the plan that follows the one that the director plays.
 //!
 //! Owners:
-//! - **The director** belongs to the update while the tick plays, and to the tasks otherwise: an update that finds
-//!   nothing played does not touch it.
+//! - **The director** belongs to the update while the tick plays, and to the tasks otherwise: an update does not touch
+//!   it if nothing is played.
 //! - **The next plan** belongs to the update while [`WAITS`] is set, and to the tasks otherwise. Tasks take it back by
-//!   clearing that flag. The update interrupts tasks, but they never interrupt it, so it has taken all of the plan or
-//!   nothing.
+//!   clearing that flag. The update interrupts tasks, but tasks never interrupt the update, so it has taken either all
+//!   of the plan or nothing.
 //!
-//! Each is some kilobytes, which the tick does not touch. Both lie in SRAM 4, and so does the waveform of a probe.
+//! The director and the next plan take some kilobytes each, and the tick touches neither. They lie in SRAM 4, like the
+//! waveform of a probe.
 #![expect(unsafe_code, reason = "values that change owners; see above")]
 
 use core::mem::MaybeUninit;
@@ -40,17 +41,17 @@ static DIRECTION: Handed<MaybeUninit<Direction>> = Handed::new(MaybeUninit::unin
 #[unsafe(link_section = ".sram4.next")]
 static NEXT: Handed<MaybeUninit<Next>> = Handed::new(MaybeUninit::uninit());
 
-/// Written by tasks before the plan that plays it, and read by the update.
+/// The waveform of a probe. Tasks write it before the plan that plays it; the update reads it.
 #[unsafe(link_section = ".sram4.waveform")]
 static WAVEFORM: Waveform = [const { AtomicI16::new(0) }; _];
 
 /// True while there is a director.
 static DIRECTS: AtomicBool = AtomicBool::new(false);
 
-/// True while the next plan is there for the update.
+/// True while the next plan is ready for the update.
 static WAITS: AtomicBool = AtomicBool::new(false);
 
-/// True while the next plan is there for [`start`]. Only tasks use this flag.
+/// True while the next plan is ready for [`start`]. Only tasks use this flag.
 static PREPARED: AtomicBool = AtomicBool::new(false);
 
 /// Memory of a probe's waveform.
@@ -67,7 +68,7 @@ pub fn prepare(next: Next) {
 /// Plays the prepared plan from silence, with noise from `seed`. For tasks, while nothing is played.
 ///
 /// # Errors
-/// No plan was prepared; there is no director then.
+/// No plan was prepared. Then there is no director.
 ///
 /// # Safety
 /// The tick does not play.
@@ -77,9 +78,10 @@ pub unsafe fn start(seed: u64) -> Result<(), NotPrepared> {
     if !PREPARED.swap(false, Ordering::Relaxed) {
         return Err(NotPrepared);
     }
-    // SAFETY: it was prepared, so it was written, and nothing waits, so it is the tasks'; it is read once.
+    // SAFETY: the plan was prepared, so it was written. `WAITS` is clear, so the plan belongs to the tasks. It is read
+    // once.
     let Next { plan, follower } = unsafe { NEXT.get().assume_init_read() };
-    // SAFETY: the tick does not play, so the director is the tasks'. The one before has nothing to drop.
+    // SAFETY: the tick does not play, so the director belongs to the tasks. The previous director has nothing to drop.
     unsafe { DIRECTION.get() }.write(Direction {
         director: Director::new(plan, seed),
         follower,
@@ -104,18 +106,18 @@ pub fn switch(next: Next) {
     WAITS.store(true, Ordering::Release);
 }
 
-/// Replaces the next plan, which neither [`start`] nor the update takes until it is marked for one of them.
+/// Replaces the next plan. Neither [`start`] nor the update takes it until its flag is set.
 fn write_next(next: Next) {
     PREPARED.store(false, Ordering::Relaxed);
     WAITS.store(false, Ordering::Relaxed);
     // The update may come at any instruction, and must find all of the plan or nothing.
     compiler_fence(Ordering::SeqCst);
-    // SAFETY: nothing waits, so it is the tasks', and one task at a time calls this. What was there has nothing to
-    // drop.
+    // SAFETY: `WAITS` is clear, so the plan belongs to the tasks, and one task at a time calls this. The plan that is
+    // overwritten has nothing to drop.
     unsafe { NEXT.get() }.write(next);
 }
 
-/// The director, after it was told of the plan that waits.
+/// Returns the director, after handing it the next plan if one waits.
 ///
 /// # Safety
 /// Called by the update, once each time it runs, while the tick plays.
@@ -123,10 +125,10 @@ pub unsafe fn directed() -> Option<&'static mut Direction> {
     if !DIRECTS.load(Ordering::Acquire) {
         return None;
     }
-    // SAFETY: the tick plays, so it is the update's, and there is a director, so it was written.
+    // SAFETY: the tick plays, so the director belongs to the update; `DIRECTS` is set, so it was written.
     let direction = unsafe { DIRECTION.get().assume_init_mut() };
     if WAITS.swap(false, Ordering::AcqRel) {
-        // SAFETY: it waited, so it was written and is the update's; it is read once.
+        // SAFETY: `WAITS` was set, so the plan was written and belongs to the update. It is read once.
         let Next { plan, follower } = unsafe { NEXT.get().assume_init_read() };
         direction.director.switch(plan);
         direction.follower = follower;

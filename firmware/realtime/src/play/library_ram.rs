@@ -14,10 +14,10 @@ unsafe extern "C" {
     static _axisram_end: u8;
 }
 
-/// Bytes that one step of a copy takes.
+/// Bytes that one step copies.
 const COPY_BYTES: usize = 8 * 1024;
 
-/// The content, in SRAM 4 because it is some kilobytes, which the tick does not touch.
+/// The content. It lies in SRAM 4 because it takes some kilobytes, which the tick does not touch.
 #[unsafe(link_section = ".sram4.library")]
 static CONTENT: StaticCell<Content> = StaticCell::new();
 
@@ -32,9 +32,9 @@ pub struct LibraryRam {
     reason = "there is one, and it is reserved for the largest"
 )]
 enum Content {
-    /// Nothing that may be used.
+    /// Nothing usable.
     Nothing,
-    /// A library of which so many bytes have been copied.
+    /// A library in part: the number of bytes that have been copied.
     Copied(usize),
     /// All bytes of a library, which are being decoded.
     Decoding(Decoder<'static>),
@@ -46,7 +46,7 @@ impl LibraryRam {
     /// Memory without a library.
     ///
     /// # Safety
-    /// Called once, because this owns the AXI SRAM, in which the linker puts nothing.
+    /// Called once, because the value owns the AXI SRAM, in which the linker puts nothing.
     pub unsafe fn new() -> Self {
         Self {
             content: CONTENT.init(Content::Nothing),
@@ -61,15 +61,15 @@ impl LibraryRam {
         *self.content = Content::Copied(0);
     }
 
-    /// Copies the next piece of `bytes`, or decodes the next piece of the copy. Every call is given the same `bytes`.
+    /// Copies the next part of `bytes`, or decodes the next part of the copy. Every call must get the same `bytes`.
     /// Returns true after the last step; only then is there a library.
     ///
     /// # Errors
-    /// There are too many bytes, or they are not a library, or nothing was begun; the memory has no library then.
+    /// There are too many bytes, or they are not a library, or nothing was begun. Then the memory has no library.
     pub fn load(&mut self, bytes: &[u8]) -> Result<bool, LoadFault> {
         let stepped = match self.content {
             Content::Copied(at) => copy(bytes, *at).map(Some),
-            // Decoded in place, because a decoder is some kilobytes.
+            // Decoded in place, because a decoder takes some kilobytes.
             Content::Decoding(decoder) => match decoder.step() {
                 Ok(library) => Ok(library.map(Content::Library)),
                 Err(_) => Err(LoadFault),
@@ -96,8 +96,8 @@ impl LibraryRam {
     }
 }
 
-/// Copies the next piece of `bytes`, from offset `at`, to RAM. Only [`LibraryRam::load`], which owns that memory, calls
-/// it.
+/// Copies the next part of `bytes`, from offset `at`, to RAM. Only [`LibraryRam::load`], which owns that memory, calls
+/// this.
 fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
     if bytes.len() > MAX_LIBRARY_BYTES || at > bytes.len() {
         return Err(LoadFault);
@@ -106,8 +106,8 @@ fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
     let end = bytes.len().min(at + COPY_BYTES);
     let piece = &bytes[at..end];
     // SAFETY: `memory.x` gives the memory 512 KB, which `tests/memory_map.rs` compares with MAX_LIBRARY_BYTES, and the
-    // piece ends within that. By the contract of `begin` nothing of the library before is used, and nothing of this one
-    // is before its last byte was copied.
+    // copied part ends within that. By the contract of `begin` nothing of the previous library is used, and nothing of
+    // this one is used before its last byte was copied.
     unsafe {
         start
             .add(at)
@@ -116,7 +116,7 @@ fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
     if end < bytes.len() {
         return Ok(Content::Copied(end));
     }
-    // SAFETY: as above; all these bytes have been written, and they change only after the next `begin`.
+    // SAFETY: as above. All these bytes have been written, and they change only after the next `begin`.
     let memory: &'static [u8] = unsafe { slice::from_raw_parts(start, bytes.len()) };
     Ok(Content::Decoding(Decoder::new(memory)))
 }

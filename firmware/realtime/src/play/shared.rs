@@ -58,7 +58,7 @@ impl<T> Handed<T> {
         Self(UnsafeCell::new(MaybeUninit::new(value)))
     }
 
-    /// A cell without a value, which takes no flash for one. [`Handed::set`] gives it the first.
+    /// A cell without a value, so that no initial value takes up flash. [`Handed::set`] stores the first value.
     pub const fn empty() -> Self {
         Self(UnsafeCell::new(MaybeUninit::uninit()))
     }
@@ -77,14 +77,14 @@ impl<T> Handed<T> {
     ///
     /// # Safety
     /// The caller must own the value, by the protocol of the module that declares it, for as long as the reference
-    /// lives; and the cell is not empty.
+    /// lives, and the cell must not be empty.
     #[inline(always)]
     #[expect(
         clippy::mut_from_ref,
         reason = "by the caller's contract there is one at a time"
     )]
     pub unsafe fn get(&self) -> &mut T {
-        // SAFETY: the caller owns the value, which is there.
+        // SAFETY: the caller owns the value, and the cell is not empty.
         unsafe { (*self.0.get()).assume_init_mut() }
     }
 
@@ -94,7 +94,7 @@ impl<T> Handed<T> {
     /// As for [`Handed::get`], except that others may read the value too.
     #[inline(always)]
     pub unsafe fn look(&self) -> &T {
-        // SAFETY: by the caller's contract it is there and nothing changes it meanwhile.
+        // SAFETY: by the caller's contract the cell is not empty, and nothing changes the value meanwhile.
         unsafe { (*self.0.get()).assume_init_ref() }
     }
 }

@@ -1,4 +1,5 @@
-//! The update: every 2 ms, below the tick and above all tasks, it turns the motion of the hand into the next block.
+//! The update: every 2 ms it turns the motion of the hand into the next block. It runs at a lower priority than the
+//! tick and a higher one than all tasks.
 
 #![expect(
     unsafe_code,
@@ -14,13 +15,13 @@ use stylus_app::inputs::{self, Estimator, InputConfig, Timed};
 use crate::play::shared::OfHandler;
 use crate::play::{direction, voice};
 
-/// True if the motion that is followed was too old at the last update.
+/// True if, at the last update, the motion that is followed was too old.
 static STALE: AtomicBool = AtomicBool::new(true);
 
 /// True if the motion that is followed was too old because the force sensor was at a rail of its converter.
 static RAILED: AtomicBool = AtomicBool::new(false);
 
-/// Inputs of an update besides the tick's note.
+/// Inputs of an update in addition to the tick's note.
 pub struct Update {
     /// Conversion of counts and codes to speed and force.
     pub config: InputConfig,
@@ -55,7 +56,7 @@ pub fn is_stale() -> bool {
     STALE.load(Ordering::Relaxed)
 }
 
-/// Returns the range of the updates' durations since the last call, and begins it anew. A duration includes the
+/// Returns the range of the updates' durations since the last call, and begins a new range. A duration includes the
 /// interrupts that came in between.
 pub fn take_range() -> CycleRange {
     UPDATE.with(|_, update| {
@@ -82,10 +83,10 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 
 /// The update's interrupt, pended by the tick. **Deadline: 0.6 ms, until the next block.**
 ///
-/// The time of an update is bounded by two voices at a time, the highest order of their textures, four nodes around the
+/// The time of an update is bounded: at most two voices, the highest order of their textures, four nodes around the
 /// motion, twenty samples of excitation from codebooks and level tracks, and the ticks that interrupt it. If the update
-/// is late, the block before goes on with its ramps at their ends; a voice with codebooks or a track has no excitation
-/// then, so that its filter rings out; and `status` counts the late update.
+/// is late, the previous block continues with its ramps at their ends. A voice with codebooks or a track then has no
+/// excitation, so that its filter rings out. `status` counts the late update.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {
@@ -108,7 +109,7 @@ extern "C" fn SWPMI1() {
                 let follower = &mut direction.follower;
                 let interaction =
                     follower.follow(chosen, &update.encoder, &update.config, noted.tick);
-                // SAFETY: as above; this is the director of the block that is played.
+                // SAFETY: as above. The director is the one of the block that is played.
                 unsafe { voice::direct(&mut direction.director, interaction, noted.tick, played) };
             }
         }

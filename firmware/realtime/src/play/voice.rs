@@ -1,14 +1,14 @@
 //! State of what is played: two frames and a playback per voice, two blocks, and the ringing. The tick plays one block
-//! while the update decides the other.
+//! while the update decides the other block.
 //!
 //! Owners:
-//! - **The block that is played, the frames and playbacks that it names, and the ringing** belong to the tick while it
-//!   plays ([`crate::tick::play`]). The update may read those frames too, because the tick changes none.
+//! - **The block that is played, the frames and playbacks that it names, and the ringing** belong to the tick while the
+//!   tick plays ([`crate::tick::play`]). The update may read those frames too, because the tick changes none.
 //! - **The other block, the other frames and playbacks, and the tick's note** belong to the update from the tick's
-//!   request until [`ready`], and to the tick otherwise. The director keeps them apart, see
-//!   [`stylus_kernel::scene::Voices`].
-//! - **All of it** belongs to the tasks while the tick does not play: an update that finds nothing played touches none
-//!   of it.
+//!   request until [`ready`], and to the tick otherwise. The director chooses frames and playbacks that the block that
+//!   is played does not name, see [`stylus_kernel::scene::Voices`].
+//! - **All of it** belongs to the tasks while the tick does not play: an update touches none of it if nothing is
+//!   played.
 #![expect(unsafe_code, reason = "values that change owners; see above")]
 
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -25,8 +25,8 @@ use crate::CortexM;
 use crate::boot::priority;
 use crate::play::shared::Handed;
 
-/// Index of one of the two blocks: false is the first. A `bool`, because the match of an enumeration compiled to a
-/// branch, which cost the tick an instruction in every other block.
+/// Index of one of the two blocks: false is the first. It is a `bool`, because the match of an enumeration compiled to
+/// a branch, which cost the tick an instruction in every second block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockIndex(bool);
 
@@ -67,7 +67,7 @@ pub struct Played {
     pub ringing: Ringing,
 }
 
-/// Empty until [`begin`]: with a first value these would be 27 KB of flash.
+/// Frames of each slot, two each. They are empty until [`begin`], because initial values would take 27 KB of flash.
 static FRAMES: [[Handed<Option<Frame>>; 2]; SLOTS] =
     [const { [const { Handed::empty() }; 2] }; SLOTS];
 static PLAYBACKS: [Handed<Option<Playback>>; SLOTS] = [const { Handed::empty() }; SLOTS];
@@ -79,10 +79,11 @@ static NOTED: Handed<Noted> = Handed::new(Noted {
     playing: None,
 });
 
-/// True while the update owns its part.
+/// True from the tick's request until the update has finished.
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Gives frames and voices their first value: silence, and none. Called once, before all else here.
+/// Gives frames and playbacks their first value: silent frames, and no playback. Called once, before everything else
+/// here.
 ///
 /// Out of line, because a frame takes kilobytes of the stack.
 #[inline(never)]
@@ -105,7 +106,7 @@ pub fn begin() {
 /// # Safety
 /// The tick does not play.
 pub unsafe fn clear() {
-    // SAFETY: by the caller's contract all of it is the tasks'.
+    // SAFETY: by the caller's contract everything here belongs to the tasks.
     unsafe {
         for block in &BLOCKS {
             *block.get() = Block::silent();
@@ -117,7 +118,7 @@ pub unsafe fn clear() {
     }
 }
 
-/// Number of samples at full scale since [`clear`], in voices, their sum, or the equaliser.
+/// Number of samples that reached full scale since [`clear`], in voices, their sum, or the equaliser.
 pub fn saturations() -> u32 {
     // The tick may write these words, but not while interrupts are masked.
     critical_section::with(|_| {
@@ -135,11 +136,11 @@ pub fn saturations() -> u32 {
 /// Called by the tick, which plays that block.
 #[inline(always)]
 pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
-    // SAFETY: by the caller's contract both are the tick's.
+    // SAFETY: by the caller's contract the playback of the scene and the block belong to the tick.
     let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index.get()].look()) };
     scene.next_sample(block, |voice| {
         let (slot, buffer) = indices(voice);
-        // SAFETY: the block that is played names them.
+        // SAFETY: the block that is played names this playback and this frame.
         let (playback, frame) = unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].look()) };
         match (playback, frame) {
             (Some(playback), Some(frame)) => playback.next_sample::<CortexM>(frame),
@@ -148,7 +149,7 @@ pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
     })
 }
 
-/// Begins block `index`, which was not played before, and returns the ringing at its beginning.
+/// Begins block `index`, which was not played before, and returns the ringing at the beginning of the block.
 ///
 /// The function is never inlined, so that it takes no registers from the ticks that begin no block.
 ///
@@ -156,11 +157,11 @@ pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
 /// Called by the tick, while it plays and the update is ready.
 #[inline(never)]
 pub unsafe fn begin_block(index: BlockIndex) -> Ringing {
-    // SAFETY: by the caller's contract both are the tick's.
+    // SAFETY: by the caller's contract the playback of the scene and the block belong to the tick.
     let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index.get()].look()) };
     scene.begin_block(block, |voice| {
         let (slot, _) = indices(voice);
-        // SAFETY: the block that is played names it.
+        // SAFETY: the block that is played names this playback.
         if let Some(playback) = unsafe { PLAYBACKS[slot].get() } {
             playback.begin_frame(block.samples());
         }
@@ -189,7 +190,7 @@ pub fn is_ready() -> bool {
 /// Called by the tick, while the update is ready.
 #[inline(always)]
 pub unsafe fn request(noted: Noted) {
-    // SAFETY: the update is ready, so the note is the tick's.
+    // SAFETY: the update is ready, so the note belongs to the tick.
     unsafe { *NOTED.get() = noted };
     REQUESTED.store(true, Ordering::Release);
     priority::pend_update();
@@ -200,11 +201,11 @@ pub unsafe fn request(noted: Noted) {
 /// # Safety
 /// Called by the update, before [`ready`].
 pub unsafe fn noted() -> Noted {
-    // SAFETY: before `ready` the note is the update's.
+    // SAFETY: before `ready` the note belongs to the update.
     *unsafe { NOTED.look() }
 }
 
-/// Lets `director` decide the block that follows `played`, which has begun at `tick`.
+/// Makes `director` decide the block that follows `played`, which has begun at `tick`.
 ///
 /// # Safety
 /// Called by the update, before [`ready`], with the director of what is played.
@@ -214,10 +215,10 @@ pub unsafe fn direct(
     tick: u64,
     played: Played,
 ) {
-    // SAFETY: before `ready` the other block is the update's.
+    // SAFETY: before `ready` the other block belongs to the update.
     let block = unsafe { BLOCKS[played.block.other().get()].get() };
     let ringing = played.ringing;
-    // A plan that waits has the same rate, because another rate begins from silence.
+    // A plan that waits has the same rate, because a change of rate starts from silence.
     let samples = director.plan().block_samples();
     director.at_tick(tick + u64::from(UPDATE_LEAD_TICKS));
     // Every block is played to its end, so the next one begins with no samples left over.
@@ -236,12 +237,13 @@ impl Voices for SharedVoices {
     type Arithmetic = CortexM;
 
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
-        // SAFETY: the director asks only for what the block that is played does not name, which is the update's.
+        // SAFETY: the director asks only for frames that the block that is played does not name; these belong to the
+        // update.
         unsafe { FRAMES[slot][buffer].get() }
     }
 
     fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels {
-        // SAFETY: nothing changes a frame that is played, and the other frame is the update's.
+        // SAFETY: nothing changes a frame that is played, and the other frame belongs to the update.
         let frame = unsafe { FRAMES[slot][buffer].look() };
         frame
             .as_ref()

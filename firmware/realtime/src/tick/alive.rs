@@ -1,6 +1,6 @@
 //! Signs of life of the tick, which the watchdog and the fault handlers read.
 //!
-//! The tick writes them and nothing else; it neither feeds the watchdog nor knows of it.
+//! The tick only writes them; it neither feeds the watchdog nor knows of it.
 #![expect(unsafe_code, reason = "a place in memory that outlives a reset")]
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -8,12 +8,12 @@ use core::sync::atomic::{AtomicU32, Ordering};
 /// Number of ticks that have ended, modulo 2³².
 static ENDED: AtomicU32 = AtomicU32::new(0);
 
-/// [`RUNNING_MARK`] while the tick runs. It outlives a reset, so that a tick that never ends is told from an executor
-/// that hangs.
+/// [`RUNNING_MARK`] while the tick runs. It survives a reset, so that a tick that never ends can be distinguished from
+/// an executor that hangs.
 #[unsafe(link_section = ".uninit.tick_running")]
 static RUNNING: AtomicU32 = AtomicU32::new(0);
 
-/// Value of [`RUNNING`] during a tick. After power-on the memory holds noise, which is hardly ever this.
+/// Value of [`RUNNING`] during a tick. After power-on the memory holds noise, which hardly ever equals this value.
 const RUNNING_MARK: u32 = 0x5449_434B;
 
 /// Notes that the tick begins.
@@ -33,7 +33,7 @@ pub fn end() {
     clear_running();
 }
 
-/// Number of ticks that have ended, modulo 2³²: the tick is alive while it changes.
+/// Number of ticks that have ended, modulo 2³². While it changes, the tick is alive.
 #[inline(always)]
 pub fn ended() -> u32 {
     ENDED.load(Ordering::Relaxed)
@@ -50,7 +50,7 @@ pub fn is_running() -> bool {
     RUNNING.load(Ordering::Relaxed) == RUNNING_MARK
 }
 
-/// Forgets what [`is_running`] reports of the time before the reset.
+/// Clears what [`is_running`] reports, including a tick from before a reset.
 #[inline(always)]
 pub fn clear_running() {
     RUNNING.store(0, Ordering::Relaxed);

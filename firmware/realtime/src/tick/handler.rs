@@ -1,13 +1,13 @@
 //! The tick, 5000 times per second: one sample, or two of a plan at 10 kHz.
 //!
-//! TIM6 counts 200 µs. Its update event is the trigger: it starts the converter's sequence, and interrupts. The handler
-//! reads the conversions of the previous trigger, computes the samples, and writes their eight codes into the ring of
-//! [`output`]. TIM7 and DMA put them out, the first one 212.5 µs after the trigger. So timers alone set the instants of
-//! sampling and output, and a signal on the pins at one trigger can be answered 412.5 µs later.
+//! TIM6 counts 200 µs. Its update event is the trigger: it starts the converter's sequence and raises the interrupt.
+//! The handler reads the conversions of the previous trigger, computes the samples, and writes their eight codes into
+//! the ring of [`output`]. TIM7 and DMA put the codes out, the first one 212.5 µs after the trigger. So only timers set
+//! the instants of sampling and output, and a signal on the pins at one trigger can be answered 412.5 µs later.
 //!
-//! The handler's code is in ITCM and everything that it touches in DTCM; the build fails if a call or an address in it
-//! leads to flash. The handler takes no lock and logs nothing. The number of instructions depends on the block that is
-//! played, never on the data.
+//! The handler's code is in ITCM, and everything that it touches is in DTCM. The build fails if a call or an address in
+//! the handler leads to flash. The handler takes no lock and logs nothing. The number of instructions depends on the
+//! block that is played, never on the data.
 
 #![expect(
     unsafe_code,
@@ -54,7 +54,7 @@ pub struct Tick {
     encoder: Encoder,
     sensors: Sensors,
     tap: Tap<'static>,
-    /// Number of ticks in the present block.
+    /// Number of ticks since the present block began.
     phase: u32,
     /// The block that is played, if any.
     playing: Option<BlockIndex>,
@@ -92,8 +92,8 @@ pub struct Snapshot {
 
 /// Starts the output, and TIM6 with it; `tap` takes the samples to record. The cycle counter must run.
 ///
-/// The phase of TIM6 against TIM7 stays what it is here: within a microsecond of what [`output`] states, because the
-/// store that starts TIM6 follows the load of TIM7's count by some instructions.
+/// The phase between TIM6 and TIM7 stays as it is set here. It is within a microsecond of what [`output`] states,
+/// because the store that starts TIM6 follows the load of TIM7's count by some instructions.
 pub fn start(
     _timer: Peri<'static, peripherals::TIM6>,
     hardware: output::Hardware,
@@ -139,7 +139,8 @@ pub fn now() -> u64 {
     TICK.with(|_, tick| tick.as_ref().map_or(0, |tick| tick.counters.ticks))
 }
 
-/// Sets the counts of ticks, blocks and encoder to shortly before the ends of their 32 bits: ten days of ticks.
+/// Sets the counts of ticks, blocks and encoder to shortly before the ends of their 32 bits, which for ticks is ten
+/// days.
 #[cfg(feature = "fault-injection")]
 pub fn age() {
     const TICKS: u32 = u32::MAX - SAMPLE_RATE_HZ;
@@ -165,7 +166,8 @@ pub fn snapshot() -> Option<Snapshot> {
     })
 }
 
-/// Returns the range of the ticks' durations since the last call, and begins it anew; see [`Histogram::take_range`].
+/// Returns the range of the ticks' durations since the last call, and begins a new range; see
+/// [`Histogram::take_range`].
 pub fn take_range(counted: &mut u32) -> CycleRange {
     TICK.with(|_, tick| {
         tick.as_mut()
@@ -173,7 +175,7 @@ pub fn take_range(counted: &mut u32) -> CycleRange {
     })
 }
 
-/// Mutes or unmutes the output from the next tick on, and returns the number of that tick at the earliest.
+/// Mutes or unmutes the output from the next tick on. Returns the earliest number that this tick can have.
 pub fn set_muted(muted: bool) -> u64 {
     TICK.with(|_, tick| {
         MUTED.store(muted, Ordering::Relaxed);
@@ -234,25 +236,25 @@ pub fn stop() {
 /// The tick's interrupt. **Deadline: 200 µs, until the next trigger.**
 ///
 /// The time of a tick is bounded by the stages of the block, whose worst case was compared with a budget before the
-/// plan was accepted. The safety stages, the queue and the counters take the same at every tick. A tick begins late by
-/// at most the longest critical section. If a tick ends after the next trigger, it is counted as missed, and the next
-/// one begins at once. `status` shows the count and the duration of ticks.
+/// plan was accepted. The safety stages, the queue and the counters take the same time at every tick. A tick begins
+/// late by at most the longest critical section. If a tick ends after the next trigger, it is counted as missed, and
+/// the next tick begins at once. `status` shows the count and the duration of ticks.
 ///
-/// A sample's codes are put out 212.5 µs after the trigger, however early they are computed.
+/// The codes of a sample are put out 212.5 µs after the trigger, however early they are computed.
 ///
-/// Codes that come more than 137.5 µs after the trigger go into the next slot. The output holds the last code until
-/// then, and the codes continue from it within the slew limit.
+/// Codes that are written more than 137.5 µs after the trigger go into the next slot. The output holds the last code
+/// until then, and the codes continue from it within the slew limit.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.tick")]
 extern "C" fn TIM6_DAC() {
     let delay = inputs::since_trigger();
     let begin = DWT::cycle_count();
     alive::begin();
-    // A zero clears a flag of a timer, a one leaves it.
+    // Writing 0 clears a flag of a timer; writing 1 leaves it.
     TIM6.sr().write(|w| w.set_uif(false));
     // SAFETY: this is the handler that owns the value.
     let tick = unsafe { TICK.in_handler() };
-    // An address that the compiler knows is loaded by two instructions at nearly every use.
+    // `black_box` hides the address: if the compiler knew it, nearly every use would load it by two instructions.
     if let Some(tick) = black_box(tick) {
         tick.note_delay(delay);
         tick.run(begin);
@@ -264,8 +266,8 @@ extern "C" fn TIM6_DAC() {
 }
 
 impl Tick {
-    /// Keeps the longest `delay`. The first tick has none: what pends it is the timer's first overflow, whenever that
-    /// was.
+    /// Keeps the longest `delay`. The delay of the first tick is ignored, because the timer's first overflow, at an
+    /// unknown time, pended that tick.
     #[inline(always)]
     fn note_delay(&mut self, delay: u32) {
         let delay = if self.counters.ticks == 0 { 0 } else { delay };
@@ -319,8 +321,8 @@ impl Tick {
         self.tap.put(now, sample, inputs.complete);
     }
 
-    /// The signal of a tick at 10 kHz: two samples of the block. Separate from that at 5 kHz, so that neither costs the
-    /// other an instruction.
+    /// Computes the signal of a tick at 10 kHz: two samples of the block. It is separate from the path at 5 kHz, so
+    /// that neither path costs the other an instruction.
     #[inline(never)]
     #[unsafe(link_section = ".itcm.pair")]
     fn wanted_of_pair(&mut self, muted: bool) -> Wanted {
@@ -334,13 +336,13 @@ impl Tick {
         self.safety.wanted_of_pair(&self.config, samples, muted)
     }
 
-    /// Writes `wanted` as codes, ahead of what is put out now.
+    /// Writes `wanted` as codes, ahead of the codes that are being put out.
     #[inline(always)]
     fn put_out(&mut self, wanted: Wanted) {
         #[cfg(feature = "fault-injection")]
         crate::injection::before_output();
         let next = self.output.next_place();
-        // What is moved by hand reaches no coil, and the stages do not follow it.
+        // Codes that are set by hand reach no coil, so the safety stages do not follow them.
         if !by_hand::is_held() {
             self.safety.continue_from(next.before);
         }
@@ -352,8 +354,8 @@ impl Tick {
 
     /// Counts the triggers since the last tick: one, or more if ticks were missed.
     ///
-    /// The cycle of the trigger is that of the handler's beginning minus the timer's count since, so the latency of the
-    /// handler does not matter.
+    /// The cycle of the trigger is the cycle at which the handler began minus the timer's count since the trigger, so
+    /// the latency of the handler does not matter.
     #[inline(always)]
     fn count_periods(&mut self, begin: u32, since_trigger: u32) {
         let trigger = begin.wrapping_sub(since_trigger * (CORE_HZ / TIMER_HZ));
@@ -366,7 +368,8 @@ impl Tick {
         self.safety.miss(periods - 1);
     }
 
-    /// Begins the block that was decided during the last one. If the update has not finished, the block before goes on.
+    /// Begins the block that was decided during the last one. If the update has not finished, the previous block
+    /// continues.
     #[inline(always)]
     fn begin_block(&mut self) {
         if core::mem::take(&mut self.begins) {
@@ -387,8 +390,8 @@ impl Tick {
         }
     }
 
-    /// Requests the block after the one that is played, from the present motion, which so sounds [`UPDATE_LEAD_TICKS`]
-    /// later. A block that was decided and has not begun yet is not decided again.
+    /// Requests the block after the one that is played, from the present motion, which is therefore heard
+    /// [`UPDATE_LEAD_TICKS`] later. A block that was decided and has not begun yet is not decided again.
     #[inline(always)]
     fn request_update(&mut self, now: u64) {
         self.sensors.end_block();

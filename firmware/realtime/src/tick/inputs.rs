@@ -8,12 +8,12 @@
 //!
 //! embassy-stm32 calibrates and enables the converter and configures the encoder's timer. It does not support an
 //! injected sequence of this converter, so this module sets one up by RM0433 sections 25.4.19 to 25.4.22. A trigger
-//! starts the sequence; its four results stay in JDR1 to JDR4 until the next sequence overwrites them. The first
-//! channel is sampled for longer than the others, so that the first result comes late: a tick that a critical section
-//! delays still reads the row of the previous trigger.
+//! starts the sequence. Its four results stay in JDR1 to JDR4 until the next sequence overwrites them. The first
+//! channel is sampled for longer than the others, so that the first result comes late. Therefore a tick that a critical
+//! section delays still reads the results of the previous trigger.
 //!
-//! Z is not on PC1, which on this board is the Ethernet transceiver's MDC (UM2407); PF11 (ADC1 INP2) is the other pin
-//! of this converter that nothing else drives.
+//! Z is not on PC1, because on this board PC1 is the Ethernet transceiver's MDC (UM2407). PF11 (ADC1 INP2) is the other
+//! pin of this converter that nothing else drives.
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::Adc;
@@ -34,15 +34,15 @@ const CHANNELS: [u8; 4] = [15, 10, 6, 5];
 /// A sampling time, and its length in half cycles of the converter (RM0433 section 25.4.13).
 type Sampling = (SampleTime, u32);
 
-/// Sampling time of each channel. That of the first one is the slack of a late tick.
+/// Sampling time of each channel. The sampling time of the first channel determines how late a tick may be.
 const SAMPLING: [Sampling; 4] = {
     const LONG: Sampling = (SampleTime::CYCLES387_5, 775);
     const SHORT: Sampling = (SampleTime::CYCLES64_5, 129);
     [LONG, SHORT, SHORT, SHORT]
 };
 
-/// Half cycles of the converter from the end of the sampling time to the result: half a cycle, and half a cycle per bit
-/// of 16 (RM0433 section 25.4.17).
+/// Half cycles of the converter from the end of the sampling time to the result: one, and one per bit of 16 (RM0433
+/// section 25.4.17).
 const CONVERSION: u32 = 17;
 
 /// TIM6_TRGO as a trigger of injected sequences (RM0433 table 212, jadc_ext_trg14).
@@ -51,10 +51,11 @@ const TRIGGER_TIM6: u8 = 14;
 /// Cycles of TIM6 per half cycle of the converter.
 const TIMER_PER_HALF_CYCLE: u32 = TIMER_HZ / (2 * CONVERTER_HZ);
 
-/// Time that reading a row may take, cycles of TIM6: 2 µs.
+/// Time that reading the results of a sequence may take, cycles of TIM6: 2 µs.
 const READING: u32 = TIMER_HZ / 500_000;
 
-/// Arrival of the first result of a sequence, cycles of TIM6 after the trigger: 31.7 µs, less the time for reading.
+/// Latest time at which reading a sequence's results may end, cycles of TIM6 after the next trigger. It is the arrival
+/// of that trigger's first result, 31.7 µs, less the time for reading.
 const FIRST_RESULT: u32 = (SAMPLING[0].1 + CONVERSION) * TIMER_PER_HALF_CYCLE - READING;
 
 /// Length of a sequence, cycles of TIM6: 49.2 µs.
@@ -73,12 +74,12 @@ const _: () = assert!(
     "a sequence ends long before the next trigger"
 );
 
-/// Filter of the encoder's inputs: a level counts when 8 samples at the timer's clock / 32 in a row show it (RM0433
-/// chapter 39, TIMx_CCMR1, IC1F), which is 1.28 µs at 200 MHz.
+/// Filter of the encoder's inputs: a level counts when 8 samples in a row, at the timer's clock / 32, show it (RM0433
+/// chapter 39, TIMx_CCMR1, IC1F). This takes 1.28 µs at 200 MHz.
 ///
-/// The fastest stroke of a hand is taken as 2 m/s, the finest encoder as 5 µm per count. Its counts come every 2.5 µs,
-/// and a level of one signal lasts two of them, 5 µs. So the filter leaves three quarters of a level to the encoder's
-/// own errors of phase and duty cycle.
+/// The fastest stroke of a hand is assumed to be 2 m/s, and the finest encoder to have 5 µm per count. Its counts then
+/// come every 2.5 µs, and a level of one signal lasts two counts, 5 µs. So the filter leaves three quarters of a level
+/// for the encoder's own errors of phase and duty cycle.
 const ENCODER_FILTER: FilterValue = FilterValue::FDTS_DIV32_N8;
 
 /// The pins and peripherals of all inputs.
@@ -113,7 +114,7 @@ pub fn start(pins: Pins) {
         encoder_a,
         encoder_b,
     } = pins;
-    // A `Flex` that is dropped leaves its pin analogue.
+    // Dropping a `Flex` leaves its pin analogue.
     drop((
         Flex::new(acceleration_x),
         Flex::new(acceleration_y),
@@ -128,7 +129,7 @@ pub fn start(pins: Pins) {
         ch2_pull: Pull::Up,
         ..Default::default()
     };
-    // Forgotten, because a `Qei` that is dropped stops the timer.
+    // Forgotten, because dropping a `Qei` stops the timer.
     core::mem::forget(Qei::new(timer, encoder_a, encoder_b, config));
     // embassy leaves the filters off.
     TIM3.ccmr_input(0).modify(|w| {
@@ -138,7 +139,7 @@ pub fn start(pins: Pins) {
 }
 
 fn arm_sequence() {
-    // embassy takes the clock before the silicon halves it.
+    // embassy sets the boost for the clock before the silicon halves it.
     ADC1.cr().modify(|w| w.set_boost(CONVERTER_BOOST));
     ADC1.pcsel().modify(|w| {
         for channel in CHANNELS {
@@ -150,7 +151,7 @@ fn arm_sequence() {
             .modify(|w| w.set_smp(channel % 10, time));
     }
     ADC1.cfgr().modify(|w| {
-        // The sequence never changes: without the queue, JSQR holds it (RM0433 section 25.4.21).
+        // The sequence never changes. Without the queue, JSQR keeps it (RM0433 section 25.4.21).
         w.set_jqdis(true);
         w.set_jqm(Jqm::MODE0);
     });
@@ -174,9 +175,10 @@ pub struct Inputs {
     pub force: AdcCode,
     /// The encoder's count, which wraps.
     pub encoder: u16,
-    /// True if all conversions are of that trigger: they had ended, and no later one has overwritten a result yet.
+    /// True if all conversions belong to that trigger: they had ended, and no later conversion has overwritten a result
+    /// yet.
     pub complete: bool,
-    /// Time since the trigger, cycles of TIM6.
+    /// Time since the last trigger, cycles of TIM6.
     pub since_trigger: u32,
 }
 
@@ -199,7 +201,7 @@ pub fn read() -> Inputs {
     let ended = ADC1.isr().read().jeos();
     let [x, y, z, force] = [0, 1, 2, 3].map(|rank| AdcCode(ADC1.jdr(rank).read().jdata() as u16));
     let elapsed = since_trigger();
-    // A one clears a flag, a zero does nothing (RM0433 section 25.6.1).
+    // Writing 1 clears a flag; writing 0 does nothing (RM0433 section 25.6.1).
     ADC1.isr().write(|w| {
         w.set_jeoc(true);
         w.set_jeos(true);

@@ -1,4 +1,5 @@
-//! One sample, 5000 times per second: inputs, the sample of the block that is played, safety stages, output.
+//! The tick: one sample, 5000 times per second. It reads the inputs, computes the sample of the block that is played,
+//! applies the safety stages, and writes the output.
 //!
 //! Invariant: no lock, log, flash access, allocation, wait, or path that depends on the data; code in ITCM, data in
 //! DTCM.

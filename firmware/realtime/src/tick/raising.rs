@@ -5,15 +5,15 @@ use embassy_time::{Duration, Timer};
 use crate::tick::handler;
 use crate::tick::output::{self, amplifier};
 
-/// Time for which mid-scale must have been put out, ms.
+/// Time for which mid-scale must have been put out before the amplifier is turned on, ms.
 const SETTLING_MS: u32 = 10;
 
-/// Time between two looks while the amplifier is to be raised, and otherwise.
+/// Time between two looks, first while the amplifier is to be raised, then otherwise.
 const LOOK: Duration = Duration::from_millis(1);
 const IDLE: Duration = Duration::from_millis(20);
 
-/// Raises the amplifier whenever it is to be on and the output has been at mid-scale for [`SETTLING_MS`], seen once per
-/// millisecond.
+/// Raises the amplifier's enable once it is requested and the output has been at mid-scale for [`SETTLING_MS`], checked
+/// once per millisecond.
 #[embassy_executor::task]
 pub async fn raise_amplifier() -> ! {
     let mut settled = 0;

@@ -1,8 +1,8 @@
-//! The control pipe: it stalls requests that embassy would not survive, and ends a transfer that the host has
-//! abandoned. Below it, the length of packets, and how a packet to the host is taken back.
+//! The control pipe: it stalls requests that would make embassy panic or hang, and ends a transfer that the host has
+//! abandoned. The end of this file holds the length of packets, and how a packet to the host is cancelled.
 //!
-//! A host that begins another transfer sends another SETUP packet, which ends the transfer before at any stage (USB
-//! 2.0, section 5.5.5). A reset of the bus ends any transfer too.
+//! A host that begins another transfer sends another SETUP packet, which ends the previous transfer at any stage (USB
+//! 2.0, section 5.5.5). A reset of the bus also ends any transfer.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -23,8 +23,8 @@ type Inner =
 /// Largest number of an endpoint of the device.
 const LAST_ENDPOINT: u8 = 1;
 
-/// Descriptor types that exist with index zero only (USB 2.0 table 9-5, and 15, BOS). A device qualifier is not among
-/// them, because this device has one speed (section 9.6.2).
+/// Descriptor types that exist only with index zero (USB 2.0 table 9-5, and 15, BOS). A device qualifier is not among
+/// them, because this device has only one speed (section 9.6.2).
 const SINGLE_DESCRIPTORS: [u8; 3] = [1, 2, 15];
 
 /// Type of string descriptors, which have indices.
@@ -112,13 +112,13 @@ impl Pipe {
         }
     }
 
-    /// The next SETUP packet that no reset has invalidated.
+    /// Returns the next SETUP packet that no reset has invalidated.
     async fn next(&mut self) -> [u8; 8] {
         poll_fn(|context| {
             let happened = now();
             let has_come = happened.1 != self.began.1;
             if has_come {
-                // An answer of the transfer before that the host has not fetched.
+                // Cancels an answer of the previous transfer that the host has not fetched.
                 cancel_in(0);
             }
             critical_section::with(|_| {
@@ -128,7 +128,7 @@ impl Pipe {
                     return Poll::Pending;
                 }
                 if has_come {
-                    // An unread packet of the transfer before.
+                    // Drops an unread packet of the previous transfer.
                     let mut dropped = [0; PACKET_BYTES];
                     let _ = poll_once(self.inner.data_out(&mut dropped, true, true));
                 }
@@ -148,7 +148,8 @@ impl Pipe {
     }
 }
 
-/// The result of `work`, a part of the transfer that began at `began`; none once the host has abandoned the transfer.
+/// Returns the result of `work`, a part of the transfer that began at `began`; none once the host has abandoned the
+/// transfer.
 async fn unless_broken_off<T>(began: (u32, u32), work: impl Future<Output = T>) -> Option<T> {
     let mut work = pin!(work);
     poll_fn(|context| {
@@ -199,7 +200,7 @@ impl ControlPipe for Pipe {
     }
 
     async fn reject(&mut self) {
-        // A stall that came late would hit the next transfer.
+        // A stall that came late would apply to the next transfer.
         let _ = unless_broken_off(self.began, self.inner.reject()).await;
     }
 
@@ -211,8 +212,8 @@ impl ControlPipe for Pipe {
 /// Longest packet of an endpoint at full speed, bytes (USB 2.0, section 5.8.3).
 pub const PACKET_BYTES: usize = 64;
 
-/// Number of times that a bit is read which the core clears within some cycles of its clocks (RM0433 section 57.14):
-/// far more than it takes, and less than a millisecond.
+/// Largest number of reads of a bit that the core clears within some cycles of its clocks (RM0433 section 57.14). It is
+/// far more than the core needs, and takes less than a millisecond.
 const READS: u32 = 5_000;
 
 /// Waits until `done`, for at most [`READS`] reads.

@@ -1,4 +1,5 @@
-//! The driver: endpoints with sessions, and a bus that begins them anew. The table in [`crate::link::otg`] says why.
+//! The driver: endpoints with sessions, and a bus that begins new sessions. The list in [`crate::link::otg`] gives the
+//! reasons.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -26,7 +27,7 @@ type InnerIn = <Inner as driver::Driver<'static>>::EndpointIn;
 type InnerOut = <Inner as driver::Driver<'static>>::EndpointOut;
 
 /// Sessions of an endpoint. A session lasts from one configuration of the endpoint until anything ends it. There is one
-/// bulk endpoint each way.
+/// bulk endpoint in each direction.
 pub struct Sessions {
     count: AtomicU32,
     changed: AtomicWaker,
@@ -52,12 +53,12 @@ impl Sessions {
 
     /// Ends the session, and every wait in it.
     fn end(&self) {
-        // Only the interrupt's handler may write at the same time, and either order gives a new number.
+        // Only the interrupt's handler may write at the same time, and either order results in a new number.
         self.count.fetch_add(1, Ordering::AcqRel);
         self.changed.wake();
     }
 
-    /// The result of `work`, or an error if the session ends before.
+    /// Returns the result of `work`, or an error if the session ends first.
     async fn within<T>(
         &self,
         session: u32,
@@ -76,7 +77,7 @@ impl Sessions {
     }
 }
 
-/// Handler that sees resets of the bus and SETUP packets before embassy's handler does.
+/// Handler that sees resets of the bus and SETUP packets before embassy's handler.
 pub struct Watch;
 
 #[expect(
@@ -88,9 +89,9 @@ impl Handler<typelevel::OTG_FS> for Watch {
     // SAFETY: as above.
     unsafe fn on_interrupt() {
         let raised = USB_OTG_FS.gintsts().read();
-        // embassy's handler masks the reset until its task has served it, so a masked one is not another reset.
+        // embassy's handler masks the reset until its task has served the reset, so a masked reset is not a new one.
         if raised.usbrst() && USB_OTG_FS.gintmsk().read().usbrst() {
-            // The host soon uses address 0, maybe before the task has run (USB 2.0, section 7.1.7.5).
+            // The host soon uses address 0, possibly before the task has run (USB 2.0, section 7.1.7.5).
             USB_OTG_FS.dcfg().modify(|w| w.set_dad(0));
             control::bus_was_reset();
             IN.end();
@@ -114,7 +115,7 @@ pub struct Listen;
 impl Handler<typelevel::OTG_FS> for Listen {
     // SAFETY: as above.
     unsafe fn on_interrupt() {
-        // A reset that is pending has been seen, and stays masked until the task has served it.
+        // A pending reset has been seen already, and stays masked until the task has served it.
         if !USB_OTG_FS.gintsts().read().usbrst() {
             USB_OTG_FS.gintmsk().modify(|w| w.set_usbrst(true));
         }
@@ -166,7 +167,7 @@ impl driver::Driver<'static> for Driver {
 pub struct Bus(InnerBus);
 
 impl Bus {
-    /// Puts a bulk endpoint into use from the beginning: no packet of the time before in it, and an even packet due.
+    /// Puts a bulk endpoint into use from the beginning: it holds no earlier packet, and the next packet is DATA0.
     fn begin(&mut self, address: EndpointAddress) {
         let index = address.index();
         match address.direction() {
@@ -184,7 +185,7 @@ impl Bus {
                 OUT.end();
                 critical_section::with(|_| {
                     self.0.endpoint_set_enabled(address, true);
-                    // No packet may come until the reader has dropped the packets of the time before.
+                    // No packet may come until the reader has dropped the earlier packets.
                     USB_OTG_FS.doepctl(index).modify(|w| {
                         w.set_sd0pid_sevnfrm(true);
                         w.set_snak(true);
@@ -284,8 +285,8 @@ impl Endpoint for BulkOut {
             if session == self.session {
                 return;
             }
-            // An unread packet of the session before would be taken for the first one of this session, which would be
-            // lost.
+            // An unread packet of the previous session would be mistaken for the first packet of this session, which
+            // would be lost.
             let mut dropped = [0; PACKET_BYTES];
             let _ = poll_once(self.inner.read(&mut dropped));
             let index = self.inner.info().addr.index();

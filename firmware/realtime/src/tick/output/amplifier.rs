@@ -1,8 +1,8 @@
 //! The amplifier's enable: PE9, active high.
 //!
 //! In every reset the pin floats, so a pull-down on the board must hold it low. `boot/startup.rs` drives it low before
-//! anything else runs. It is raised last, after mid-scale has been put out for a while (`tick/raising.rs`), and dropped
-//! first at every end.
+//! anything else runs. The enable is raised last, after mid-scale has been put out for a while (`tick/raising.rs`), and
+//! is dropped first whenever the output ends.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,13 +18,13 @@ static WANTED: AtomicBool = AtomicBool::new(false);
 /// True while the amplifier is on.
 static ON: AtomicBool = AtomicBool::new(false);
 
-/// Lets the amplifier be on: it is raised as soon as mid-scale has been put out long enough. Until then the output is
+/// Requests the amplifier: it is turned on as soon as mid-scale has been put out long enough. Until then the output is
 /// mute.
 pub fn enable() {
     WANTED.store(true, Ordering::Relaxed);
 }
 
-/// Sets the amplifier off at once, until [`enable`].
+/// Turns the amplifier off at once. It stays off until [`enable`].
 pub fn disable() {
     WANTED.store(false, Ordering::Relaxed);
     off_now();
@@ -41,13 +41,13 @@ pub fn is_on() -> bool {
     ON.load(Ordering::Relaxed)
 }
 
-/// Returns true while the amplifier is to be on and is not yet.
+/// Returns true while the amplifier is to be on but is not on yet.
 #[inline(always)]
 pub fn is_to_be_raised() -> bool {
     WANTED.load(Ordering::Relaxed) && !ON.load(Ordering::Relaxed)
 }
 
-/// Sets the amplifier on if it is still to be on and the supply holds. The output must be driven at mid-scale.
+/// Turns the amplifier on if it is still to be on and the supply holds. The output must be driven at mid-scale.
 pub fn raise() {
     critical_section::with(|_| {
         if !supply::is_low() && WANTED.load(Ordering::Relaxed) {
@@ -57,10 +57,10 @@ pub fn raise() {
     });
 }
 
-/// Sets the amplifier off, whatever state the program is in.
+/// Turns the amplifier off, whatever state the program is in.
 #[inline(always)]
 pub fn off_now() {
-    // A fault may come before the clock is on.
+    // A fault may come before the clock of the port is on.
     RCC.ahb4enr().modify(|w| w.set_gpioeen(true));
     let _ = RCC.ahb4enr().read();
     GPIOE.bsrr().write(|w| w.set_br(PIN, true));

@@ -1,8 +1,8 @@
-//! The output, moved by hand for the self test, with the amplifier disabled.
+//! The output, set by the self test instead of the texture, with the amplifier disabled.
 //!
-//! The codes go the way of all codes: the tick writes them into the ring, so they end by themselves when ticks end. The
-//! tick takes them only while the amplifier is off. A new code begins in the middle of a tick's codes, when no handler
-//! runs that would delay a look at it.
+//! These codes take the path of all codes: the tick writes them into the ring, so they end when ticks end. The tick
+//! uses them only while the amplifier is off. A new code begins in the middle of a tick's codes, when no handler runs
+//! that would delay reading it back.
 
 use core::sync::atomic::{AtomicI32, Ordering};
 
@@ -11,13 +11,13 @@ use stylus_app::safety::OVERSAMPLING;
 
 use crate::tick::output::{amplifier, is_out};
 
-/// Value of [`CODE`] while nobody moves the output.
+/// Value of [`CODE`] while the output is not set by hand.
 const NOBODY: i32 = i32::MIN;
 
 /// The code, steps from mid-scale, or [`NOBODY`].
 static CODE: AtomicI32 = AtomicI32::new(NOBODY);
 
-/// The code of the tick before, steps from mid-scale. The tick alone uses it.
+/// The code of the previous tick, steps from mid-scale. Only the tick uses it.
 static BEFORE: AtomicI32 = AtomicI32::new(0);
 
 /// Returns true while the output is moved by hand.
@@ -46,7 +46,8 @@ pub fn instead_of(codes: [DacCode; OVERSAMPLING]) -> [DacCode; OVERSAMPLING] {
     })
 }
 
-/// The right to move the output. Dropped, the tick has the output again, and the amplifier is enabled if it was.
+/// The right to set the output by hand. When it is dropped, the tick has the output again, and the amplifier is enabled
+/// if it was before.
 pub struct ByHand {
     was_wanted: bool,
 }

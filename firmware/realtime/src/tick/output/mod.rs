@@ -4,17 +4,18 @@
 //! tick -> ring in SRAM 1 -> DMA1 stream 0 -> DHR12R1 -> DOR1 -> PA4 -> amplifier, enabled by PE9
 //!           ^ DMA1 stream 1 writes mid-scale     ^ TIM7, 40 kHz: moves DHR to DOR and requests the next code
 //! ```
-//! TIM7 counts 25 µs. Its update is the trigger of the converter, so that neither software nor DMA shifts an instant.
-//! TIM7's update also moves the eraser, which writes mid-scale over codes that have been put out.
+//! TIM7 counts 25 µs. Its update is the trigger of the converter, so that neither software nor DMA shifts the instant
+//! of an output. TIM7's update also triggers the eraser, which writes mid-scale over codes that have been put out.
 //!
-//! **The dead man's switch.** Both streams are circular and need no instruction. When ticks end, because the core is
-//! halted, locked up or in a loop, the output plays what the last tick wrote ahead: its codes, a hold, a fade, and then
-//! mid-scale for ever, 1012.5 µs after that tick's trigger ([`stylus_app::ring`]). Each tick checks that both streams
-//! work, and panics otherwise.
+//! **The dead man's switch.** Both DMA streams are circular and need no instruction. When ticks end, because the core
+//! is halted, locked up or in a loop, the output plays what the last tick wrote ahead: its codes, a hold, and a fade.
+//! It stays at mid-scale from 1012.5 µs after that tick's trigger on ([`stylus_app::ring`]). Each tick checks that both
+//! streams work, and panics otherwise.
 //!
-//! **Latency.** A tick's first code is on the pin 212.5 µs after the tick's trigger. DMA fetches it from the ring
-//! 162.5 µs after the trigger, and writes it to the converter 25 µs later; the next update moves it to the pin. TIM7's
-//! updates lie 12.5 µs beside TIM6's, so a handler that is some microseconds late reads the same position of the ring.
+//! **Latency.** A tick's first code is on the pin 212.5 µs after the tick's trigger. DMA fetches the code from the ring
+//! 162.5 µs after the trigger and writes it to the converter 25 µs later. The next update of TIM7 moves it to the pin.
+//! TIM7's updates come 12.5 µs before and after TIM6's, so a handler that is some microseconds late still reads the
+//! same position of the ring.
 //!
 //! The ring must be neither in DTCM, which DMA does not reach (RM0433 section 2.1.6), nor cached.
 //! `boot/startup.rs` turns the channel on, at mid-scale and with TIM7's trigger selected, before anything else runs.
@@ -53,11 +54,12 @@ const _: () = assert!(PERIOD_TIMER <= 1 << 16 && PERIOD_TIMER * PIN_RATE_HZ == T
 /// Cycles of TIM7 in a period of the tick.
 const PERIOD_TICK: u32 = PERIOD_TIMER * OVERSAMPLING as u32;
 
-/// Place of the tick's trigger in a slot, cycles of TIM7: half a code's period after the slot's first code went to the
-/// converter. [`Slot::ahead_of`] expects it there.
+/// Time of the tick's trigger within a slot, cycles of TIM7: half a code's period after the slot's first code went to
+/// the converter. [`Slot::ahead_of`] relies on it.
 const TICK_IN_SLOT: u32 = PERIOD_TIMER + PERIOD_TIMER / 2;
 
-/// Reads of a stream's enable bit until it must be clear: a transfer under way ends within a few bus cycles.
+/// Most reads of a stream's enable bit until it must be clear, because a transfer under way ends within a few bus
+/// cycles.
 const LAST_TRANSFER_READS: usize = 100;
 
 /// The peripherals and pins of the output.
@@ -66,29 +68,29 @@ pub struct Hardware {
     pub timer: Peri<'static, peripherals::TIM7>,
     /// Stream to the converter.
     pub to_converter: Peri<'static, DMA1_CH0>,
-    /// Stream that erases.
+    /// Stream that overwrites codes with mid-scale.
     pub eraser: Peri<'static, DMA1_CH1>,
     /// The amplifier's enable.
     pub amplifier: Peri<'static, PE9>,
 }
 
-/// The tick's side of the output.
+/// The output, as the tick sees it.
 pub struct Output {
-    /// Codes that remained in the ring at the last look.
+    /// Codes that remained in the ring when the tick last looked.
     remaining: usize,
-    /// Number of looks since the stream moved.
+    /// Number of looks since the stream last moved.
     standing: u32,
     /// The last code written, steps from mid-scale.
     last: i32,
 }
 
-/// Place and beginning of the next codes.
+/// The place of the next codes, and the code before them.
 #[derive(Clone, Copy)]
 pub struct Next {
     slot: Slot,
-    /// The code that is put out just before them, steps from mid-scale.
+    /// The code that is put out just before the next codes, steps from mid-scale.
     pub before: i32,
-    /// True if that is not the last code written: it was held and faded, or other codes were due in between.
+    /// True if `before` is not the last code written: that one was held and faded, or other codes were due in between.
     pub interrupted: bool,
 }
 
@@ -100,13 +102,13 @@ impl Output {
         last: 0,
     };
 
-    /// Finds the place of the next codes, and what they have to continue from.
+    /// Finds the place of the next codes, and the code from which they have to continue.
     ///
     /// # Panics
-    /// If the streams do not work, because then a core that stops would leave current in the coil.
+    /// If a stream does not work, because then a core that stops would leave current in the coil.
     #[inline(always)]
     pub fn next_place(&mut self) -> Next {
-        /// Eight ticks after a look the ring is where it was, so one look alone proves nothing.
+        /// Eight ticks after a look the ring is at the same position again, so a single look proves nothing.
         const MOST_STANDING: u32 = 2;
         let remaining = remaining();
         self.standing = if remaining == self.remaining {
@@ -129,8 +131,8 @@ impl Output {
         }
     }
 
-    /// Writes `codes`, and what is put out after them if no other tick follows. Returns true if that came too late for
-    /// the first code.
+    /// Writes `codes`, and what is put out after them if no further tick comes. Returns true if the write came too late
+    /// for the first code.
     #[inline(always)]
     pub fn write(&mut self, Next { slot, .. }: Next, codes: [DacCode; OVERSAMPLING]) -> bool {
         ring::fill(slot, codes.map(|code| u32::from(code.get())));
@@ -144,7 +146,7 @@ impl Output {
             ring::fill(slot.after(1 + HELD_SLOTS + others), faded);
         }
         self.last = held as i32 - ring::MID_SCALE as i32;
-        // All is in memory before the look.
+        // Ensures that all writes are in memory before the position is read.
         cortex_m::asm::dmb();
         slot.is_late(remaining())
     }
@@ -158,7 +160,7 @@ fn remaining() -> usize {
 
 /// Starts the codes, all of them mid-scale. The amplifier stays off until [`amplifier::enable`].
 pub fn start(hardware: Hardware) {
-    // Registers are used without these, which no other driver can take any more.
+    // The registers are used directly. These values are held so that no other driver can take the peripherals.
     let Hardware {
         timer: _timer,
         to_converter: _to_converter,
@@ -169,7 +171,7 @@ pub fn start(hardware: Hardware) {
     start_clocks();
     ring::clear();
     set_up_streams();
-    // Of the converter's registers only these may change while it is on; TSEL may not (RM0433 section 26.4.7).
+    // While the converter is on, only these bits of its registers may change; TSEL may not (RM0433 section 26.4.7).
     DAC1.cr().modify(|w| w.set_ten(CHANNEL, true));
     DAC1.cr().modify(|w| w.set_dmaen(CHANNEL, true));
     start_timer();
@@ -229,18 +231,18 @@ fn start_timer() {
     TIM7.cr2().modify(|w| w.set_mms(Mms::UPDATE));
     TIM7.cr1().modify(|w| w.set_urs(Urs::COUNTER_ONLY));
     TIM7.cr1().modify(|w| w.set_cen(true));
-    // The eraser's first request comes with the next code, and so it stays this far behind. An interrupt here makes it
-    // one or two codes more, for which the ring has room.
+    // The eraser's first request comes with the next code, so the eraser stays this far behind. An interrupt here adds
+    // one or two codes to the distance, for which the ring is long enough.
     while remaining() > LENGTH - ERASED_BEHIND {}
     TIM7.dier().modify(|w| w.set_ude(true));
 }
 
-/// Cycles of the timers from now to the next instant at which the tick's trigger must come, at least a quarter of a
-/// code's period.
+/// Returns the cycles of the timers from now to the next instant at which the tick's trigger must come. They are at
+/// least a quarter of a code's period.
 pub fn cycles_to_tick() -> u32 {
     loop {
         let count = u32::from(TIM7.cnt().read().cnt());
-        // Long enough after an update for the stream, and long enough before the next one.
+        // Long enough after an update that the stream has moved, and long enough before the next update.
         if (PERIOD_TIMER / 20..PERIOD_TIMER / 4).contains(&count) {
             let put = (LENGTH - remaining()) % OVERSAMPLING;
             let in_slot = put as u32 * PERIOD_TIMER + count;
@@ -249,19 +251,19 @@ pub fn cycles_to_tick() -> u32 {
     }
 }
 
-/// Sets the amplifier off and the output to mid-scale, whatever state the program is in and whatever timer and DMA do
-/// later.
+/// Turns the amplifier off and sets the output to mid-scale, whatever state the program is in and whatever the timer
+/// and DMA do later.
 ///
-/// With the trigger off, the holding register goes to the output one bus cycle after it is written (RM0433 section
+/// While the trigger is off, the holding register goes to the output one bus cycle after it is written (RM0433 section
 /// 26.4.6).
 #[inline(always)]
 pub fn mid_scale_now() {
     amplifier::off_now();
-    // A fault may come before the clock is on.
+    // A fault may come before the converter's clock is on.
     RCC.apb1lenr().modify(|w| w.set_dac12en(true));
     let _ = RCC.apb1lenr().read();
     DAC1.cr().modify(|w| w.set_dmaen(CHANNEL, false));
-    // A transfer under way would write the holding register once more. Without its clock the stream reads as off.
+    // A transfer under way would write the holding register once more. If DMA has no clock, the stream reads as off.
     let stream = DMA1.st(TO_CONVERTER);
     stream.cr().modify(|w| w.set_en(false));
     for _ in 0..LAST_TRANSFER_READS {
@@ -280,7 +282,7 @@ pub fn is_out(code: DacCode) -> bool {
     DAC1.dor(CHANNEL).read().dor() == code.get()
 }
 
-/// Returns true if the converter drives its pin with mid-scale now, and trigger, stream and timer are on.
+/// Returns true if the converter drives its pin with mid-scale now, and the trigger, both streams and the timer are on.
 pub fn is_driven_at_mid_scale() -> bool {
     let control = DAC1.cr().read();
     control.en(CHANNEL)

@@ -1,7 +1,8 @@
 //! The ring's memory, in SRAM 1, which DMA1 reaches (RM0433 table 3). It has a word per code, because the converter's
 //! registers are accessed by words.
 //!
-//! The tick writes, one stream reads and the other one writes. All are words, so no value is ever half of each.
+//! The tick writes, one stream reads, and the other stream writes. All accesses are words, so a value is never a
+//! mixture of two writes.
 #![expect(unsafe_code, reason = "a place in memory that DMA reaches")]
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -10,10 +11,10 @@ use model_format::DacCode;
 use stylus_app::ring::{SLOTS, Slot};
 use stylus_app::safety::OVERSAMPLING;
 
-/// The code without current, as a word.
+/// The code that drives no current, as a word.
 pub const MID_SCALE: u32 = DacCode::MID_SCALE.get() as u32;
 
-/// The memory, which begins with noise.
+/// The memory. It holds noise until [`clear`].
 struct Memory {
     slots: [[AtomicU32; OVERSAMPLING]; SLOTS],
     /// The word that the eraser writes.
