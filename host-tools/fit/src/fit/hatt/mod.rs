@@ -1,11 +1,11 @@
-//! Models of the Penn Haptic Texture Toolkit (HaTT; Culbertson, Lopez Delgado, Kuchenbecker, IEEE Haptics Symposium
-//! 2014) as textures: its XML files are the user's own, nothing of them is here.
+//! Import of models of the Penn Haptic Texture Toolkit (HaTT; Culbertson, Lopez Delgado, Kuchenbecker, IEEE Haptics
+//! Symposium 2014) as textures. Its XML files are supplied by the user; this repository holds nothing of them.
 //!
-//! A file has ARMA models at scattered speeds and forces, y(n) = -Σ a(i) y(n-i) + g Σ b(j) e(n-j) with e white of
-//! variance var, at 1 kHz, and triangles over them. Within a triangle line spectral frequencies, variances and gains
+//! A file has ARMA models at scattered speeds and forces, y(n) = -Σ a(i) y(n-i) + g Σ b(j) e(n-j), at 1 kHz, where e is
+//! white with variance var; and triangles over them. Within a triangle, line spectral frequencies, variances and gains
 //! are interpolated. The stylus plays AR models at 5 kHz over a rectangle of speeds and forces. So the models are
-//! interpolated as their makers do, at every node of a rectangle, and refitted from their own spectrum ([`convert`]).
-//! What the library plays is compared with the file's definition.
+//! interpolated at every node of a rectangle in the way of their authors, and an AR model is fitted to each
+//! interpolated spectrum ([`convert`]). What the library plays is compared with the file's definition.
 //!
 //! | in the file | what becomes of it |
 //! |---|---|
