@@ -312,7 +312,7 @@ const LEAST_GAIN: f64 = 0.003;
 /// Most divisions of a gap: into halves, and each of these again.
 const DIVISIONS: u32 = 2;
 
-/// The axis along which the nodes of a line share their value.
+/// The axis whose value the nodes of a line share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {

@@ -102,7 +102,7 @@ pub(super) fn of(
         .collect()
 }
 
-/// Kind, size and words of a note on a texture.
+/// Kind, size and text of a note on a texture.
 type Noted = (&'static str, f64, String);
 
 /// Returns a note on slow motion, whether it was filtered out or not.

@@ -312,7 +312,7 @@ impl Choice<'_> {
         }
     }
 
-    /// Returns how many codebooks fit in `bytes` bytes.
+    /// Returns the budget of codebooks in `bytes` bytes.
     fn budget(&self, bytes: usize) -> Budget {
         Budget {
             bytes: bytes.min(limits::MAX_EXCITATION_BYTES),

@@ -66,8 +66,8 @@ pub fn gain(speed: f64) -> f64 {
 /// Returns the one-sided density, (m/s²)²/Hz, of a mean of models, given as indices of [`PLACES`] with weights that add
 /// up to one.
 ///
-/// A|²| |A|² = 2ⁿ (cos² ω/2 Π (cos ω - cos l)² + sin² ω/2 Π (cos ω - cos l)²) for an even order n. The first product is
-/// over the first, third ... line spectral frequency l, the second over the others.
+/// |A|² = 2ⁿ (cos² ω/2 Π (cos ω - cos l)² + sin² ω/2 Π (cos ω - cos l)²) for an even order n. The first product is over
+/// the first, third ... line spectral frequency l, the second over the others.
 pub fn density(models: &[(usize, f64)], frequency_hz: f64) -> f64 {
     let mean = |of: &dyn Fn((f64, f64, f64)) -> f64| {
         models.iter().map(|&(i, w)| w * of(PLACES[i])).sum::<f64>()

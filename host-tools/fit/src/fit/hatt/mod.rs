@@ -9,10 +9,10 @@
 //!
 //! | in the file | what becomes of it |
 //! |---|---|
-//! | not XML, a number that is none, other units, no models | refused, with the place |
-//! | another number of models or triangles than stated, triangles of models that are not there | refused |
-//! | models that sound with different orders | refused |
-//! | a model that is unstable, or whose variance or gain is negative or not finite | left out with triangles; said |
+//! | not XML, text in place of a number, other units, no models | refused, with the line |
+//! | another number of models or triangles than stated, triangles of missing models | refused |
+//! | models with power but different orders | refused |
+//! | an unstable model, or one with a negative or not finite variance or gain | left out with triangles; reported |
 //! | a model of variance zero | silence; its shape counts, as in HaTT, if it has the others' order |
 //! | line spectral frequencies that are not those of the coefficients | they count, as in HaTT's renderer |
 //! | a first coefficient of MA that is not 1 | b(0), a factor of the gain |

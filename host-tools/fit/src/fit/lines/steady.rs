@@ -252,7 +252,7 @@ fn smoothed(values: &[f64], width: f64) -> Vec<f64> {
 /// peak.
 fn ranges(levels: &[f64]) -> Vec<(usize, [usize; 2])> {
     let last = levels.len() - 1;
-    // The end of a peak's range in one direction; none if a higher peak comes first.
+    // Returns the end of a peak's range in one direction; `None` if a higher peak comes first without a deep valley.
     let end = |peak: usize, step: isize| -> Option<usize> {
         let (mut at, mut least) = (peak, peak);
         loop {
