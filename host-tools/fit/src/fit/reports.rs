@@ -38,7 +38,7 @@ pub struct TrialReport {
     pub axis_turn_deg: f64,
     /// Duration that triage cut out of the recording, s.
     pub cut_s: f64,
-    /// Changes of the samples by reading, such as a conversion of units.
+    /// Changes made to the samples when they were read, such as a conversion of units.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
     /// Type of integers in the file, if their acceleration per step is not known.

@@ -48,7 +48,7 @@ pub struct Analysis {
     pub samples: usize,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
-    /// The file's own account of its samples.
+    /// What was found out about the file's samples when it was read.
     pub account: Account,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,

@@ -164,7 +164,7 @@ impl SceneFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, and what [`SceneFile::from_toml`] refuses.
+    /// A file that cannot be read, or that [`SceneFile::from_toml`] refuses.
     pub fn read(path: &Path) -> Result<Self> {
         let text = TEXT.read_text(path)?;
         Self::from_toml(path, &text)

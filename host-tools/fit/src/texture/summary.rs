@@ -120,7 +120,7 @@ pub struct NodeSummary {
     pub rms_m_s2: f32,
     /// RMS of the prediction error, m/s².
     pub prediction_error_rms_m_s2: f32,
-    /// Properties, in words.
+    /// Properties, as text.
     pub flags: Vec<&'static str>,
 }
 

@@ -222,7 +222,7 @@ mod tests {
         one.flaws.push(8000..10_500);
         let (spec, _) = track(&[&one], BESIDE_NOISE, ANY).unwrap();
         assert_eq!(spec.entries.len(), 700);
-        // The dips of the beat are 19 dB below its peaks, and silence 50 dB.
+        // The dips of the beat are 19 dB below the peaks, and silence is 50 dB below them.
         assert!(spec.entries.iter().all(|&entry| entry > -80));
     }
 

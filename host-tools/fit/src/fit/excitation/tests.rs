@@ -124,7 +124,7 @@ fn automatic(samples: &[f64]) -> (bool, bool) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
-    /// Recordings of 2 to 5 s, with one resonance or another.
+    /// Recordings of 2 to 5 s with one resonance at different frequencies.
     #[test]
     fn gaussian_textures_get_neither(seed: u64, samples in 10_000usize..25_000, hz in 40.0f64..600.0) {
         let signal = filtered(&noise(seed, samples), hz);

@@ -15,7 +15,7 @@ use crate::dsp::fourier::Complex;
 use crate::dsp::sums::rms;
 use crate::dsp::wide;
 
-/// Duration over which a line's phase is averaged, s. Speeds that change faster are not followed.
+/// Duration over which a line's phase is averaged, s. Faster changes of speed are not followed.
 const AVERAGE_S: f64 = 0.2;
 
 /// Least RMS deviation of a line's phase from a straight course for the phase to be followed, rad. A smaller one leaves

@@ -68,9 +68,9 @@ pub struct Taps {
     pub samples_m_s2: Vec<f64>,
     /// Sample rate, Hz.
     pub rate_hz: f64,
-    /// Force at each sample, N; none if it was not recorded.
+    /// Force at each sample, N; `None` if it was not recorded.
     pub force_n: Option<Vec<f64>>,
-    /// Rate of force of all impacts, N/s; none if it is not known.
+    /// Rate of force of all impacts, N/s; `None` if it is not known.
     pub force_rate_n_s: Option<f64>,
     /// True if the file says that it is simulated.
     pub is_simulated: bool,
@@ -108,7 +108,7 @@ pub struct TapFit {
     pub frequency_hz: f64,
     /// Time constant of the decay, s.
     pub decay_s: f64,
-    /// Amplitude per rate of force, m/s² per N/s; none if no rate of force is known.
+    /// Amplitude per rate of force, m/s² per N/s; `None` if no rate of force is known.
     pub gain_m_s2_per_n_s: Option<f64>,
     /// RMS deviation of the amplitudes from the gain's line, relative to the amplitudes' own RMS.
     pub gain_scatter: Option<f64>,

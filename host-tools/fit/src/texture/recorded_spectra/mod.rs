@@ -53,7 +53,7 @@ pub type NodeIndex = (usize, usize);
 impl RecordedSpectra {
     /// Creates the field of `spectra`, speed-major, at ascending speeds, mm/s, and forces, N. A spectrum is `None`
     /// where nothing, or only silence, was recorded.
-    /// Panics if there is not one spectrum, or none, for each node.
+    /// Panics if the number of spectra is not that of the nodes.
     pub fn new(
         speeds_mm_s: Vec<f64>,
         forces_n: Vec<f64>,
