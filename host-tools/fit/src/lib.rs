@@ -1,8 +1,8 @@
-//! From recordings to what a library holds: fits, textures before they are bytes, and scenes.
+//! From recordings to the content of a library: fits, textures before they are encoded, and scenes.
 //!
 //! Invariant: the same recordings and options give the same bytes on every machine, with any number of threads.
 
-// The wings below, by the names that this crate has for them.
+// Parts of the crates that this one uses, by the names that they have here.
 #[cfg(test)]
 use stylus_signals::rig;
 use stylus_signals::{playing, recording};

@@ -1,10 +1,10 @@
-//! Fits to a part of each recording, so that the rest can judge them: every other block is fitted, the others are left.
+//! Fits to a part of each recording: every other block is fitted, and the others are kept to judge the fit.
 //!
 //! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
-//! estimated within blocks and averaged, never across the join of two blocks. Nothing but the direction of the first
-//! principal component, the mean, the verdicts of triage, the rig's noise and what is left without it, the wavelengths
-//! of lines with the course of the speed, and whether a residual has impulses and a level of its own comes from the
-//! whole recording.
+//! estimated within blocks and averaged, never across the join of two blocks. Only these come from the whole recording:
+//! the direction of the first principal component, the mean, the verdicts of triage, the rig's noise and the signal
+//! without it, the wavelengths of lines with the course of the speed, and whether a residual has impulses and a
+//! changing level.
 
 use std::ops::Range;
 
@@ -15,11 +15,10 @@ use super::estimate::{KnownBand, estimate_of};
 /// Longest block, s. Blocks of 1 s resolve the lowest third octave; shorter ones alternate more often.
 const LONGEST_BLOCK_S: f64 = 1.0;
 
-/// Shortest block that a recording is divided into four for, s; a shorter recording is divided into halves.
+/// Shortest block when a recording is divided into four, s. A shorter recording is divided into halves.
 const SHORTEST_BLOCK_S: f64 = 0.4;
 
-/// Division of a recording into an even number of blocks of equal length, of which the first, third and so on are
-/// fitted.
+/// Division of a recording into an even number of blocks of equal length. The first, third and so on are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Blocks {
     count: usize,
@@ -27,8 +26,9 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Divides a recording of so many samples at 5 kHz: into blocks of at most 1 s, two for each part at least; into
-    /// halves if the blocks would be shorter than 0.4 s. At most one sample per block is left over at the end.
+    /// Divides a recording of `samples` samples at 5 kHz into blocks of at most 1 s, at least four of them. If four
+    /// blocks would be shorter than 0.4 s each, it is divided into halves. Fewer samples than there are blocks are left
+    /// over at the end.
     pub fn of(samples: usize) -> Self {
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let duration_s = samples as f64 / rate_hz;
@@ -49,12 +49,12 @@ impl Blocks {
         self.len as f64 / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// Samples of each block that is fitted.
+    /// Returns the samples of each block that is fitted.
     pub fn fitted(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         self.every_other(0)
     }
 
-    /// Samples of each block that is left for judging.
+    /// Returns the samples of each block that is kept for judging.
     pub fn judged(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         self.every_other(1)
     }
@@ -72,12 +72,12 @@ impl Blocks {
 pub enum Part {
     /// All of it.
     Whole,
-    /// Every other block, see [`Blocks`].
+    /// Every other block; see [`Blocks`].
     Blocks,
 }
 
 impl Part {
-    /// The samples that are fitted, of so many.
+    /// Returns the ranges of samples that are fitted, of `samples` samples.
     pub(super) fn of(self, samples: usize) -> Vec<Range<usize>> {
         match self {
             Self::Whole => std::iter::once(0..samples).collect(),
@@ -86,8 +86,8 @@ impl Part {
     }
 }
 
-/// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each
-/// weighed by its length.
+/// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, weighted by
+/// their lengths.
 pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
     estimate_of(SAMPLE_RATE_HZ, blocks, max_lag, KnownBand::default()).lags
 }
@@ -119,7 +119,7 @@ mod tests {
             prop_assert!((0.499..=1.0).contains(&block_s), "{}", block_s);
         }
 
-        /// Samples of the blocks that are judged have no influence on the lags.
+        /// The samples of blocks that are kept for judging do not influence the lags.
         #[test]
         fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000) {
             let signal = test_helpers::noise(seed, 10_000);
@@ -136,10 +136,10 @@ mod tests {
         }
     }
 
-    /// The fit that blocks judge is the one that was asked for, leakage and all.
+    /// The fit that blocks judge is the fit that was asked for, including its leakage.
     #[test]
     fn a_block_is_estimated_as_a_recording_is() {
-        // Noise that falls by 12 dB per octave, which a rectangular window leaks from.
+        // Noise that falls by 12 dB per octave, so that a rectangular window leaks.
         let (mut velocity, mut place) = (0.0, 0.0);
         let signal: Vec<f64> = (0..5000u32)
             .map(|n| {

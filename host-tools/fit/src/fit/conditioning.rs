@@ -1,4 +1,4 @@
-//! Conditioning of a recording before a texture is read from it: a high-pass filter, and the reduction to one axis.
+//! Conditioning of a recording before it is fitted: a high-pass filter, and the reduction to one axis.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 use crate::dsp::high_pass::SLOW_HZ;
 use crate::dsp::reduction::Reduction;
 
-/// Share of a recording's power below [`SLOW_HZ`] from which on it is filtered. Less turns the principal axis by 1.4°
-/// at most, and raises the level by 0.2 dB.
+/// Least fraction of a recording's power below [`SLOW_HZ`] for which the recording is filtered. A smaller one turns the
+/// principal axis by at most 1.4° and raises the level by 0.2 dB.
 const LEAST_SHARE: f64 = 0.05;
 
-/// Cut-off frequency where the filter is chosen, Hz: 64 dB at 8 Hz, 0.2 dB at 31.5 Hz.
+/// Cut-off frequency of the automatic choice, Hz. It attenuates by 64 dB at 8 Hz and by 0.2 dB at 31.5 Hz.
 const CUT_HZ: f64 = 20.0;
 
-/// Range of a cut-off frequency that can be asked for, Hz.
+/// Range of the cut-off frequencies that may be given, Hz.
 const CUTS_HZ: [f64; 2] = [1.0, 200.0];
 
 /// The choice of a high-pass filter.
@@ -33,7 +33,7 @@ pub enum HighPass {
 }
 
 impl HighPass {
-    /// The cut-off frequency for a recording with this share of its power below [`SLOW_HZ`], Hz.
+    /// Returns the cut-off frequency for a recording, Hz; `slow_share` is the fraction of its power below [`SLOW_HZ`].
     pub fn cut_hz(self, slow_share: f64) -> Option<f64> {
         match self {
             Self::Auto => (slow_share > LEAST_SHARE).then_some(CUT_HZ),
@@ -42,7 +42,7 @@ impl HighPass {
         }
     }
 
-    /// Choice for a record that holds none.
+    /// Choice for a record that states none.
     fn untold() -> Self {
         Self::None
     }
@@ -72,7 +72,7 @@ impl fmt::Display for HighPass {
     }
 }
 
-/// The treatment of a recording's axes before anything is read from them.
+/// How a recording's axes are treated before they are used.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
 pub struct Conditioning {
     /// Reduction from three axes to one; give the same to every command that reads one set

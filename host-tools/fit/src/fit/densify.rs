@@ -1,14 +1,14 @@
-//! Denser grids: lines of nodes between the recorded ones, filled on the host by what a bilinear mean on the device
-//! cannot do, which is to move a surface's spectrum with the speed, as far as that predicts the texture's own nodes.
-//! The device stays as it is; it interpolates over shorter distances.
+//! Denser grids: nodes added on the host between the recorded ones. A bilinear mean on the device cannot move a
+//! surface's spectrum with the speed; the added nodes do so, as far as this predicts the texture's own nodes. The
+//! device stays as it is and interpolates over shorter distances.
 //!
-//! Lines of a speed or of a force are added one by one, the one first that promises most, until the slot is full or no
-//! line promises anything. What a line promises is measured on the recordings: at the ends of the gap that it divides,
-//! the error of the device's own interpolation over the removed node, less that of the spectrum that would have been
-//! put there. A removed node's neighbours are two gaps apart, so that this is the worst case of a gap, twice as wide;
-//! it is the order of the gaps that it is used for.
+//! Lines of nodes at one speed or at one force are added one by one, those with the largest promised gain first, until
+//! the slot is full or no line promises a gain. The gain is measured on the recordings: at each end of the gap that the
+//! line divides, it is the error of the device's own interpolation over the removed node, less the error of the
+//! spectrum that would have been put there. A removed node's neighbours are two gaps apart, so this is the worst case
+//! of a gap that is twice as wide. It is used only to order the gaps.
 //!
-//! No filled node has a higher order than the texture's recorded ones.
+//! No added node has a higher order than the texture's recorded ones.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -33,7 +33,7 @@ use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::{NodeIndex, RecordedSpectra, TwoWays};
 use crate::texture::theta::{StoredTheta, all_allow_compact, bytes_per_node};
 
-/// Bytes that a library's headers may take beside its nodes: names, axes and lengths, with room to spare.
+/// Upper bound of the bytes that a library's headers take in addition to its nodes: names, axes and lengths.
 const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
 
 /// A line of nodes that was added.
@@ -41,11 +41,11 @@ const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
 pub struct AddedLine {
     /// The texture.
     pub texture: String,
-    /// The axis that the line's value belongs to.
+    /// Quantity that the line's nodes share.
     pub direction: Direction,
     /// The speed, mm/s, or the force, N.
     pub value: f32,
-    /// By how much C falls, on average over the removed nodes at both ends of the gap.
+    /// Expected fall of C, the mean over the removed nodes at both ends of the gap.
     pub promised_gain: f64,
 }
 
@@ -63,15 +63,16 @@ struct Growing<'f> {
     texture: &'f FittedTexture,
     grid: Grid,
     told: Told,
-    /// Form of θ of all nodes.
+    /// Form in which θ of all nodes is stored.
     stored: StoredTheta,
 }
 
-/// Fills the grids of `fit`, of `set` at 5 kHz with `options`, as densely as a slot of the device allows, telling
-/// `progress` of every texture read and of every line looked at. The recordings are read again, a texture at a time.
+/// Fills the grids of `fit`, of `set` at 5 kHz with `options`, as densely as a slot of the device allows. The
+/// recordings are read again, one texture at a time. Calls `progress` for every texture that is read and every line
+/// that is tried.
 ///
 /// # Errors
-/// A recording that cannot be used any more; a texture that a library cannot hold.
+/// A recording that cannot be read any more; a texture that a library cannot hold.
 pub fn densify(
     fit: &Fit,
     set: &RecordingSet,
@@ -126,7 +127,8 @@ pub fn densify(
 }
 
 impl<'f> Growing<'f> {
-    /// The texture with the index `index`, whose holes are filled by the spectra of its recordings.
+    /// Returns the texture with the index `index`. The nodes that the fit filled get models from the spectra of its
+    /// recordings.
     fn of(index: usize, texture: &'f FittedTexture, source: &Source<'_>) -> Result<Self> {
         let mut takes = source.takes(texture)?;
         takes.retain(|take| source.reports[take.number].used);
@@ -144,8 +146,8 @@ impl<'f> Growing<'f> {
         })
     }
 
-    /// Adds a line of nodes if it takes at most `left` bytes. Returns the bytes that it took; `None` if it was not
-    /// added.
+    /// Adds a line of nodes if it takes at most `left` bytes. Returns the number of bytes that it took; `None` if it
+    /// was not added.
     fn grow(&mut self, line: &Candidate, left: usize) -> Option<usize> {
         let Self { grid, told, .. } = self;
         let (direction, value) = (line.direction, line.value);
@@ -153,7 +155,7 @@ impl<'f> Growing<'f> {
             return None;
         }
         let denser = with_line(grid, told, direction, value)?;
-        // One new node that must be fine makes the whole texture fine.
+        // If one new node needs fine θ, the whole texture does.
         let after = match self.stored {
             StoredTheta::Fine => StoredTheta::Fine,
             StoredTheta::Compact => allowed(&new_models(grid, &denser)),
@@ -167,7 +169,7 @@ impl<'f> Growing<'f> {
     }
 }
 
-/// The form of θ of a lattice of `models`.
+/// Returns the form of θ in which a lattice of `models` may be stored.
 fn allowed(models: &[&Model]) -> StoredTheta {
     if all_allow_compact(models) {
         StoredTheta::Compact
@@ -176,7 +178,7 @@ fn allowed(models: &[&Model]) -> StoredTheta {
     }
 }
 
-/// The models that `denser` has and `grid` has not.
+/// Returns the models that are in `denser` and not in `grid`.
 fn new_models<'g>(grid: &Grid, denser: &'g Grid) -> Vec<&'g Model> {
     let is_new = |&(speed_mm_s, force_n, _): &(f32, f32, &Model)| {
         !grid.speeds_mm_s.contains(&speed_mm_s) || !grid.forces_n.contains(&force_n)
@@ -184,7 +186,7 @@ fn new_models<'g>(grid: &Grid, denser: &'g Grid) -> Vec<&'g Model> {
     denser.nodes().filter(is_new).map(|node| node.2).collect()
 }
 
-/// About how many bytes a grid takes in a library; not fewer than it does.
+/// Returns an estimate of the bytes that a grid takes in a library. It is never too low.
 fn bytes(grid: &Grid, theta: StoredTheta) -> usize {
     const NODE_BYTES: usize = 16;
     let orders = || grid.models.iter().map(|model| model.reflection.len());
@@ -201,7 +203,7 @@ fn bytes(grid: &Grid, theta: StoredTheta) -> usize {
     HEADER_BYTES + axes + models + bytes_of_parts(&grid.parts)
 }
 
-/// Replaces what `fit` filled between recorded nodes by what their spectra tell.
+/// Replaces the models that `fit` filled in between recorded nodes by those from the recordings' spectra.
 fn with_holes_filled(grid: &Grid, told: &Told) -> Grid {
     let mut grid = grid.clone();
     for (model, hole) in grid.models.iter_mut().zip(&told.holes) {
@@ -212,7 +214,7 @@ fn with_holes_filled(grid: &Grid, told: &Told) -> Grid {
     grid
 }
 
-/// True if a line at `value` has a node that is filled in: one that the field tells.
+/// Returns whether the recordings determine the model of any node of a line at `value`.
 fn fills_any(grid: &Grid, told: &Told, direction: Direction, value: f32) -> bool {
     let [_, across] = direction.axes(grid);
     across.iter().any(|&other| {
@@ -221,7 +223,7 @@ fn fills_any(grid: &Grid, told: &Told, direction: Direction, value: f32) -> bool
     })
 }
 
-/// `grid` with a line of nodes more; `None` where the axis is full or has the value.
+/// Returns `grid` with one more line of nodes; `None` if the axis is full or already has the value.
 fn with_line(grid: &Grid, told: &Told, direction: Direction, value: f32) -> Option<Grid> {
     let mut denser = grid.clone();
     let axis = match direction {
@@ -248,8 +250,8 @@ fn with_line(grid: &Grid, told: &Told, direction: Direction, value: f32) -> Opti
     Some(denser)
 }
 
-/// Places, on `grid`, of the nodes of a denser one, with a line of nodes at `value` before line `at` of an axis, and
-/// not before its first.
+/// Returns the positions on `grid` of the nodes of a denser grid, which has an additional line of nodes at `value`
+/// before line `at` of an axis. `at` is at least 1.
 fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<Between> {
     let on_axis = |axis: &[f32], own: bool| -> Vec<Between> {
         let mut places: Vec<Between> = (0..axis.len()).map(Between::at).collect();
@@ -273,8 +275,8 @@ fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<
     speeds.iter().flat_map(of_speed).collect()
 }
 
-/// A node at a speed, mm/s, and a force, N, between two of the grid's, with the model of the spectrum there. Without
-/// one, or beside a silent node, it is what the device would play.
+/// Returns the model of a new node at a speed, mm/s, and a force, N, between two nodes of the grid: that of the
+/// spectrum there. If there is no spectrum, or a neighbour is silent, it is what the device would play there.
 fn new_node(grid: &Grid, told: &Told, at: [f32; 2], place: &Between) -> Model {
     let ends = place.nodes.map(|node| &grid.models[node]);
     let is_silent = |model: &&Model| model.flags.contains(NodeFlags::SILENT);
@@ -300,16 +302,17 @@ fn new_node(grid: &Grid, told: &Told, at: [f32; 2], place: &Between) -> Model {
     model
 }
 
-/// Worst error of a third octave that a densified node's order may leave, dB: well below the amplitude JND.
+/// Largest error of a third-octave band that the reduced order of an added node may cause, dB: well below the amplitude
+/// JND.
 pub const ECONOMY_DB: f64 = 0.5;
 
-/// The least gain of C that is worth a line: what cannot be told from the scatter of a recording.
+/// Least gain of C for which a line is added. A smaller one cannot be distinguished from the scatter of a recording.
 const LEAST_GAIN: f64 = 0.003;
 
-/// Divisions of a gap at most: into two, and each half again.
+/// Most divisions of a gap: into halves, and each of these again.
 const DIVISIONS: u32 = 2;
 
-/// The axis along which the nodes of a line share their value.
+/// The axis whose value the nodes of a line share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
@@ -320,12 +323,12 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// The values of lines on `grid`, and those of the nodes of a line.
+    /// Returns the axis of `grid` along which such lines are added, and the axis along a line.
     fn axes(self, grid: &Grid) -> [&[f32]; 2] {
         self.of([&grid.speeds_mm_s, &grid.forces_n])
     }
 
-    /// Returns what belongs to speed and to force, from what belongs to a line and to its nodes; or the reverse.
+    /// Converts a pair for (line, node) to one for (speed, force), or the reverse.
     fn of<T>(self, [line, node]: [T; 2]) -> [T; 2] {
         match self {
             Self::Speed => [line, node],
@@ -333,7 +336,7 @@ impl Direction {
         }
     }
 
-    /// The node at these indices of the line and on it.
+    /// Returns the node with the indices `line` among the lines and `node` on its line.
     fn node(self, line: usize, node: usize) -> NodeIndex {
         self.of([line, node]).into()
     }
@@ -348,10 +351,10 @@ struct Candidate {
     pub gain: f64,
 }
 
-/// The lines that would make the grid of texture `texture` better.
+/// Returns the lines that would improve the grid of texture `texture`.
 ///
-/// The error of a mean over a gap goes with the square of its width, so that the second division promises a quarter
-/// of the first.
+/// The error of a mean over a gap is proportional to the square of its width, so the second division promises a quarter
+/// of the gain of the first.
 fn candidates(
     texture: usize,
     grid: &Grid,
@@ -364,7 +367,7 @@ fn candidates(
         let [along, across] = direction.axes(grid);
         let across = across.len();
         let place = |index: usize, other: usize| direction.node(index, other);
-        // The mean gain at every value of the axis.
+        // Mean gain at every value of the axis.
         let gains: Vec<Option<f64>> = (0..along.len())
             .map(|index| {
                 let nodes = (0..across).map(|other| place(index, other));
@@ -377,7 +380,7 @@ fn candidates(
             .collect();
         for gap in 1..along.len() {
             let ends: Vec<f64> = gains[gap - 1..=gap].iter().flatten().copied().collect();
-            // Towards silence there is nothing to be filled.
+            // Next to silence, nothing can be filled in.
             let sounds =
                 |index: usize| (0..across).any(|o| field.spectrum(place(index, o)).is_some());
             if ends.is_empty() || !sounds(gap - 1) || !sounds(gap) {
@@ -388,7 +391,7 @@ fn candidates(
             for division in 1..=DIVISIONS {
                 let parts = 1 << division;
                 let gain = mean / f64::from(4u32.pow(division - 1));
-                // Odd parts only: the even ones belong to the division before.
+                // Only odd parts: the even ones belong to the previous division.
                 let new = (1..parts).step_by(2).map(|part| Candidate {
                     texture,
                     direction,
@@ -402,7 +405,7 @@ fn candidates(
     candidates
 }
 
-/// The model that is filled in where `spectrum` is what the recordings tell.
+/// Returns the model of a filled node with this `spectrum`.
 fn filled_model(spectrum: &LogSpectrum, highest_order: usize) -> Model {
     Model {
         flags: NodeFlags::INTERPOLATED,
@@ -410,7 +413,7 @@ fn filled_model(spectrum: &LogSpectrum, highest_order: usize) -> Model {
     }
 }
 
-/// The highest order among the recorded nodes of `grid`.
+/// Returns the highest order among the recorded nodes of `grid`.
 pub fn highest_order(grid: &Grid) -> usize {
     let filled = [NodeFlags::INTERPOLATED, NodeFlags::EXTRAPOLATED];
     let recorded =
@@ -419,13 +422,13 @@ pub fn highest_order(grid: &Grid) -> usize {
     orders.max().unwrap_or(0)
 }
 
-/// A value without the noise of single precision.
+/// Returns a value without the rounding noise of single precision.
 fn rounded(value: f32) -> f32 {
     (value * 1e4).round() / 1e4
 }
 
-/// C of the device's interpolation over `node` from its two neighbours, less that of the model of order `most` that
-/// would be filled in; `None` where either cannot be told.
+/// Returns the fall of C at `node`: C of the device's interpolation between its two neighbours, less C of the model of
+/// order `most` that would be filled in. `None` if either cannot be computed.
 fn gain(
     grid: &Grid,
     field: &RecordedSpectra,
@@ -457,22 +460,22 @@ fn gain(
     Some(cost(&LogSpectrum::of_model(&played)) - cost(&LogSpectrum::of_model(&filled.model(most))))
 }
 
-/// All that the recordings of one texture tell.
+/// Everything that the recordings of one texture determine.
 struct Told {
     field: RecordedSpectra,
-    /// Weight of what moves with the speed.
+    /// Weight of the version whose surface part moves with the speed.
     moving: f64,
-    /// The lines that could be added.
+    /// Lines that could be added.
     pub candidates: Vec<Candidate>,
-    /// Models of the nodes that `fit` filled in, by the index of the node.
+    /// Models for the nodes that `fit` filled in, by the node's index.
     pub holes: Vec<Option<Model>>,
     highest_order: usize,
-    /// Models by the bits of speed, mm/s, and force, N; none where the recordings tell nothing.
+    /// Models by the bits of speed, mm/s, and force, N; `None` where the recordings determine none.
     known: Mutex<HashMap<[u64; 2], Option<Model>>>,
 }
 
 impl Told {
-    /// All that `field` tells of the grid of texture `texture`.
+    /// Derives everything from `field` that concerns the grid of texture `texture`.
     pub fn of(texture: usize, grid: &Grid, field: RecordedSpectra) -> Self {
         let ways = TwoWays::of(&field);
         let highest_order = highest_order(grid);
@@ -495,14 +498,15 @@ impl Told {
         }
     }
 
-    /// The model at a speed, mm/s, and a force, N; none where the recordings tell nothing.
+    /// Returns the model at a speed, mm/s, and a force, N; `None` where the recordings determine none.
     pub fn model_at(&self, speed_mm_s: f64, force_n: f64) -> Option<Model> {
         let place = [speed_mm_s.to_bits(), force_n.to_bits()];
         let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(model) = known().get(&place) {
             return model.clone();
         }
-        // Without the lock, because it takes long; two threads may compute the same, and find the same.
+        // Computed without the lock, because it takes long. Two threads may compute the same model, with the same
+        // result.
         let spectrum = self.field.at(speed_mm_s, force_n, self.moving);
         let model = spectrum.map(|spectrum| filled_model(&spectrum, self.highest_order));
         known().insert(place, model.clone());

@@ -1,8 +1,8 @@
 //! The estimate of a recording's autocorrelation.
 //!
-//! A rectangular window uses every sample alike and has the finest resolution, but a strong band leaks into weak ones,
-//! because the recording begins and ends in mid-air. Tapered ends leak next to nothing and weigh a tenth of a second
-//! less. The leakage is measured, and the ends are tapered where it matters.
+//! A rectangular window weights every sample equally and has the finest resolution. But it leaks from a strong band
+//! into weak ones, because the signal starts and ends abruptly. Tapered ends hardly leak, and cost the weight of a
+//! tenth of a second. The leakage is measured, and the ends are tapered where it matters.
 
 use std::sync::LazyLock;
 
@@ -19,20 +19,21 @@ use crate::dsp::sums::{extremes, sum};
 /// Leakage in any third-octave band above which the ends are tapered, dB.
 const TOLERABLE_LEAKAGE_DB: f64 = 1.0;
 
-/// Share of half a recording's rate up to which it is the surface's: converters' filters take what is above.
+/// Fraction of half a recording's rate up to which its content is the surface's. Above it, the filters of converters
+/// attenuate.
 const CARRIED: f64 = 0.9;
 
-/// The frequency up to which a recording at `source_rate_hz` tells of the surface, Hz; none if it is all of the band of
-/// models at 5 kHz.
+/// Returns the frequency up to which a recording at `source_rate_hz` holds the surface's spectrum, Hz; `None` if it
+/// holds the whole band of models at 5 kHz.
 pub fn carried_hz(source_rate_hz: f64) -> Option<f64> {
     (source_rate_hz < f64::from(SAMPLE_RATE_HZ)).then(|| CARRIED * source_rate_hz / 2.0)
 }
 
-/// Share of the models' band up to which a recording of a higher rate is kept: the filter of the conversion, a few per
-/// cent wide, takes what is above.
+/// Fraction of the models' band that is kept of a recording of a higher rate. Above it, the filter of the conversion
+/// attenuates, over a few per cent of the band.
 const CONVERTED: f64 = 0.98;
 
-/// Band of the surface that a recording holds; without an end, all of the models' band on that side.
+/// Band of the surface that a recording holds. If an end is `None`, the whole of the models' band is held on that side.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct KnownBand {
     from_hz: Option<f64>,
@@ -40,7 +41,8 @@ pub(super) struct KnownBand {
 }
 
 impl KnownBand {
-    /// The band of a recording at `source_rate_hz`, filtered at `cut_hz`, if at all, for models at `rate_hz`.
+    /// Returns the band of a recording at `source_rate_hz` for models at `rate_hz`; `cut_hz` is the cut-off of its
+    /// high-pass filter, if any.
     pub fn of(source_rate_hz: f64, rate_hz: u32, cut_hz: Option<f64>) -> Self {
         let rate_hz = f64::from(rate_hz);
         let converted = || (source_rate_hz > rate_hz).then_some(CONVERTED * rate_hz / 2.0);
@@ -55,7 +57,7 @@ impl KnownBand {
     }
 }
 
-/// Statistics of a recording that a model is fitted to and checked by.
+/// Statistics of a recording that a model is fitted to and checked against.
 pub(super) struct Estimate {
     /// Autocorrelation from lag 0 on, (m/s²)²; lag 0 is the recording's power.
     pub lags: Vec<f64>,
@@ -64,7 +66,7 @@ pub(super) struct Estimate {
 }
 
 /// Estimates the autocorrelation of `signal` at `rate_hz`, whose recording holds the band `known`; `plain` is its
-/// spectrum. Beyond that band the spectrum is what costs a model least.
+/// spectrum. Outside that band the spectrum is filled in with what costs a model the fewest coefficients.
 pub(super) fn estimate(
     rate_hz: u32,
     signal: &[f64],
@@ -78,7 +80,7 @@ pub(super) fn estimate(
         bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB
     };
     if known.is_all() {
-        // Of both spectra, only that of the lags is transformed back.
+        // Of the two spectra, only the one that gives the lags is transformed back.
         let power = plain.mean_square();
         let bands = Bands::of_density(&tapered.power, power, rate_hz);
         let leaks = leaks(&bands, &plain.power, power);
@@ -91,7 +93,7 @@ pub(super) fn estimate(
     };
     let tapered = filled(tapered);
     let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
-    // A high pass has taken what leaks.
+    // A high-pass filter has removed what leaks, so the tapered estimate is used then.
     let plain = known.from_hz.is_none().then(|| filled(plain));
     let plain = plain.filter(|plain| !leaks(&bands, &plain.power, plain.lags[0]));
     Estimate {
@@ -100,8 +102,8 @@ pub(super) fn estimate(
     }
 }
 
-/// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean of theirs, each
-/// weighed by its length.
+/// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean over the parts,
+/// weighted by their lengths.
 pub(super) fn estimate_of(
     rate_hz: u32,
     parts: &[&[f64]],
@@ -130,7 +132,7 @@ pub(super) fn estimate_of(
     }
 }
 
-/// The weighted mean of autocorrelations, as far as the longest goes; the weights add up to one.
+/// Returns the weighted mean of autocorrelations, as long as the longest; the weights add up to one.
 pub(super) fn pooled_lags<'a>(terms: impl Iterator<Item = (f64, &'a [f64])>) -> Vec<f64> {
     let mut pooled = Vec::new();
     for (weight, lags) in terms {
@@ -144,8 +146,8 @@ pub(super) fn pooled_lags<'a>(terms: impl Iterator<Item = (f64, &'a [f64])>) -> 
     pooled
 }
 
-/// Number of bands, from 4 Hz to 2 kHz: those of the hand's motion that the tool's lowest mode leaks into, and up to
-/// the last whole one below half the models' sample rate.
+/// Number of bands, from 4 Hz to 2 kHz: from those of the hand's motion, into which the tool's lowest mode leaks, up to
+/// the last whole band below half the models' sample rate.
 pub(super) const COUNT: usize = 28;
 
 /// Exponent of the lowest band's centre, 10^(6/10) Hz: base ten of IEC 61260-1.
@@ -154,21 +156,22 @@ const LOWEST: f64 = 6.0;
 /// Index of the lowest band that is felt, that of 20 Hz.
 const FELT: usize = 7;
 
-/// Bands further below the strongest one are not felt beside it.
+/// Ratio of a band's power to that of the strongest band below which the band is not felt.
 const AUDIBLE_SHARE: f64 = 1e-5;
 
 /// Least product of a band's width and the recording's length. Below it, the scatter of the band's own power exceeds
-/// 1.5 dB, and nothing can be said.
+/// 1.5 dB, and the band is not judged.
 const LEAST_DEGREES: f64 = 9.0;
 
-/// Least degrees of freedom of a band that is felt, where both spectra are of one recording and scatter together.
+/// Least degrees of freedom of a band that is felt if both spectra come from one recording, because they then scatter
+/// together.
 const FELT_DEGREES: f64 = 1.0;
 
-/// Standard deviations of a band's level in the recording that a model of few coefficients may be off, if it is less
-/// than [`UNFELT_DB`].
+/// Number of standard deviations of a band's level by which a model of lower order may miss the recording's level, up
+/// to [`UNFELT_DB`].
 const SCATTER: f64 = 1.5;
 
-/// Level that a model of few coefficients may be off, dB: half of the least change that is felt.
+/// Largest level error that a lower order may cause, dB: half of the least change that is felt.
 const UNFELT_DB: f64 = 0.5 * AMPLITUDE_JND_DB;
 
 /// Power in each band, in (signal's unit)².
@@ -189,8 +192,8 @@ pub(super) struct BandLevel {
 }
 
 impl Bands {
-    /// Bands of a spectrum of total power `power`, from its density in any unit at evenly spaced frequencies from 0 Hz
-    /// to half of `rate_hz`, the sample rate.
+    /// Returns the bands of a spectrum of total power `power`. Its `density`, in any unit, is at evenly spaced
+    /// frequencies from 0 Hz to half of the sample rate `rate_hz`.
     pub(super) fn of_density(density: &[f64], power: f64, rate_hz: f64) -> Self {
         let last = density.len() - 1;
         let step_hz = rate_hz / 2.0 / last as f64;
@@ -208,20 +211,22 @@ impl Bands {
             if first >= end {
                 return scale * (first..=end).map(part).sum::<f64>();
             }
-            // All but the bins at both ends count in full.
+            // All bins except those at both ends count in full.
             let inner = density[first + 1..end].iter();
             scale * (inner.fold(part(first), |sum, bin| sum + bin) + part(end))
         });
         Self { powers, rate_hz }
     }
 
-    /// Bands of the output of `model` at `rate_hz`, which must not be silent. `bins` frequencies resolve it.
+    /// Returns the bands of the output of `model` at `rate_hz`, computed at `bins` frequencies. The model must not be
+    /// silent.
     fn of_model(model: &Model, bins: usize, rate_hz: f64) -> Self {
         let mut density = density_of_model(model, bins);
         // The bins at both ends are half as wide as the others.
         let total = sum(&density) - 0.5 * (density[0] + density[bins - 1]);
-        // A line narrower than the step of frequencies has too little power in the sum if it lies between two of them,
-        // and too much if it lies on one. The model's power is known, and what is amiss belongs to the strongest one.
+        // A line that is narrower than the spacing of the frequencies gets too little power in the sum if it lies
+        // between two of them, and too much if it lies on one. The model's power is known, so the difference is
+        // assigned to the strongest bin.
         let amiss = model.output_power * (bins - 1) as f64 - total;
         let (_, most) = extremes(&density);
         if let Some(strongest) = density.iter_mut().rfind(|bin| **bin >= most) {
@@ -245,7 +250,8 @@ impl Bands {
         mean
     }
 
-    /// Centre, Hz, and level, dB, of each band that has power and that a recording of `samples` samples knows.
+    /// Returns the centre, Hz, and level, dB, of each band that has power and that a recording of `samples` samples is
+    /// long enough to measure.
     pub(super) fn known_db(&self, samples: usize) -> Vec<(f64, f64)> {
         let duration_s = samples as f64 / self.rate_hz;
         let known = (0..COUNT).filter(|&band| {
@@ -257,9 +263,9 @@ impl Bands {
             .collect()
     }
 
-    /// Returns the level of `other` over this one in each band that is within 50 dB of this one's strongest, and that
-    /// a recording of `samples` samples knows, with the standard deviation of the band's own level in dB. Bands that
-    /// are felt, from 20 Hz on, need `felt_degrees` alone.
+    /// Returns the level of `other` relative to this one, in each band that is within 50 dB of this one's strongest and
+    /// that a recording of `samples` samples is long enough to measure. Each comes with the standard deviation of the
+    /// band's own level, dB. Bands that are felt, from 20 Hz on, only need `felt_degrees`.
     fn levels_db<'a>(
         &'a self,
         other: &'a Self,
@@ -288,17 +294,18 @@ impl Bands {
         })
     }
 
-    /// Returns the largest level over this one of `other`, another spectrum of the same recording, in any band, in dB;
-    /// zero if no band is known.
+    /// Returns the largest level of `other`, another spectrum of the same recording, relative to this one in any band,
+    /// dB; zero if no band can be measured.
     pub(super) fn largest_excess_db(&self, other: &Self, samples: usize) -> f64 {
-        // Bands count that are strong in either. Both are of one recording, so that they scatter together.
+        // The bands that are strong in `other` count. Both spectra are of one recording, so they scatter together.
         let levels = other.levels_db(self, samples, FELT_DEGREES);
         levels.map(|(level, _)| -level.level_db).fold(0.0, f64::max)
     }
 
-    /// Returns an order of at most that of `model` at which the bands of a recording of `samples` samples are held as
-    /// well: each is within [`SCATTER`] deviations of the recording's and [`UNFELT_DB`], or as near as that of `model`.
-    /// Found by bisection, as if no band got worse with the order.
+    /// Returns an order, at most that of `model`, with which every band of a recording of `samples` samples is
+    /// preserved. A band is preserved if it is within [`SCATTER`] standard deviations and [`UNFELT_DB`] of the
+    /// recording's, or as near to it as with all of `model`. The bisection assumes that no band gets worse as the order
+    /// rises.
     pub(super) fn sufficient_order(&self, model: &Model, samples: usize) -> usize {
         let levels = |order: usize| {
             let model = Model {
@@ -331,8 +338,8 @@ impl Bands {
         enough
     }
 
-    /// Returns the band of `model` that is furthest from this recording's, of those that are more than `limit_db` and
-    /// two standard deviations of the recording's own level away.
+    /// Returns the band of `model` that is furthest from this recording's. Only those count that are more than
+    /// `limit_db` plus two standard deviations of the recording's own level away.
     pub(super) fn missed_by(
         &self,
         model: &Model,
@@ -349,7 +356,8 @@ impl Bands {
                 .map(|(level, _)| level);
             missed.max_by(|a, b| a.level_db.abs().total_cmp(&b.level_db.abs()))
         };
-        // Few frequencies miss a narrow resonance, which many of them hold: only a suspicion is worth the time.
+        // A coarse grid misses a narrow resonance, and a fine one resolves it. Only a suspicion justifies the time of
+        // the fine one.
         at(BINS).and_then(|_| at(FINE_BINS))
     }
 }
@@ -428,13 +436,13 @@ mod tests {
 
     #[test]
     fn a_model_misses_no_band_of_itself_and_those_of_another_by_name() {
-        // Sixty seconds, so that the lowest band is known.
+        // Sixty seconds are enough to measure the lowest band.
         let recording = Bands::of_model(&model(0.98, 50.0), FINE_BINS, f64::from(SAMPLE_RATE_HZ));
         let missed = |m: &Model| recording.missed_by(m, 300_000, 3.0);
         assert_eq!(missed(&model(0.98, 50.0)), None);
         let level = missed(&model(0.98, 100.0)).unwrap();
         assert!(level.level_db.abs() > 6.0, "{level:?}");
-        // A tenth of a second knows no band that low, and most of the others badly.
+        // A tenth of a second is too short for the lowest bands, and most others are inexact.
         assert_eq!(
             recording.missed_by(&model(0.97, 50.0), 500, 3.0),
             None,

@@ -1,4 +1,4 @@
-//! Fitted textures, first with their models, then with what excites them; and the fit that they make up.
+//! Fitted textures: first their models, then their excitation; and the fit that they form.
 
 use model_format::{NodeSpec, Provenance, TextureSpec, limits};
 
@@ -28,7 +28,7 @@ pub struct FittedTexture {
     pub name: String,
     /// Indices of the texture's trials in the set.
     pub members: Vec<usize>,
-    /// Origin of the texture's recordings.
+    /// Provenance of the texture's recordings.
     pub provenance: Provenance,
     /// Models of the texture on their grid, and its optional parts.
     pub grid: Grid,
@@ -36,20 +36,20 @@ pub struct FittedTexture {
     pub nodes: Vec<NodeSpec>,
     /// Sample rate of the models, Hz.
     pub sample_rate_hz: u32,
-    /// Lines that are tied to position, or the reason for none.
+    /// Lines tied to position, or the reason for finding none.
     pub lines: Findings,
-    /// Excitation of the models; none if the fit was of the models alone.
+    /// Report on the excitation; `None` if only the models were fitted.
     pub excitation: Option<ExcitationReport>,
     /// Notes for the user.
     pub notes: Vec<Warning>,
 }
 
 impl FittedTexture {
-    /// Fits the models of one texture to its recordings, of which `reports` tells which are used, with Gaussian
-    /// excitation of steady level.
+    /// Fits the models of one texture to its recordings, with Gaussian excitation of steady level. `reports` says which
+    /// recordings are used.
     ///
     /// # Errors
-    /// A texture without a trial that is used, or that a library cannot hold.
+    /// A texture of which no trial is used, or that a library cannot hold.
     pub(super) fn of(
         recordings: &Recordings<'_>,
         reports: &[TrialReport],
@@ -59,7 +59,7 @@ impl FittedTexture {
         let name = all
             .first()
             .map_or_else(String::new, |own| own.trial.texture.clone());
-        // Where the stylus is silent whatever was recorded.
+        // Trials at rest or without contact, at which the stylus is silent whatever was recorded.
         let idle = all
             .iter()
             .filter(|own| !own.trial.is_in_motion_and_contact())
@@ -95,7 +95,8 @@ impl FittedTexture {
         })
     }
 
-    /// Adds what excites the models, in at most `room` bytes, telling `progress` of each of the `takes` that is done.
+    /// Adds the excitation of the models, in at most `room` bytes. Calls `progress` for each of the `takes` that is
+    /// done.
     fn excite(
         &mut self,
         takes: Vec<Take<'_>>,
@@ -132,7 +133,8 @@ impl FittedTexture {
         self.lower(&excess);
     }
 
-    /// Makes the nodes at these indices of speed and force softer by what they would play louder than their recordings.
+    /// Lowers the level of the nodes at these indices of speed and force by the factor by which they would be louder
+    /// than their recordings.
     fn lower(&mut self, excess: &[((usize, usize), f64)]) {
         for &((speed, force), excess) in excess {
             self.scale(self.grid.index(speed, force), excess.powi(-2));
@@ -153,7 +155,7 @@ impl FittedTexture {
         self.notes.push(note);
     }
 
-    /// Multiplies the power of the node at `index` by `share`.
+    /// Multiplies the power of the node at `index` by `share`, a factor.
     fn scale(&mut self, index: usize, share: f64) {
         self.grid.models[index].output_power *= share;
         let node = &mut self.nodes[index];
@@ -161,7 +163,7 @@ impl FittedTexture {
         node.prediction_error_power *= share as f32;
     }
 
-    /// Gives all nodes that are not silent these levels, dB re 1 m/s².
+    /// Sets these levels of all nodes that are not silent, dB re 1 m/s².
     pub(super) fn set_levels(&mut self, levels_db: &[f64]) {
         for (index, level_db) in levels_db.iter().enumerate() {
             let power = self.grid.models[index].output_power;
@@ -171,7 +173,7 @@ impl FittedTexture {
         }
     }
 
-    /// The texture, ready to be encoded.
+    /// Returns the texture, ready to be encoded.
     pub fn spec(&self) -> TextureSpec {
         TextureSpec {
             sample_rate_hz: self.sample_rate_hz,
@@ -180,11 +182,11 @@ impl FittedTexture {
     }
 }
 
-/// The recordings behind a fit.
+/// The recordings of a fit, and how they are read again.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'s> {
     pub set: &'s RecordingSet,
-    /// The account of every trial, in the order of the set.
+    /// The report on every trial, in the order of the set.
     pub reports: &'s [TrialReport],
     pub options: &'s Options,
     /// The part of each trial that is fitted.
@@ -192,11 +194,11 @@ pub(super) struct Source<'s> {
 }
 
 impl<'s> Source<'s> {
-    /// Adds to each of `textures` what excites its models, by the signals that are `held`, in the same order, or are
-    /// read again. `progress` is told of each trial that is done.
+    /// Adds the excitation to each of `textures`. It is fitted to the signals that are `held`, in the order of the
+    /// textures, or to recordings that are read again. Calls `progress` for each trial that is done.
     ///
     /// # Errors
-    /// A recording that cannot be read again; textures that make no library.
+    /// A recording that cannot be read again; textures that cannot be encoded as a library.
     pub fn excite(
         &self,
         textures: &mut [FittedTexture],
@@ -206,7 +208,7 @@ impl<'s> Source<'s> {
         if !excitation::is_wanted(self.options) {
             return Ok(());
         }
-        // The models come first, and what they leave of a library is shared alike.
+        // The models come first. The textures share the bytes that these leave equally.
         let models = encoded(&specs(textures))?.len();
         let room = limits::MAX_LIBRARY_BYTES.saturating_sub(models) / textures.len().max(1);
         for (texture, held) in textures.iter_mut().zip(held) {
@@ -216,11 +218,11 @@ impl<'s> Source<'s> {
         Ok(())
     }
 
-    /// Reads the signals of a texture's trials again: those that the fit used, or all if the texture has lines, or the
-    /// rig's noise is taken off, because these show in all of them.
+    /// Reads the signals of a texture's trials again. It reads those that the fit used, or all trials if the texture
+    /// has lines or the rig's noise is subtracted, because both are estimated from all trials.
     ///
     /// # Errors
-    /// A recording that cannot be used any more.
+    /// A recording that cannot be read any more.
     pub fn takes(&self, texture: &FittedTexture) -> Result<Vec<Take<'s>>> {
         let is_cleaned = self.options.floor == FloorChoice::Subtract;
         if is_cleaned || !texture.lines.lines.is_empty() {
@@ -242,13 +244,13 @@ impl<'s> Source<'s> {
     }
 }
 
-/// `textures`, ready to be encoded.
+/// Returns `textures`, ready to be encoded.
 fn specs(textures: &[FittedTexture]) -> Vec<TextureSpec> {
     textures.iter().map(FittedTexture::spec).collect()
 }
 
-/// The `failure` of a texture whose `grid` has a node that is too loud, with what triage found on the unit of that
-/// node's trials, or of any of the `members` if it has none.
+/// Returns the `failure` of a texture whose `grid` has a node that is too loud, with triage's finding on the unit of
+/// that node's trials, or of any of the `members` if the node has none.
 fn with_unit(failure: Error, grid: &Grid, members: &[Member<'_>]) -> Error {
     let mut nodes = grid.nodes();
     let loud = nodes.find(|(.., model)| is_too_loud(model));
@@ -264,7 +266,7 @@ fn with_unit(failure: Error, grid: &Grid, members: &[Member<'_>]) -> Error {
     }
 }
 
-/// The error of a texture of which no trial can be used; `idle` of all its trials are at speed 0 or force 0.
+/// Returns the error of a texture of which no trial can be used; `idle` of all its trials are at speed 0 or force 0.
 fn nothing_to_fit(name: &str, idle: usize, all: usize) -> Error {
     Error::Model(if idle == all {
         format!(
@@ -288,13 +290,13 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// All notes for the user: on the set, and on each texture.
+    /// Returns all notes for the user: on the set, and on each texture.
     pub fn warnings(&self) -> Vec<Warning> {
         let of_textures = self.textures.iter().flat_map(|texture| &texture.notes);
         self.notes.iter().chain(of_textures).cloned().collect()
     }
 
-    /// Triage's verdicts on each trial, with what became of the trial.
+    /// Returns triage's verdicts on each trial, and whether the trial was used.
     pub fn verdicts(&self) -> Vec<Warning> {
         let of_trial = |trial: &TrialReport| {
             let outcome = match trial.used {
@@ -312,7 +314,7 @@ impl Fit {
         self.trials.iter().flat_map(of_trial).collect()
     }
 
-    /// The excitations of all textures that have one.
+    /// Returns the reports on the excitations of all textures that have one.
     pub fn excitations(&self) -> Vec<ExcitationReport> {
         self.textures
             .iter()
@@ -323,7 +325,7 @@ impl Fit {
     /// Encodes the fit's textures as a library.
     ///
     /// # Errors
-    /// Textures that no library holds.
+    /// Textures that a library cannot hold.
     pub fn library(&self) -> Result<Vec<u8>> {
         encoded(&specs(&self.textures))
     }
@@ -332,7 +334,7 @@ impl Fit {
 /// Encodes a library of `specs`.
 ///
 /// # Errors
-/// Textures that no library holds.
+/// Textures that a library cannot hold.
 pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
     model_format::encode(specs)
         .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))
@@ -356,7 +358,7 @@ mod tests {
             std::fs::write(&file, float_wav(1, SAMPLE_RATE_HZ, samples).unwrap()).unwrap();
             Trial::of(file, "surface", speed_mm_s, 1.0)
         };
-        // Both are doubted for their level, and only the second is louder than a model can be.
+        // The level of both is doubtful, but only the second is louder than a model can be.
         let set = RecordingSet {
             trials: vec![trial(80.0, 100.0), trial(120.0, 450.0)],
             is_listed: true,

@@ -1,9 +1,9 @@
-//! The rig's own noise: motor and sensor without a surface. Trials in motion at 0 N have it, or recordings that the
-//! user names.
+//! The rig's own noise: motor and sensor without a surface. It is measured in trials in motion at 0 N, or in recordings
+//! that the user names.
 //!
-//! The noise is reduced as each recording was, because motor and texture vibrate in different directions. Between
-//! speeds its level in dB is linear in the logarithm of the speed; beyond them the nearest counts. Only the noise at a
-//! recording's own speed has its tones in their place.
+//! The noise is reduced to one axis in the same way as each recording, because motor and texture vibrate in different
+//! directions. Between speeds its level in dB is linear in the logarithm of the speed; beyond the outermost speeds the
+//! nearest one counts. Only noise that was recorded at a recording's own speed has its tones at the right frequencies.
 
 use std::path::Path;
 
@@ -16,7 +16,8 @@ use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
 use crate::support::number::counted;
 
-/// Segments of both spectra are at most this share of the shorter recording, so that each is a mean over twenty.
+/// Divisor for the length of the segments of both spectra: at most a tenth of the shorter recording, so that each
+/// spectrum is a mean over about twenty segments.
 const SEGMENT_SHARE: usize = 10;
 
 /// Shortest recording of the noise that is used, s.
@@ -38,7 +39,7 @@ pub(super) struct Floor {
 }
 
 impl Floor {
-    /// The noise that `takes` have; `None` if they are too short, or none.
+    /// Returns the noise in `takes`; `None` if there are none, or all are too short.
     pub fn of(mut takes: Vec<NoiseTake>, rate_hz: u32) -> Option<Self> {
         let rate_hz = f64::from(rate_hz);
         takes.retain(|take| take.samples() as f64 >= LEAST_S * rate_hz);
@@ -46,8 +47,8 @@ impl Floor {
         (!takes.is_empty()).then_some(Self { takes, rate_hz })
     }
 
-    /// Returns the noise's share of the `samples` of a recording at a speed, which was reduced as `view` says. Takes
-    /// the noise off the samples if that `is_taken_off`.
+    /// Returns the noise's fraction of the power of `samples`, a recording at a speed that was reduced to one axis by
+    /// `view`. Subtracts the noise from the samples if `is_taken_off`.
     pub fn apply(
         &self,
         samples: &mut Vec<f64>,
@@ -66,7 +67,7 @@ impl Floor {
         shares(&noise, &whole)
     }
 
-    /// The noise at a speed, reduced as `view` says.
+    /// Returns the noise at a speed, reduced to one axis by `view`.
     fn at(&self, speed_mm_s: f64, view: &View, segment: usize) -> PowerSpectrum {
         let slower = self
             .takes
@@ -77,7 +78,7 @@ impl Floor {
         let share = if low < speed_mm_s && speed_mm_s < high && low > 0.0 {
             (speed_mm_s / low).ln() / (high / low).ln()
         } else {
-            // At a speed of the noise, or beyond all.
+            // At a speed of the noise, or beyond all its speeds.
             1.0
         };
         let upper = self.spectrum(high, view, segment);
@@ -87,13 +88,13 @@ impl Floor {
         upper
     }
 
-    /// The mean over all takes of the noise at one of its speeds.
+    /// Returns the mean over all takes of the noise at one of its speeds.
     fn spectrum(&self, speed_mm_s: f64, view: &View, segment: usize) -> PowerSpectrum {
         let at_speed = self
             .takes
             .iter()
             .filter(|take| take.speed_mm_s.total_cmp(&speed_mm_s).is_eq());
-        // Axes were counted, so that none lacks.
+        // The number of axes was checked before, so the reduction does not fail.
         let reduced = at_speed.filter_map(|take| view.reduce(&take.axes).ok());
         let reduced: Vec<Vec<f64>> = reduced.collect();
         let blocks: Vec<&[f64]> = reduced.iter().map(Vec::as_slice).collect();
@@ -107,7 +108,7 @@ impl NoiseTake {
     }
 }
 
-/// The share of `noise` in the power of `whole` in each band.
+/// Returns the fraction of `noise` in the power of `whole`, for each band.
 fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
     std::array::from_fn(|band| {
         let (low_hz, high_hz) = band_edges_hz(band);
@@ -120,8 +121,8 @@ fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
     })
 }
 
-/// The noise in the recordings at `path`. They are of the same sensor as the texture, and what they lack is as in its
-/// trial `like`, which has so many `channels`.
+/// Reads the rig's noise from the recordings at `path`. They must be of the same sensor as the texture, with the same
+/// number of `channels`. A missing scale or sample rate is taken from the texture's trial `like`.
 ///
 /// # Errors
 /// A recording that cannot be used, or that has another number of channels.
@@ -155,16 +156,16 @@ pub(super) fn named(
     })
 }
 
-/// The mean share of the rig's noise over the recordings at one speed.
+/// Mean fraction of the rig's noise in the recordings at one speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FloorAtSpeed {
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
-    /// Shares of each third octave.
+    /// Fraction for each third octave.
     pub shares: FloorShares,
 }
 
-/// The shares at each speed of the recordings of a texture, from their speeds, mm/s, and shares.
+/// Returns the fractions at each speed, from the speeds, mm/s, and fractions of the recordings of a texture.
 pub fn by_speed<'a>(
     recordings: impl IntoIterator<Item = (f64, &'a FloorShares)>,
 ) -> Vec<FloorAtSpeed> {
@@ -180,7 +181,7 @@ pub fn by_speed<'a>(
     at_speed.map(mean).collect()
 }
 
-/// The error of a texture whose noise is to be taken off, and is not known.
+/// Returns the error of a texture whose noise should be subtracted but is not known.
 pub(super) fn unknown(texture: &str) -> Error {
     Error::Model(format!(
         "texture '{texture}' has no trial in motion at 0 N of half a second, so that its rig's noise is not known: \
@@ -197,7 +198,7 @@ mod tests {
 
     const SEGMENT: usize = 500;
 
-    /// A rig whose noise has these RMS values, m/s², at speeds in mm/s.
+    /// Makes a rig's noise with these RMS values, m/s², at speeds in mm/s.
     fn floor(levels: &[(f64, f64)]) -> Floor {
         let take = |&(speed_mm_s, rms): &(f64, f64)| NoiseTake {
             speed_mm_s,

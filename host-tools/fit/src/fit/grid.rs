@@ -1,4 +1,5 @@
-//! A texture's grid from its trials: a model for each (speed, force) that was recorded, and the holes filled.
+//! A texture's grid from its trials: a model for each (speed, force) that was recorded, and models filled in for the
+//! others.
 
 use model_format::{FadeLaw, Laws, LevelLaw, NodeFlags, PartsSpec, limits};
 use rayon::prelude::*;
@@ -15,17 +16,17 @@ use crate::recording::Trial;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 
-/// A third-octave band of a model further from its recording than this is worth a word, dB.
+/// Least distance of a model's third-octave band from the recording's for which there is a note, dB.
 const NOTABLE_MISS_DB: f64 = 3.0;
 
-/// Power of a trial over the median of its node's trials, above which it counts with the median's: 6 dB. The mean would
-/// go with it.
+/// Ratio of a trial's power to the median of its node's trials above which the trial's power is reduced to the median:
+/// 6 dB. Otherwise this trial would dominate the mean.
 const LOUD: f64 = 4.0;
 
-/// Fewest trials of a node whose median tells a loud one.
+/// Fewest trials of a node for which a loud trial can be recognised by the median.
 const FEWEST_FOR_MEDIAN: usize = 3;
 
-/// An order needs this many samples of data for each of its coefficients.
+/// Least number of samples for each coefficient of a model.
 const SAMPLES_PER_COEFFICIENT: usize = 4;
 
 /// A trial that a texture is fitted to.
@@ -36,26 +37,26 @@ pub(super) struct Member<'a> {
     pub report: &'a TrialReport,
 }
 
-/// A model of the trials of one node.
+/// The model of all trials of one node.
 struct Measured {
     model: Model,
     miss: Option<BandLevel>,
     loud: Vec<LoudTrial>,
 }
 
-/// A trial that is far louder than the others of its node, and counts with their level.
+/// A trial that is far louder than the others of its node and is reduced to their level.
 #[derive(Clone, Debug)]
 pub(super) struct LoudTrial {
     /// The file.
     pub file: String,
-    /// Level over the median of the node's trials, dB.
+    /// Level relative to the median of the node's trials, dB.
     pub over_db: f64,
 }
 
-/// A texture's grid, with what is to be said of it.
+/// A texture's grid, and what the notes report about it.
 pub(super) struct AssembledGrid {
     pub grid: Grid,
-    /// Nodes that miss a band of their recording.
+    /// Nodes whose model misses a band of the recording.
     pub misses: Vec<Miss>,
     /// Trials that are louder than the others of their nodes.
     pub loud: Vec<LoudTrial>,
@@ -68,11 +69,11 @@ pub(super) struct Miss {
     pub speed_mm_s: f32,
     /// Force of the node, N.
     pub force_n: f32,
-    /// The band, with the model's level over the recording's.
+    /// The band, with the model's level relative to the recording's.
     pub band: BandLevel,
 }
 
-/// Builds the grid of texture `name` from its trials, at least one, and its lines.
+/// Builds the grid of texture `name` from its trials, of which there is at least one, and its lines.
 pub(super) fn assemble(
     name: &str,
     members: &[Member<'_>],
@@ -127,15 +128,16 @@ pub(super) fn assemble(
     Ok(AssembledGrid { grid, misses, loud })
 }
 
-/// Laws of the level of a texture with these models.
+/// Returns the laws of the level for a texture with these models.
 ///
-/// Between nodes, the mean of the level in dB predicts removed nodes best: on simulated recordings (the removed-node
-/// test in `host-tools/COSTS.md`), and on 582 published HaTT models, each predicted from the triangle around it, where
-/// mean power is 0.9 dB too loud and mean dB 0.1 dB too low between neighbours that differ by 6 to 12 dB. A silent node
-/// has no level in dB, so a texture with one takes the mean amplitude.
+/// Between nodes, the mean of the level in dB predicts removed nodes best. This holds for simulated recordings (the
+/// removed-node test in `host-tools/COSTS.md`) and for 582 published HaTT models, each predicted from the triangle
+/// around it: between neighbours that differ by 6 to 12 dB, the mean power is 0.9 dB too loud and the mean in dB is 0.1
+/// dB too low. A silent node has no level in dB, so a texture with one uses the mean amplitude.
 ///
-/// Below the grid, power is proportional to speed and force. Of the same HaTT models, 525 pairs at one force and at
-/// speeds 1.5 to 4 times apart differ from that law by -0.3 dB in the mean, and from proportional amplitude by -3.5 dB.
+/// Below the grid, power is proportional to speed and force. For 525 pairs of the same HaTT models, at one force and at
+/// speeds with a ratio of 1.5 to 4, the mean deviation from this law is -0.3 dB, and that from proportional amplitude
+/// is -3.5 dB.
 fn laws_of(models: &[Model]) -> Laws {
     let level = if models.iter().any(Model::is_silent) {
         LevelLaw::Amplitude
@@ -160,12 +162,12 @@ fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec
     Ok(axis)
 }
 
-/// Index of the first of the ascending values of an axis that is not below `value`.
+/// Returns the index of the first of an axis's ascending values that is not below `value`.
 pub(super) fn place(axis: &[f32], value: f64) -> usize {
     axis.partition_point(|&v| v < value as f32)
 }
 
-/// The model of a node's trials taken together; `None` where there is no trial.
+/// Returns the model of all trials of a node; `None` if there is no trial.
 fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     let doubtful =
         |member: &Member<'_>| !member.analysis.is_silent() && !member.report.verdicts.is_empty();
@@ -213,8 +215,8 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     Some(Measured { model, miss, loud })
 }
 
-/// Shares of the `powers` of a node's trials that count: all of them, but no more than the median of one that is far
-/// louder.
+/// Returns the factor with which each power of a node's trials counts. It is 1, except for a trial that is far louder
+/// than the median, which it reduces to the median.
 fn shares(powers: &[f64]) -> Vec<f64> {
     let median = upper_median(powers).unwrap_or(0.0);
     let is_loud = |power: f64| powers.len() >= FEWEST_FOR_MEDIAN && power > LOUD * median;
@@ -222,7 +224,7 @@ fn shares(powers: &[f64]) -> Vec<f64> {
     powers.iter().map(share).collect()
 }
 
-/// The model, of an order by `choice`, of a recording of `samples` samples with these autocorrelation and bands.
+/// Returns the model of a recording of `samples` samples with these lags and bands. Its order is chosen by `choice`.
 pub(super) fn model_of(lags: Vec<f64>, recorded: &Bands, samples: usize, choice: Order) -> Model {
     let output_power = lags[0];
     let max_order = choice.highest().min(samples / SAMPLES_PER_COEFFICIENT);
@@ -241,13 +243,13 @@ pub(super) fn model_of(lags: Vec<f64>, recorded: &Bands, samples: usize, choice:
     model
 }
 
-/// Fills holes from the nodes that were measured, and from those only, so that the order of filling does not matter.
+/// Fills holes only from nodes that were measured, so that the order of filling does not matter.
 pub(super) struct Filler {
-    /// Speeds of the grid.
+    /// Number of speeds of the grid.
     pub speeds: usize,
-    /// Forces of the grid.
+    /// Number of forces of the grid.
     pub forces: usize,
-    /// Measured models, all forces of the first speed first.
+    /// Measured models, all forces of the first speed first; `None` for holes.
     pub known: Vec<Option<Model>>,
 }
 
@@ -257,7 +259,8 @@ impl Filler {
         let at = (index / self.forces, index % self.forces);
         match &self.known[index] {
             Some(model) if model.is_silent() => Model {
-                // The way to silence keeps the timbre of its surroundings: only the level goes to zero.
+                // Towards a silent node the spectral shape of its surroundings stays the same; only the level falls to
+                // zero.
                 reflection: self.nearest(at, |m| !m.is_silent()).reflection,
                 ..model.clone()
             },
@@ -274,7 +277,7 @@ impl Filler {
             let flags = nearest.flags.with(NodeFlags::EXTRAPOLATED);
             return Model { flags, ..nearest };
         }
-        // The error of a straight line between two points goes with the product of the distances to them.
+        // The error of a straight line between two points is proportional to the product of the distances to them.
         let weight = |pair: &Bracket<'_>| 1.0 / (pair.before.0 * pair.after.0) as f64;
         let total: f64 = pairs.iter().map(weight).sum();
         let mut terms = Vec::new();
@@ -297,7 +300,7 @@ impl Filler {
         self.bracket(force, self.forces, |f| speed * self.forces + f)
     }
 
-    /// The nearest measured nodes on both sides of `at` on a line of `length` nodes.
+    /// Returns the nearest measured nodes on both sides of `at` on a line of `length` nodes.
     fn bracket(
         &self,
         at: usize,
@@ -310,7 +313,8 @@ impl Filler {
         Some(Bracket { before, after })
     }
 
-    /// The mean of the measured nodes, of those that are `wanted`, that are least steps away; silence if there is none.
+    /// Returns the mean of the nearest measured nodes among those that are `wanted`, by the Euclidean distance in
+    /// nodes; silence if there are none.
     fn nearest(&self, (speed, force): (usize, usize), wanted: impl Fn(&Model) -> bool) -> Model {
         let distance = |index: usize| {
             let (s, f) = (index / self.forces, index % self.forces);

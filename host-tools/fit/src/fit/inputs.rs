@@ -1,4 +1,5 @@
-//! The files that a command reads, by the paths that it is given, so that no output is one of them.
+//! The files that a command reads, by the paths that it is given. They are compared with its output, which must be none
+//! of them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::record::FitRecord;
 use crate::recording::{Kind, RecordingSet, TRIALS_FILE, is_list};
 
-/// Endings of the files that a folder is given for beside recordings: HaTT's models, partial results.
+/// Endings of other files than recordings for which a folder may be given: HaTT's models, partial results.
 const ENDINGS: [&str; 2] = ["xml", "part"];
 
 /// A path that is given to a command as an input.
@@ -27,8 +28,9 @@ impl From<PathBuf> for Input {
     }
 }
 
-/// All files that stand behind `inputs`: themselves, those that lists of recordings among them name, records beside
-/// libraries, and what lies in folders. Nothing is read if there is no `output` yet that could be one of them.
+/// Returns all files that belong to `inputs`: the inputs themselves, the files that lists of recordings among them
+/// name, records next to libraries, and the contents of folders. Nothing is read if no `output` exists yet, because
+/// then it is none of them.
 pub fn files_behind(inputs: &[Input], output: &Path) -> Vec<PathBuf> {
     let mut all: Vec<PathBuf> = inputs.iter().map(|input| input.path.clone()).collect();
     let is_file = output.is_file();
@@ -36,7 +38,7 @@ pub fn files_behind(inputs: &[Input], output: &Path) -> Vec<PathBuf> {
         return all;
     }
     let target = fs::canonicalize(output).unwrap_or_default();
-    // A list is no recording, and is made again from those beside it.
+    // A list is no recording. It is made again from the recordings next to it.
     let is_of_a_folder = is_file && has_ending(&target) && !is_list(&target);
     for Input { path, is_unlisted } in inputs {
         if is_of_a_folder {
@@ -56,7 +58,7 @@ pub fn files_behind(inputs: &[Input], output: &Path) -> Vec<PathBuf> {
     all
 }
 
-/// Adds the inputs in `folder` and below. A folder that cannot be read is refused by who reads it.
+/// Adds the inputs in `folder` and its subfolders. Whoever reads the folder later reports if it cannot be read.
 fn add_below(folder: &Path, all: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();

@@ -1,4 +1,4 @@
-//! Notes on a fit of recordings that are not as they should be.
+//! Notes on a fit about recordings that are not as they should be.
 
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
@@ -21,25 +21,26 @@ use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::{Grid, is_recorded};
 
-/// A mean this many times the RMS is more than an offset of an amplifier: gravity, of which nothing needs saying, or a
-/// sensor that is not what it is taken for.
+/// Ratio of a recording's mean to its RMS above which the mean is no mere offset of an amplifier. It is gravity, which
+/// needs no note, or the sensor is not what it is assumed to be.
 const LARGE_MEAN: f64 = 1.0;
 
-/// Share of the rig's noise in a third octave that is worth a word: the texture is no stronger.
+/// Fraction of the rig's noise in a third octave above which there is a note: the noise is then as strong as the
+/// texture.
 const LARGE_FLOOR: f32 = 0.5;
 
-/// Values of an axis that differ by less than this share of themselves may be one nominal value, measured twice.
+/// Relative difference of two values of an axis below which they may be one nominal value that was measured twice.
 const CLOSE_SHARE: f32 = 0.01;
 
-/// Fewest nodes of a grid of which it is worth a word that most are filled.
+/// Fewest nodes of a grid for which there is a note that most of them are filled in.
 const SPARSE_NODES: usize = 12;
 
-/// Least lack of a trial's duration that is worth a word, s, and as a share of the duration.
+/// Least missing duration of a trial for which there is a note, s, and as a fraction of the duration.
 const LACK_S: f64 = 0.005;
 const LACK_SHARE: f64 = 0.001;
 
-/// Returns the notes on texture `name`: on what was `assembled` of it, on the `members` that were used, and on the
-/// number of `idle` trials, which were not used, because they are at rest or without contact.
+/// Returns the notes on texture `name`: on the grid that was `assembled`, on the `members` that were used, and on the
+/// number of `idle` trials, which were not used because they are at rest or without contact.
 pub(super) fn of(
     name: &str,
     assembled: &AssembledGrid,
@@ -101,10 +102,10 @@ pub(super) fn of(
         .collect()
 }
 
-/// Kind, size and words of a note on a texture.
+/// Kind, size and text of a note on a texture.
 type Noted = (&'static str, f64, String);
 
-/// Returns a note on slow motion that was filtered out, or was not.
+/// Returns a note on slow motion, whether it was filtered out or not.
 fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
     let is_filtered = |trial: &&&TrialReport| trial.high_pass_hz.is_some();
     let is_advised = |trial: &&&TrialReport| {
@@ -121,7 +122,7 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
          to {turn_deg:.0}°",
         100.0 * share
     );
-    // Where all were filtered, the hand may have been steady, or what it did is filtered out already.
+    // If all were filtered, the hand may have been steady, or its motion is already filtered out.
     let what = if HighPass::Auto.cut_hz(share).is_some() {
         what
     } else {
@@ -178,7 +179,7 @@ fn rigs_noise(trials: &[&TrialReport], options: &Options) -> Option<Noted> {
     Some(("rig", f64::from(share), text))
 }
 
-/// Returns a note on trials whose files end before the duration that their list gives.
+/// Returns a note on trials whose files end before the duration in their list.
 fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
     let short = members.iter().filter_map(|member| {
         let held_s = member.analysis.samples as f64 / f64::from(options.sample_rate_hz)
@@ -198,7 +199,7 @@ fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
     Some(("short", *lack_s, text))
 }
 
-/// Returns a note on a grid of which most nodes have no recording, with the tolerance that makes a dense one of it.
+/// Returns a note on a grid in which most nodes have no recording, with the tolerance that would make it dense.
 fn mostly_filled(grid: &Grid, trials: &[&TrialReport]) -> Option<Noted> {
     let recorded = |places: &[(f64, f64)]| {
         let bits = places.iter().map(|(s, f)| (s.to_bits(), f.to_bits()));
@@ -229,7 +230,7 @@ fn mostly_filled(grid: &Grid, trials: &[&TrialReport]) -> Option<Noted> {
     Some(("filled", (nodes - with) as f64, text))
 }
 
-/// Returns a note on the closest values of an axis, if they are closer than nominal values would be.
+/// Returns a note on the closest values of an axis, if they are too close to be nominal values.
 fn close_values(what: &'static str, values: &[f32], unit: &str) -> Option<Noted> {
     let close = values
         .windows(2)
@@ -266,7 +267,7 @@ fn missed_bands(misses: &[Miss], options: &Options) -> Option<Noted> {
     Some(("bands", level(&worst), text))
 }
 
-/// The note on a trial that is far louder than the others of its node.
+/// Returns the note on a trial that is far louder than the others of its node.
 fn loud_trial(loud: &LoudTrial) -> Warning {
     let text = format!(
         "{:.1} dB above the median of its node's trials, at whose level it counts: listen to it, and leave it out or \
@@ -276,7 +277,7 @@ fn loud_trial(loud: &LoudTrial) -> Warning {
     Warning::of("loud trial", ("recording", &loud.file), loud.over_db, text)
 }
 
-/// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, its speed and
+/// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, and its speed and
 /// force.
 fn lowered_orders(grid: &Grid, options: &Options) -> Option<(usize, usize, f32, f32)> {
     let Order::Fixed(asked) = options.order else {
@@ -288,13 +289,14 @@ fn lowered_orders(grid: &Grid, options: &Options) -> Option<(usize, usize, f32, 
     Some((lowered().count(), lowest.reflection.len(), speed, force))
 }
 
-/// Force that is more than a hand holds a tool to a surface with, N; grams taken for newtons are above.
+/// Force above which a hand does not press a tool on a surface, N. Values in grams that are read as newtons are higher.
 const LARGE_FORCE_N: f64 = 20.0;
 
-/// Speed that is more than a hand strokes or a drum turns with, mm/s.
+/// Speed above which no hand strokes and no drum turns, mm/s.
 const LARGE_SPEED_MM_S: f64 = 2000.0;
 
-/// Speed that is less than anything is stroked with, mm/s; metres per second taken for millimetres are below.
+/// Speed below which nothing is stroked, mm/s. Values in metres per second that are read as millimetres per second are
+/// lower.
 const SMALL_SPEED_MM_S: f64 = 1.0;
 
 /// Returns the notes on `set`, whose trials have these `reports`.
@@ -324,7 +326,7 @@ pub(super) fn of_set(
     notes
 }
 
-/// Returns a note on recordings without a list whose names differ by one number.
+/// Returns a note on recordings without a list whose names differ in one number only.
 fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
     if set.is_listed {
         return None;
@@ -347,7 +349,7 @@ fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
     ))
 }
 
-/// Returns notes on changes that reading made to recordings, one note per kind of change.
+/// Returns notes on changes that were made to recordings when they were read, one note per kind of change.
 fn remarks(reports: &[TrialReport]) -> Vec<Warning> {
     let mut files: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for report in reports {
@@ -365,7 +367,7 @@ fn remarks(reports: &[TrialReport]) -> Vec<Warning> {
     files.into_iter().map(of_remark).collect()
 }
 
-/// Returns notes on recordings of integers of which nothing tells the acceleration.
+/// Returns notes on recordings of integers whose acceleration per step is not known.
 fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
     let kinds = [
         (
@@ -403,7 +405,7 @@ fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
     kinds.into_iter().filter_map(of_kind).collect()
 }
 
-/// Returns notes on speeds and forces that are likely to be in another unit.
+/// Returns notes on speeds and forces that probably have another unit.
 fn doubtful_motions(trials: &[Trial]) -> Vec<(&'static str, String)> {
     let largest = |of: fn(&Trial) -> f64| trials.iter().map(of).fold(0.0, f64::max);
     let (speed, force) = (largest(|t| t.speed_mm_s), largest(|t| t.force_n));

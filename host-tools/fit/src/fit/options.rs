@@ -17,18 +17,18 @@ use crate::support::number::not_negative;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// For each node by Akaike's criterion, at most 400: the least error to be expected of another take; or a lower one
-    /// that holds all third octaves as well.
+    /// For each node by Akaike's criterion, at most 400: the order with the least expected error for another take, or a
+    /// lower one that preserves all third octaves equally well.
     Auto,
-    /// For each node by the Bayesian information criterion, at most 400: smaller libraries, at the price of the lowest
-    /// bands and of short recordings.
+    /// For each node by the Bayesian information criterion, at most 400. Libraries are smaller, but the lowest bands
+    /// and short recordings are modelled less well.
     Bayesian,
     /// The same order for all nodes, as in the paper (whose order is 400).
     Fixed(usize),
 }
 
 impl Order {
-    /// The highest order that the choice allows.
+    /// Returns the highest order that the choice allows.
     pub fn highest(self) -> usize {
         match self {
             Self::Auto | Self::Bayesian => model_format::limits::MAX_ORDER,
@@ -146,7 +146,7 @@ pub struct Options {
     pub strict: bool,
     /// Move measured speeds and forces to nominal ones: by at most this share, such as 0.05; auto, to the likeliest
     /// grid; clear, only where gaps between groups of values are three times as wide as the groups; or none
-    // They move before the fit, which takes the set as it is given.
+    // Values are snapped before the fit, which takes the set as it is given.
     #[arg(long, value_name = "SHARE|clear|auto|none", default_value_t)]
     #[serde(default = "kept")]
     pub snap: Snap,
@@ -155,15 +155,15 @@ pub struct Options {
     pub sample_rate_hz: u32,
 }
 
-/// The choice of a record without one: every value stays.
+/// Choice for a record that states none: every value stays as it is.
 fn kept() -> Snap {
     Snap::NONE
 }
 
-/// The rate of `rate_hz` samples per second.
+/// Returns the playing rate of `rate_hz` samples per second.
 ///
 /// # Errors
-/// A rate that no stylus plays.
+/// A rate that the stylus does not play.
 pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
     PlayRate::of(rate_hz).ok_or_else(|| {
         let rates = PlayRate::ALL.map(|rate| rate.hz().to_string()).join(" or ");
@@ -174,10 +174,11 @@ pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
 }
 
 impl Options {
-    /// Checks that what the options ask for is fitted at their sample rate.
+    /// Checks that everything that the options ask for can be fitted at their sample rate.
     ///
     /// # Errors
-    /// A rate that no stylus plays; at another rate than 5 kHz, a choice that is made at 5 kHz alone, by its name.
+    /// A rate that the stylus does not play; at another rate than 5 kHz, a choice that exists only at 5 kHz, which is
+    /// named.
     pub fn check_rate(&self) -> Result<()> {
         let rate_hz = self.sample_rate_hz;
         if rate_hz == SAMPLE_RATE_HZ {
@@ -202,7 +203,7 @@ impl Options {
         }
     }
 
-    /// The options without what only a fit at 5 kHz seeks by itself, if the rate is another.
+    /// Returns the options without the automatic choices that exist only at 5 kHz, if the rate is another.
     #[must_use]
     pub fn at_their_rate(&self) -> Self {
         if self.sample_rate_hz == SAMPLE_RATE_HZ {

@@ -1,4 +1,4 @@
-//! Tests of the order of a node's model: what it holds, and what it does not spend.
+//! Tests of the order of a node's model: what it preserves, and which coefficients it saves.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +17,7 @@ use crate::recording::resample;
 
 const MAX_ORDER: usize = model_format::limits::MAX_ORDER;
 
-/// Noise through resonances at these frequencies, Hz, with these pole radii.
+/// Makes noise that is filtered by resonances at these frequencies, Hz, with these pole radii.
 fn textured(seed: u64, samples: usize, resonances: &[(f64, f64)]) -> Vec<f64> {
     const SETTLED: usize = 5000;
     let mut signal = noise(seed, samples + SETTLED);
@@ -32,13 +32,13 @@ fn textured(seed: u64, samples: usize, resonances: &[(f64, f64)]) -> Vec<f64> {
     signal.split_off(SETTLED)
 }
 
-/// Coefficients of a pole pair's own last two outputs.
+/// Coefficients of a pole pair for its own last two outputs.
 fn feedback(hz: f64, radius: f64) -> (f64, f64) {
     let angle = TAU * hz / f64::from(SAMPLE_RATE_HZ);
     (2.0 * radius * angle.cos(), radius * radius)
 }
 
-/// Density of the process behind [`textured`], which no fit has part in.
+/// Density of the process behind [`textured`], computed independently of any fit.
 fn density(resonances: &[(f64, f64)]) -> Vec<f64> {
     let bin = |bin: usize| {
         let angle = TAU * bin as f64 / (2 * (FINE_BINS - 1)) as f64;
@@ -53,7 +53,7 @@ fn density(resonances: &[(f64, f64)]) -> Vec<f64> {
     (0..FINE_BINS).map(bin).collect()
 }
 
-/// The model of a recording at 5 kHz, of a source at `source_rate_hz`, and its bands.
+/// Returns the model of a recording at 5 kHz whose source is at `source_rate_hz`, and its bands.
 fn fitted(signal: &[f64], source_rate_hz: u32, order: Order) -> (Model, Bands) {
     let plain = PaddedSpectrum::of(signal, MAX_ORDER);
     let known = KnownBand::of(f64::from(source_rate_hz), SAMPLE_RATE_HZ, None);
@@ -62,13 +62,13 @@ fn fitted(signal: &[f64], source_rate_hz: u32, order: Order) -> (Model, Bands) {
     (model, estimate.bands)
 }
 
-/// The content of a recording of `signal` at `rate_hz`, at 5 kHz.
+/// Returns a recording of `signal` at `rate_hz`, converted to 5 kHz.
 fn recorded_at(rate_hz: u32, signal: Vec<f64>) -> Vec<f64> {
     let recorded = resample(&[signal], SAMPLE_RATE_HZ, rate_hz);
     resample(&recorded, rate_hz, SAMPLE_RATE_HZ).remove(0)
 }
 
-/// RMS of the levels of `model` off `resonances`, dB, but for the level of all, in the third octaves from 20 Hz to
+/// RMS of the level errors of `model` against `resonances`, dB, without their mean, in the third octaves from 20 Hz to
 /// `to_hz` that are within 40 dB of the strongest.
 fn off_db(model: &Model, resonances: &[(f64, f64)], to_hz: f64) -> f64 {
     let (found, truth) = (density_of_model(model, FINE_BINS), density(resonances));
@@ -92,8 +92,8 @@ fn off_db(model: &Model, resonances: &[(f64, f64)], to_hz: f64) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
-    /// Eight seconds of two resonances: the shape of what is not recorded costs few coefficients. That of the filter
-    /// that took it costs a hundred and more.
+    /// Eight seconds of two resonances: the band that is not recorded costs few coefficients. To model the filter that
+    /// removed it would cost a hundred and more.
     #[test]
     fn two_resonances_take_few_coefficients_at_any_rate(
         seed: u64, low_hz in 100.0f64..250.0, high_hz in 280.0f64..400.0, rate_hz in 1000u32..5000,
@@ -109,10 +109,10 @@ proptest! {
         }
     }
 
-    /// A peak that stands 18 dB out of its third octave, and no more than a tenth of the power.
+    /// A peak that stands 18 dB out of its third octave and has no more than a tenth of the power.
     #[test]
     fn a_narrow_peak_at_twenty_hertz_is_held(seed: u64) {
-        // The bands beside such a peak are what a short filter does not hold.
+        // A short filter does not preserve the bands next to such a peak.
         const LIMIT_DB: f64 = 6.0;
         let peak = textured(seed, 40_000, &[(20.0, 0.9995)]);
         let rms = rms(&peak);
@@ -124,7 +124,7 @@ proptest! {
         prop_assert!(bands.missed_by(&lower, signal.len(), LIMIT_DB).is_some(), "an easy peak tells nothing");
     }
 
-    /// Noise, a tone and a resonance anywhere around the edge of what was recorded.
+    /// Noise, a tone and a resonance anywhere around the edge of the recorded band.
     #[test]
     fn what_is_not_recorded_adds_little_power(
         seed: u64, rate_hz in 1000u32..4000, edge in 0.3f64..0.5, amplitude in 0.0f64..20.0, radius in 0.0f64..0.999,

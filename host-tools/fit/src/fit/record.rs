@@ -1,9 +1,9 @@
-//! The record of a fit: the options and the recordings that a library was fitted to, so that a later evaluation knows
-//! what is held out.
+//! The record of a fit: the options and the recordings that a library was fitted to, so that a later evaluation can
+//! exclude them.
 //!
-//! Recordings are known by content: by a hash of the file's bytes, whatever its name or folder is by then, and by the
-//! part of it that was used. The record stands in a file beside the library and names it by its content, too, so that
-//! a record of another library is not believed.
+//! Recordings are identified by content: by a hash of the file's bytes, even if the file's name or folder has changed,
+//! and by the part of it that was used. The record is a file next to the library. It identifies the library by its
+//! content, too, so that a record of another library is ignored.
 
 use std::collections::HashMap;
 use std::io::{self, Read};
@@ -23,10 +23,10 @@ use crate::support::file_name::portable;
 use crate::support::fnv::Fnv;
 use crate::support::in_order::in_order;
 
-/// Ending that the name of a library's file gets for that of its record.
+/// Ending that is appended to the name of a library's file to name its record.
 const ENDING: &str = ".fit.json";
 
-/// A record: some hundred bytes per trial, of which a list has up to a million.
+/// Largest record that is read: some hundred bytes per trial, of which a list has up to a million.
 const RECORD: Limit = Limit {
     of: "a fit's record",
     bytes: 512 * MIB,
@@ -43,7 +43,7 @@ pub struct FitRecord {
     pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
-    /// Lines of each texture that are tied to position, or the reason for none.
+    /// Lines of each texture, or the reason for finding none.
     pub lines: Vec<FoundLines>,
 }
 
@@ -52,12 +52,12 @@ pub struct FitRecord {
 pub struct FoundLines {
     /// Name of the texture.
     pub texture: String,
-    /// Lines of the texture, or the reason for none.
+    /// Lines of the texture, or the reason for finding none.
     pub findings: Findings,
 }
 
 impl FoundLines {
-    /// Lines of each texture of `fit`.
+    /// Returns the lines of each texture of `fit`.
     pub fn of(fit: &Fit) -> Vec<Self> {
         let textures = fit.textures.iter();
         textures
@@ -72,33 +72,33 @@ impl FoundLines {
 /// A recording that a library was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FittedTrial {
-    /// The file, as it was named.
+    /// The file, as it was named in the fit.
     pub file: String,
     /// Hash of the file's bytes, in hexadecimal digits.
     pub content: String,
     /// Start of the used part, s.
     pub start_s: f64,
-    /// Longest duration of the used part, s; none if it goes to the end, or was not given.
+    /// Longest duration of the used part, s; `None` if it was not given or the part extends to the end.
     pub duration_s: Option<f64>,
     /// The file's own sample rate, Hz.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source_rate_hz: Option<f64>,
-    /// Acceleration of a sample of 1 that was given, m/s².
+    /// Acceleration of a sample value of 1 that the user gave, m/s².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_m_s2: Option<f64>,
-    /// Unit of its times that was given.
+    /// Unit of the file's times that the user gave.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_unit: Option<TimeUnit>,
-    /// True if its samples were taken as even, as asked for.
+    /// True if the user asked to treat the samples as evenly spaced.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub even_times: bool,
-    /// Changes by reading, such as of a unit, and findings of triage.
+    /// Changes made when reading, such as of a unit, and findings of triage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
 }
 
 impl FitRecord {
-    /// The record of a fit of `set` with `options` that gave the library `bytes`, without an account of
+    /// Returns the record of a fit of `set` with `options` that produced the library `bytes`. It does not yet hold the
     /// excitations and lines.
     ///
     /// # Errors
@@ -108,8 +108,8 @@ impl FitRecord {
         Ok(Self::with_contents(set, options, bytes, &contents))
     }
 
-    /// The record of `fit`, which was made with `options` to the strokes in `files`, whose samples of 1 were given as
-    /// `scale_m_s2`, m/s², and gave the library `bytes`.
+    /// Returns the record of `fit`, which was made with `options` from the strokes in `files` and produced the library
+    /// `bytes`. `scale_m_s2` is the acceleration of a sample value of 1 that the user gave, m/s².
     ///
     /// # Errors
     /// A recording that cannot be read any more.
@@ -120,7 +120,7 @@ impl FitRecord {
         options: &Options,
         bytes: &[u8],
     ) -> Result<Self> {
-        // The trials of the fit are in no file; the strokes are.
+        // The trials of the fit are not in files; the strokes are.
         let texture = fit.textures.first().map_or("", |texture| &texture.name);
         let trials = files.iter().map(|path| Trial {
             scale_m_s2,
@@ -137,7 +137,7 @@ impl FitRecord {
         })
     }
 
-    /// As [`FitRecord::of`], with the hashes of the recordings' bytes, in the order of the set.
+    /// Like [`FitRecord::of`], but takes the hashes of the recordings' bytes, in the order of the set.
     pub fn with_contents(
         set: &RecordingSet,
         options: &Options,
@@ -156,7 +156,7 @@ impl FitRecord {
         }
     }
 
-    /// Adds what `fit`, a fit of the same set, found: excitations, lines, and each trial's sample rate, remarks and
+    /// Adds the results of `fit`, a fit of the same set: excitations, lines, and each trial's sample rate, remarks and
     /// verdicts.
     #[must_use]
     pub fn with_account_of(mut self, fit: &Fit) -> Self {
@@ -172,7 +172,7 @@ impl FitRecord {
         }
     }
 
-    /// Acceleration of a sample of 1 that the fit was given first, m/s².
+    /// Returns the first acceleration of a sample value of 1 that the user gave for the fit, m/s².
     pub fn given_scale_m_s2(&self) -> Option<f64> {
         self.trials.iter().find_map(|trial| trial.scale_m_s2)
     }
@@ -184,8 +184,8 @@ impl FitRecord {
         PathBuf::from(name)
     }
 
-    /// Reads the record beside the library at `path`, whose content is `bytes`. `None` if there is none, or one of
-    /// another library.
+    /// Reads the record next to the library at `path`, whose content is `bytes`. `None` if there is no record, or it is
+    /// of another library.
     ///
     /// # Errors
     /// A record that cannot be read or understood.
@@ -202,7 +202,7 @@ impl FitRecord {
         Ok(Some(record).filter(|record| record.is_of(bytes)))
     }
 
-    /// Returns true if this is the record of the library of these `bytes`.
+    /// Returns true if this is the record of the library with these `bytes`.
     pub fn is_of(&self, bytes: &[u8]) -> bool {
         self.library == content_hash(bytes)
     }
@@ -218,8 +218,8 @@ impl FitRecord {
         })
     }
 
-    /// Returns `set` as the fit read it: with the speeds and forces that the fit took for its own. A recording without
-    /// a scale, a unit of times or a word on even times has those that the fit was given for it.
+    /// Returns `set` as the fit read it: with the speeds and forces that the fit used. A recording without a scale, a
+    /// unit of times or a statement on even times gets those that the user gave for the fit.
     ///
     /// # Errors
     /// A recording that cannot be read. See [`RecordingSet::snapped`].
@@ -238,17 +238,18 @@ impl FitRecord {
         Ok(set.snapped(self.options.snap)?.0)
     }
 
-    /// The record as text.
+    /// Returns the record as text.
     ///
     /// # Errors
-    /// None for records that [`Self::of`] makes.
+    /// None for records that [`Self::of`] returns.
     pub fn to_text(&self) -> Result<String> {
         serde_json::to_string_pretty(self).map_err(|failure| Error::Request(failure.to_string()))
     }
 
-    /// Writes the record beside its library, of these `bytes`, which is written to `library`: both or neither.
+    /// Writes the library `bytes` to `library` and this record next to it: both or neither.
     ///
-    /// The library gets its name first: a record that is missing, or of an earlier library, is not believed.
+    /// The library gets its final name first, because a record that is missing, or is of an earlier library, is
+    /// ignored.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -258,7 +259,7 @@ impl FitRecord {
         atomic_file::write_together(&[(library, bytes), (&record, text.as_bytes())])
     }
 
-    /// Returns whether the fit used a part of `trial`, under whatever name its file was.
+    /// Returns whether the fit used a part of `trial`, even if its file had another name.
     ///
     /// # Errors
     /// A recording that cannot be read.
@@ -276,7 +277,7 @@ impl FittedTrial {
         Ok(Self::with_content(trial, content_of(trial)?))
     }
 
-    /// The trial whose recording's bytes have the hash `content`.
+    /// Returns the entry of a trial whose recording's bytes have the hash `content`.
     fn with_content(trial: &Trial, content: u64) -> Self {
         Self {
             file: portable(&trial.file),
@@ -291,12 +292,13 @@ impl FittedTrial {
         }
     }
 
-    /// Returns true if the fit was told how to read the recording.
+    /// Returns true if the user said how to read the recording.
     fn was_told(&self) -> bool {
         self.scale_m_s2.is_some() || self.time_unit.is_some() || self.even_times
     }
 
-    /// Gives `trial`, of the same recording, what it does not say itself of how to read it.
+    /// Adds what the user said on how to read the recording to `trial`, of the same recording, unless the trial says it
+    /// itself.
     fn tell(&self, trial: &mut Trial) {
         trial.scale_m_s2 = trial.scale_m_s2.or(self.scale_m_s2);
         trial.time_unit = trial.time_unit.or(self.time_unit);
@@ -304,7 +306,7 @@ impl FittedTrial {
         trial.has_even_times = trial.has_even_times.or(even_times);
     }
 
-    /// Returns whether two parts of one file share a moment.
+    /// Returns whether two parts of one file overlap.
     fn overlaps(&self, other: &Self) -> bool {
         let end_s = |part: &Self| part.start_s + part.duration_s.unwrap_or(f64::INFINITY);
         self.start_s < end_s(other) && other.start_s < end_s(self)
@@ -340,7 +342,7 @@ pub(super) fn content_of(trial: &Trial) -> Result<u64> {
     }
 }
 
-/// Bytes of a recording that are read at a time.
+/// Number of bytes of a recording that are read at a time.
 const PIECE: usize = 1 << 16;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The recordings of one texture: read, analysed, and without the lines that the texture has.
+//! The recordings of one texture: read, analysed, and without the texture's lines.
 
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ use crate::support::in_order::in_order;
 pub struct Recordings<'s> {
     /// Trials of the texture, in the order of the set.
     pub trials: Vec<Recorded<'s>>,
-    /// Lines that are tied to position, or the reason for none.
+    /// Lines tied to position, or the reason for finding none.
     pub findings: Findings,
 }
 
@@ -33,13 +33,13 @@ pub struct Recorded<'s> {
     pub trial: &'s Trial,
     /// Statistics of the trial, without the texture's lines.
     pub analysis: Analysis,
-    /// The whole signal without lines, while it is held.
+    /// The whole signal without lines; `None` when it is not held in memory.
     pub signal: Option<Signal>,
 }
 
 impl<'s> Recordings<'s> {
-    /// Reads the trials `members` of `set`, which are of one texture, and analyses the `part` of them that is fitted,
-    /// telling `progress` of each trial done. All of their signals are held.
+    /// Reads the trials `members` of `set`, which are of one texture, and analyses the `part` of them that is fitted.
+    /// Holds all of their signals. Calls `progress` for each trial done.
     ///
     /// # Errors
     /// The first trial that cannot be used.
@@ -81,8 +81,9 @@ impl<'s> Recordings<'s> {
         Ok(own)
     }
 
-    /// Tells each recording of the surface, whose `axes` are given, the share of the rig's noise, and takes the noise
-    /// off if `options` say so. It comes before the lines, because a motor's tone is none of the texture.
+    /// Sets the fraction of the rig's noise for each recording of the surface, whose `axes` are given, and subtracts
+    /// the noise if `options` ask for it. This is done before lines are sought, because a motor's tone is no part of
+    /// the texture.
     fn tell_floor(&mut self, mut axes: Vec<Axes>, options: &Options, part: Part) -> Result<()> {
         let is_taken_off = options.floor == FloorChoice::Subtract;
         let Some(floor) = self.floor(&mut axes, options)? else {
@@ -110,8 +111,8 @@ impl<'s> Recordings<'s> {
         Ok(())
     }
 
-    /// The noise that the user's recordings have, or else the trials without a surface, but for those that the user
-    /// drops; their axes are taken out of `axes`.
+    /// Returns the rig's noise: from the recordings that the user named, or else from the trials without a surface,
+    /// except those that the user drops. Moves the axes of these trials out of `axes`.
     fn floor(&self, axes: &mut [Axes], options: &Options) -> Result<Option<Floor>> {
         let takes =
             if let (Some(path), Some(first)) = (&options.floor_recording, self.trials.first()) {
@@ -134,8 +135,8 @@ impl<'s> Recordings<'s> {
         Ok(Floor::of(takes, options.sample_rate_hz))
     }
 
-    /// Removes the texture's lines from the signals and from their statistics: lags and bands. The power stays that of
-    /// the signal with its lines.
+    /// Subtracts the texture's lines from the signals, and estimates lags and bands again. The power stays that of the
+    /// signal with its lines.
     fn separate_lines(&mut self, options: &Options, part: Part) {
         let speeds_mm_s: Vec<f64> = self
             .trials
@@ -175,7 +176,7 @@ impl<'s> Recordings<'s> {
         });
     }
 
-    /// Bytes of the samples that are held.
+    /// Returns the number of bytes of the samples that are held.
     pub(super) fn held_bytes(&self) -> usize {
         self.trials
             .iter()
@@ -183,12 +184,12 @@ impl<'s> Recordings<'s> {
             .sum()
     }
 
-    /// Lets go of the signals.
+    /// Frees the signals.
     pub(super) fn let_go(&mut self) {
         self.trials.iter_mut().for_each(|own| own.signal = None);
     }
 
-    /// The signals alone; `None` if they are not held.
+    /// Returns only the signals; `None` if they are not held.
     pub(super) fn into_takes(self) -> Option<Vec<Take<'s>>> {
         let take = |own: Recorded<'s>| {
             Some(Take {
@@ -201,11 +202,11 @@ impl<'s> Recordings<'s> {
     }
 }
 
-/// Axes of a recording as far as the rig's noise needs them.
+/// Axes of a recording, as far as the estimate of the rig's noise needs them.
 enum Axes {
-    /// Axes of a recording of the noise, about their means, m/s².
+    /// Axes of a recording of the rig's noise, with their means removed, m/s².
     Noise(Vec<Vec<f64>>),
-    /// The way in which the axes of a texture's recording were reduced.
+    /// How the axes of a texture's recording were reduced to one.
     Texture(View),
 }
 
@@ -225,7 +226,7 @@ impl Recorded<'_> {
         self.signal.as_ref().map_or(&[], |signal| &signal.samples)
     }
 
-    /// Estimates lags and bands of the fitted `part` of its signal again, after the signal has changed.
+    /// Estimates lags and bands of the fitted `part` again, after the signal has changed.
     pub(super) fn estimate_again(&mut self, options: &Options, part: Part) {
         let samples = self.samples();
         let ranges = part.of(samples.len()).into_iter();
@@ -237,7 +238,8 @@ impl Recorded<'_> {
     }
 }
 
-/// Returns whether lines are sought in a trial: it sounds, is kept, and has no gap that a phase would break at.
+/// Returns whether lines are sought in a trial: it is in motion and contact, not silent, not dropped, and has no gap at
+/// which a phase would jump.
 fn can_have_lines(trial: &Trial, analysis: &Analysis, options: &Options) -> bool {
     let half_a_sample_s = 0.5 / f64::from(SAMPLE_RATE_HZ);
     trial.is_in_motion_and_contact()

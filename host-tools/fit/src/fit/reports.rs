@@ -1,4 +1,4 @@
-//! The account of every trial of a set: what was found on it by itself, and what only a comparison of all trials tells.
+//! The report on every trial of a set: findings on the trial by itself, and findings from the comparison of all trials.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use crate::recording::triage::{self, Compared, Verdict, in_words};
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 
-/// The account of a trial.
+/// The report on a trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct TrialReport {
     /// The file.
@@ -25,37 +25,37 @@ pub struct TrialReport {
     pub source_rate_hz: f64,
     /// RMS of the reduced signal, m/s².
     pub rms_m_s2: f64,
-    /// Largest magnitude of an axis's mean, which was removed, m/s².
+    /// Largest magnitude of an axis's mean, m/s². The means were removed.
     pub mean_m_s2: f64,
-    /// Share of the axes' energy that the reduced signal keeps.
+    /// Fraction of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
-    /// Share of the axes' power below 10 Hz.
+    /// Fraction of the axes' power below 10 Hz.
     pub slow_share: f64,
-    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub high_pass_hz: Option<f64>,
     /// Angle by which slow motion turns the principal axis, degrees.
     pub axis_turn_deg: f64,
     /// Duration that triage cut out of the recording, s.
     pub cut_s: f64,
-    /// Changes of the samples by reading, such as a conversion of units.
+    /// Changes made to the samples when they were read, such as a conversion of units.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
-    /// Integers, if nothing tells their acceleration.
+    /// Type of integers in the file, if their acceleration per step is not known.
     #[serde(skip)]
     pub integers: Option<Integers>,
-    /// Findings of triage; none for a sound recording.
+    /// Findings of triage; empty if there are none.
     #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
-    /// Share of the rig's noise in the recording's power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if
-    /// the noise is not known.
+    /// Fraction of the rig's noise in the recording's power, 0 to 1, for each third octave from 20 Hz to 2 kHz; `None`
+    /// if the noise is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_shares: Option<Box<FloorShares>>,
     /// True if the fit used the trial.
     pub used: bool,
 }
 
-/// The account of every trial, with the verdicts that only a comparison of trials tells.
+/// Returns the report on every trial, including the verdicts that need a comparison of trials.
 ///
 /// # Errors
 /// With [`Options::strict`] the first trial with a verdict, or of integers without a scale.
@@ -109,7 +109,7 @@ pub(super) fn reports(
     }
 }
 
-/// The findings of every trial, those included that only a comparison of trials tells.
+/// Returns the findings on every trial, including those that need a comparison of trials.
 fn all_verdicts(recorded: &[&Recorded<'_>]) -> Vec<Vec<Verdict>> {
     let bands_of = |own: &&Recorded<'_>| own.analysis.bands.known_db(own.analysis.samples);
     let bands: Vec<_> = recorded.iter().map(bands_of).collect();

@@ -1,4 +1,4 @@
-//! One trial: from its file to the statistics that a model is fitted to.
+//! One trial: from its file to the statistics to which a model is fitted.
 
 use std::ops::Range;
 
@@ -18,21 +18,22 @@ use crate::recording::triage::{Kind, Sketch, Verdict};
 use crate::recording::{self, Account, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
 
-/// Number of third octaves in which the share of the rig's noise is told: those of
+/// Number of third octaves for which the fraction of the rig's noise is given: those of
 /// [`band_edges_hz`](crate::dsp::spectrum::band_edges_hz) from 20 Hz to 2 kHz.
 pub const FLOOR_BANDS: usize = 21;
 
-/// Share of the rig's noise in a recording's power, 0 to 1, for each third octave.
+/// Fraction of the rig's noise in a recording's power, 0 to 1, for each third octave.
 pub type FloorShares = [f32; FLOOR_BANDS];
 
-/// A trial's slow motion, and its remedy.
+/// A trial's slow motion, and the filter against it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SlowMotion {
-    /// Share of the axes' power below 10 Hz.
+    /// Fraction of the axes' power below 10 Hz.
     pub share: f64,
-    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
-    /// Angle by which slow motion turns the principal axis, degrees; 0 where it is not one of several axes.
+    /// Angle by which slow motion turns the principal axis, degrees; 0 if the signal is not the principal one of
+    /// several axes.
     pub turn_deg: f64,
 }
 
@@ -41,19 +42,19 @@ pub struct SlowMotion {
 pub struct Analysis {
     /// Biased autocorrelation of the reduced signal from lag 0 on, (m/s²)².
     pub lags: Vec<f64>,
-    /// Third-octave bands of the reduced signal, by a path that no order limits.
+    /// Third-octave bands of the reduced signal, computed so that no model order limits them.
     pub bands: Bands,
-    /// Number of samples that the statistics come from.
+    /// Number of samples behind the statistics.
     pub samples: usize,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
-    /// The file's own account of its samples.
+    /// What was found out about the file's samples when it was read.
     pub account: Account,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,
-    /// Largest magnitude of an axis's mean, which was removed, m/s².
+    /// Largest magnitude of an axis's mean, m/s². The means were removed.
     pub mean_m_s2: f64,
-    /// Share of the axes' energy that the reduced signal keeps.
+    /// Fraction of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
     /// Slow motion of hand or rig.
     pub slow: SlowMotion,
@@ -61,30 +62,30 @@ pub struct Analysis {
     pub cut_s: f64,
     /// Findings of triage on the trial by itself.
     pub verdicts: Vec<Verdict>,
-    /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
+    /// Frequency of a line at a mains frequency, Hz. Whether it is hum depends on the other trials.
     pub mains_line_hz: Option<f64>,
     /// Sketch of the reduced signal, by which copies are found.
     pub sketch: Sketch,
-    /// Share of the rig's noise in each band of the recording; none if the noise is not known.
+    /// Fraction of the rig's noise in each band of the recording; `None` if the noise is not known.
     pub floor: Option<Box<FloorShares>>,
-    /// The trial's share of the texture's lines, which `lags` and `bands` are without; empty before lines are sought.
+    /// The texture's lines in the trial. `lags` and `bands` are without them. Empty before lines are sought.
     pub lines: TrialLines,
 }
 
 impl Analysis {
-    /// Returns whether triage found it silent.
+    /// Returns whether triage found the trial silent.
     pub fn is_silent(&self) -> bool {
         self.verdicts
             .iter()
             .any(|verdict| verdict.kind() == Kind::Silent)
     }
 
-    /// Band of the surface that the recording holds, for models at `rate_hz`.
+    /// Returns the surface's band that the recording holds, for models at `rate_hz`.
     pub(super) fn known_band(&self, rate_hz: u32) -> KnownBand {
         KnownBand::of(self.source_rate_hz, rate_hz, self.slow.cut_hz)
     }
 
-    /// Returns whether it has a verdict that `options` drop.
+    /// Returns whether the trial has a verdict that `options` drop.
     pub(super) fn is_dropped(&self, options: &Options) -> bool {
         let is_dropped =
             |verdict: &Verdict| options.drop.iter().any(|dropped| dropped == verdict.name());
@@ -92,7 +93,7 @@ impl Analysis {
     }
 }
 
-/// A trial without what triage cuts, filtered.
+/// A trial after triage's cuts and the filter.
 struct Triaged {
     samples: Samples,
     /// Largest magnitude of an axis's mean before the filter, m/s².
@@ -101,9 +102,9 @@ struct Triaged {
     verdicts: Vec<Verdict>,
     /// Duration that was cut, s.
     cut_s: f64,
-    /// Stretches of the samples left that are no surface's.
+    /// Flawed stretches of the remaining samples, which are not the surface's vibration.
     flaws: Vec<Range<usize>>,
-    /// Stretches of the whole trial that are left.
+    /// Stretches of the whole trial that were kept.
     parts: Vec<Range<usize>>,
 }
 
@@ -115,7 +116,7 @@ fn triaged(trial: &Trial, conditioning: Conditioning) -> Result<Triaged> {
     Ok(without_cuts(samples, slow_share, verdicts, conditioning))
 }
 
-/// Keeps what `verdicts` do not cut, filtered. Of the whole trial, `slow_share` is slow motion's share.
+/// Keeps what `verdicts` do not cut, and filters it. `slow_share` is the fraction of slow motion in the whole trial.
 fn without_cuts(
     mut samples: Samples,
     slow_share: f64,
@@ -141,7 +142,7 @@ fn without_cuts(
         cut_hz: conditioning.high_pass.cut_hz(share),
         turn_deg: 0.0,
     };
-    // What the filter would change is told even where none was asked for.
+    // The effect that the filter has, or would have, on the axis is reported even if none was asked for.
     let advised = HighPass::Auto.cut_hz(share).or(slow.cut_hz);
     if let Some(cut_hz) = advised {
         let filtered = triage::kept(filtered(whole, &parts, rate_hz, cut_hz), &parts);
@@ -165,7 +166,8 @@ fn without_cuts(
     }
 }
 
-/// `axes` at `rate_hz`, each of their `parts` filtered by itself, so that nothing rings from what is cut out.
+/// Returns `axes` at `rate_hz`, each of their `parts` filtered separately, so that nothing that is cut out rings into
+/// them.
 fn filtered(
     mut axes: Vec<Vec<f64>>,
     parts: &[Range<usize>],
@@ -183,7 +185,7 @@ fn filtered(
     axes
 }
 
-/// The axes of `trial` at `rate_hz`, a multiple of 5 kHz, without what triage cut out of it at 5 kHz, filtered at
+/// Returns the axes of `trial` at `rate_hz`, a multiple of 5 kHz, without what triage cut at 5 kHz, and filtered at
 /// `cut_hz`.
 fn kept_at(
     trial: &Trial,
@@ -212,28 +214,29 @@ fn kept_at(
     Ok(triage::kept(axes, &parts))
 }
 
-/// A trial reduced to one axis, without what triage cuts.
+/// A trial reduced to one axis, after triage's cuts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
     /// Samples at the models' rate, m/s², with a mean of zero.
     pub samples: Vec<f64>,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
-    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
-    /// Stretches of the samples that are no surface's: clipped peaks, joints, and what triage would have cut.
+    /// Stretches of the samples that are not the surface's vibration: clipped peaks, joints, and what triage would have
+    /// cut.
     pub flaws: Vec<Range<usize>>,
 }
 
-/// Reads `trial` as a fit does. What judges a fit is read by this too, so that both mean the same samples.
+/// Reads `trial` like a fit does. Evaluations read with this function too, so that they use the same samples.
 ///
 /// # Errors
-/// A file that cannot be used, or without the axis that was asked for.
+/// A file that cannot be used, or that lacks the requested axis.
 pub fn signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
     triaged(trial, conditioning)?.into_signal(trial, conditioning.reduction)
 }
 
-/// As [`signal`], of which nothing is cut: every moment stays in its place.
+/// Like [`signal`], but nothing is cut: every sample keeps its time.
 ///
 /// # Errors
 /// Those of [`signal`].
@@ -241,7 +244,7 @@ pub fn whole_signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal>
     signal_of_judged(trial, &[], conditioning)
 }
 
-/// As [`signal`], without triage: `verdicts` are what triage found on this trial.
+/// Like [`signal`], but without running triage; `verdicts` are what it found on this trial before.
 ///
 /// # Errors
 /// Those of [`signal`].
@@ -267,7 +270,7 @@ impl Triaged {
         Ok(self.with_samples(reduced.signal))
     }
 
-    /// The trial's signal, of these `samples`.
+    /// Returns the trial's signal with these `samples`.
     fn with_samples(self, samples: Vec<f64>) -> Signal {
         Signal {
             samples,
@@ -278,7 +281,7 @@ impl Triaged {
     }
 }
 
-/// The spectrum of the `samples` of `trial`, for lags up to `max_lag`.
+/// Returns the spectrum of the `samples` of `trial`, for lags up to `max_lag`.
 fn spectrum(trial: &Trial, samples: &[f64], max_lag: usize) -> Result<PaddedSpectrum> {
     let spectrum = PaddedSpectrum::of(samples, max_lag);
     if spectrum.mean_square().is_finite() {
@@ -289,22 +292,22 @@ fn spectrum(trial: &Trial, samples: &[f64], max_lag: usize) -> Result<PaddedSpec
 }
 
 /// Reads and analyses the `part` of `trial` that is fitted, for models of the highest order of `options` at their rate.
-/// Triage is of the whole trial, at 5 kHz. Returns the whole signal, too.
+/// Triage examines the whole trial, at 5 kHz. Returns the analysis and the whole signal.
 ///
 /// # Errors
-/// A file that cannot be used, or without the axis that was asked for.
+/// A file that cannot be used, or that lacks the requested axis.
 pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis, Signal)> {
     let (analysis, signal, _) = analyse_axes(trial, options, part)?;
     Ok((analysis, signal))
 }
 
-/// Reads the axes of `trial` as [`analyse`] does, about their means, m/s².
+/// Reads the axes of `trial` like [`analyse`], with their means removed, m/s².
 pub(super) fn read_axes(trial: &Trial, options: &Options) -> Result<Vec<Vec<f64>>> {
     let (_, _, axes) = analyse_axes(trial, options, Part::Whole)?;
     Ok(axes)
 }
 
-/// As [`analyse`], with the axes about their means, m/s².
+/// Like [`analyse`], but also returns the axes, with their means removed, m/s².
 pub(super) fn analyse_axes(
     trial: &Trial,
     options: &Options,
@@ -318,7 +321,7 @@ pub(super) fn analyse_axes(
     } = reduced(trial, &mut triaged.samples.axes, reduction)?;
     let mut axes = std::mem::take(&mut triaged.samples.axes);
     let sketch = Sketch::of(&samples);
-    // Silence and hum are told at 5 kHz, whatever the models' rate.
+    // Silence and hum are judged at 5 kHz, whatever the models' rate.
     let mut plain = spectrum(trial, &samples, max_lag)?;
     let power = plain.mean_square();
     let is_silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
@@ -343,7 +346,7 @@ pub(super) fn analyse_axes(
         Part::Whole => estimate(rate_hz, &samples, plain, known),
         Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, known),
     };
-    // A high pass takes power that `lags` have filled in, and blocks have a power of their own.
+    // A high-pass filter removes power that `lags` have filled in again, and blocks have their own power.
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
         source_rate_hz: triaged.samples.source_rate_hz,

@@ -1,4 +1,4 @@
-//! Compilation of a scene's description to the wire form that a library holds.
+//! Compilation of a scene's description to the wire form in which a library holds it.
 
 use model_format::scene::limits::{MAX_REGIONS, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{
@@ -20,21 +20,21 @@ use crate::support::toml_field::{Field, line_of};
 pub struct CompiledScene {
     /// The wire form.
     pub scene: Scene,
-    /// Names of the surfaces, in their order.
+    /// Names of the surfaces, in the scene's order.
     pub surface_names: Vec<String>,
 }
 
 impl CompiledScene {
-    /// The stages that the kernel runs.
+    /// Returns the stages that the kernel runs.
     ///
     /// # Errors
-    /// A scene that no kernel plays.
+    /// A scene that the kernel cannot play.
     pub fn plan<'a>(&self, library: &Library<'a>) -> Result<Plan<'a>> {
         Plan::new(&self.scene, library)
             .map_err(|error| Error::Request(format!("scene '{}': {error}", self.scene.name)))
     }
 
-    /// Provenance of the scene in `library`: simulated if any of its textures is.
+    /// Returns the provenance of the scene in `library`: simulated if any of its textures is simulated.
     pub fn provenance(&self, library: &Library<'_>) -> Provenance {
         let mut textures = self.scene.surfaces.iter().filter_map(|surface| {
             let texture = usize::from(surface.texture?);
@@ -53,7 +53,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// [`Error::Line`] at the line of a value that [`Scene::validate`] refuses, of a name that the library or the scene
-    /// does not have, or of an item beyond the largest number.
+    /// does not have, or of the first item above the allowed number.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         let root = Field::default();
         let surface_names = self.surface_names()?;
@@ -82,7 +82,8 @@ impl SceneFile {
         })
     }
 
-    /// The constant motion: its direction does not count, and a force below zero is no contact, as in every motion.
+    /// Returns the constant motion. The sign of its speed is ignored, and a negative force means no contact, as in
+    /// every motion.
     fn constant_motion(&self, place: &Field, motion: &ConstantMotion) -> Result<MotionOfScene> {
         let (speed_mm_s, force_n) = (motion.speed_mm_s, motion.force_n);
         for (key, fault) in [
@@ -111,14 +112,14 @@ impl SceneFile {
         })
     }
 
-    /// Names of the surfaces, all different.
+    /// Returns the names of the surfaces, all different.
     fn surface_names(&self) -> Result<Vec<String>> {
         let mut names: Vec<String> = Vec::new();
         for (index, surface) in self.description.surfaces.iter().enumerate() {
             let place = Field::default().key("surface").item(index);
             let name = match surface.name() {
                 Some(name) => name.to_owned(),
-                // No region can refer to a surface without a name, so that any name will do.
+                // No region can refer to a surface without a name, so any name will do.
                 None => format!("surface {}", index + 1),
             };
             if let Some(other) = names.iter().position(|other| *other == name) {
@@ -193,7 +194,7 @@ impl SceneFile {
         })
     }
 
-    /// The regions in their order along the path, and the position of each in the text.
+    /// Returns the regions in their order along the path, and the index of each in the text.
     fn regions(
         &self,
         place: &Field,
@@ -219,7 +220,7 @@ impl SceneFile {
             let region = Region {
                 start_mm: region.start_mm,
                 end_mm: region.end_mm,
-                // More surfaces than a byte can count are refused above, at the surfaces.
+                // More surfaces than a byte can count are refused elsewhere, at the surfaces.
                 surface: u8::try_from(surface).unwrap_or(u8::MAX),
             };
             regions.push(region).map_err(|_| {
@@ -259,7 +260,7 @@ impl SceneFile {
         Ok(stored)
     }
 
-    /// The error of [`Scene::validate`] at its line. `order` holds the position in the text of each region of the
+    /// Returns the error of [`Scene::validate`] at its line. `order` holds the index in the text of each region of the
     /// scene.
     fn located(&self, error: &SceneError, order: &[usize]) -> Error {
         let region = |index: usize| {
@@ -287,7 +288,8 @@ fn heapless_vec<T, const N: usize>() -> heapless::Vec<T, N> {
     heapless::Vec::new()
 }
 
-/// Returns the key that holds the value of `error`; `region` gives the place in the text of a region of the scene.
+/// Returns the key in the text that holds the value that `error` is about; `region` maps a region of the scene to its
+/// key.
 pub(super) fn place_of(error: &SceneError, region: impl Fn(usize) -> Field) -> Field {
     let root = Field::default();
     let surface = |index: usize| root.key("surface").item(index);

@@ -1,5 +1,5 @@
-//! Cost of a scene in instructions per sample, per situation, with the arithmetic. The kernel's own cost model gives
-//! it, so that the host refuses a scene exactly when the device does.
+//! Cost of a scene in instructions per sample, per situation, with the arithmetic. It comes from the kernel's own cost
+//! model, so that the host refuses a scene exactly when the device does.
 
 use model_format::Library;
 use model_format::scene::{MotionOfScene, Scene, Surface};
@@ -17,11 +17,11 @@ pub struct CostReport {
     pub scene: String,
     /// Sample rate, Hz.
     pub sample_rate_hz: u32,
-    /// Instructions per sample that the scene may take: all of a tick's at 5 kHz, half of them at 10 kHz.
+    /// Instructions per sample that the scene may take: those of a whole tick at 5 kHz, half of that at 10 kHz.
     pub budget_instructions: u32,
     /// True if the worst case is within the budget; otherwise the device refuses the scene.
     pub fits: bool,
-    /// The worst case of all motions.
+    /// The worst case over all motions.
     pub worst_case: Situation,
     /// The cases between transitions: without contact, and on each surface.
     pub typical: Vec<Situation>,
@@ -54,7 +54,7 @@ pub struct StageCost {
 }
 
 impl CostReport {
-    /// The cost of `scene` with the surfaces `names` against `budget` instructions per tick.
+    /// Returns the cost of `scene`, whose surfaces have these `names`, against `budget` instructions per tick.
     ///
     /// # Errors
     /// See [`Scene::validate`].
@@ -66,7 +66,7 @@ impl CostReport {
     ) -> Result<Self> {
         let budget = budget_per_sample(budget, scene.sample_rate_hz);
         let worst = worst_case(scene, library)?;
-        // The first term is the base of the sample's path, which runs in silence, too.
+        // The first term is the base of the sample's path, which also runs in silence.
         let silence = &worst.terms()[..1];
         let mut typical = vec![Situation::new("no contact, all rung out", silence, names)];
         let occurring = |index: usize| {
@@ -129,7 +129,7 @@ impl Situation {
         }
     }
 
-    /// The arithmetic in one line.
+    /// Returns the arithmetic in one line.
     pub fn sum(&self) -> String {
         let terms: Vec<String> = self.arithmetic.iter().map(ToString::to_string).collect();
         terms.join("; ")
@@ -177,8 +177,8 @@ fn worst_case(scene: &Scene, library: &Library<'_>) -> Result<Cost> {
     Ok(plan.worst_case())
 }
 
-/// Terms of the stages that run on `surface`, number `index` of `scene`. They are those of a scene of this surface
-/// alone, without the fade, which runs only while scenes are exchanged.
+/// Returns the terms of the stages that run on `surface`, number `index` of `scene`. They equal those of a scene with
+/// only this surface, without the fade, which runs only while scenes are exchanged.
 fn terms_on(
     scene: &Scene,
     surface: Surface,
@@ -191,7 +191,7 @@ fn terms_on(
     let cost = worst_case(&alone, library)?;
     let terms = cost.terms().iter().copied();
     let here = |mut term: Term| {
-        // The scene of this surface alone counts it as number 0.
+        // In the scene with only this surface, the surface has the number 0.
         if let Item::Voice { surface, .. } | Item::StickSlip { surface } | Item::Lines { surface } =
             &mut term.item
         {
@@ -214,7 +214,7 @@ pub struct SceneSummary {
     pub surfaces: Vec<String>,
     /// Number of its regions.
     pub regions: usize,
-    /// True if it plays at a motion of its own.
+    /// True if the scene sets a constant motion.
     pub constant_motion: bool,
     /// Names of its effects, besides textures.
     pub effects: Vec<&'static str>,
@@ -223,10 +223,10 @@ pub struct SceneSummary {
 }
 
 impl SceneSummary {
-    /// Summary of `scene`, which is one of `library`.
+    /// Returns the summary of `scene`, which is one of `library`.
     ///
     /// # Errors
-    /// A scene that the library does not bear out.
+    /// A scene that does not match the library.
     pub fn of(scene: &Scene, library: &Library<'_>) -> Result<Self> {
         let names = surface_names(scene, library);
         let report = CostReport::new(scene, &names, library, cost::BUDGET)?;

@@ -1,4 +1,4 @@
-//! The content of a scene's text, with names in place of positions. The ranges of the values are those of
+//! The content of a scene's text, with names instead of indices. The ranges of the values are in
 //! [`model_format::scene`].
 
 use std::convert::Infallible;
@@ -23,15 +23,15 @@ pub struct SceneDescription {
     /// Width of the transition between neighbouring regions, mm; 0 if not given.
     #[serde(default)]
     pub transition_mm: f32,
-    /// Motion that the textures follow; the stylus's own if not given.
+    /// Motion that the textures follow; if not given, they follow the stylus's own motion.
     pub constant_motion: Option<ConstantMotion>,
     /// The surfaces.
     #[serde(default, rename = "surface")]
     pub surfaces: Vec<SurfaceDescription>,
-    /// Regions of the path in any order; without any, the first surface is everywhere.
+    /// Regions of the path in any order; without any, the first surface covers the whole path.
     #[serde(default, rename = "region")]
     pub regions: Vec<RegionDescription>,
-    /// Equaliser of all that the scene plays; none if not given.
+    /// Equaliser of everything that the scene plays; none if not given.
     pub equaliser: Option<EqualiserDescription>,
 }
 
@@ -53,7 +53,7 @@ pub struct ConstantMotion {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceDescription {
-    /// Name for regions to refer to; the texture's name if not given.
+    /// Name by which regions refer to the surface; the texture's name if not given.
     pub name: Option<String>,
     /// Name of its texture in the library; the surface is smooth if not given.
     pub texture: Option<String>,
@@ -71,7 +71,7 @@ const fn unity() -> f32 {
 }
 
 impl SurfaceDescription {
-    /// Name that regions refer to.
+    /// Returns the name by which regions refer to the surface.
     pub fn name(&self) -> Option<&str> {
         self.name.as_deref().or(self.texture.as_deref())
     }
@@ -97,9 +97,9 @@ pub struct TapDescription {
 pub struct StickSlipDescription {
     /// Distance from one slip to the next, mm.
     pub period_mm: f32,
-    /// Share of the period that the slip takes, 0 to 1.
+    /// Fraction of the period that the slip takes, 0 to 1.
     pub duty: f32,
-    /// Share by which the texture is weaker while the tool sticks, 0 to 1.
+    /// Fraction by which the texture is weaker while the tool sticks, 0 to 1.
     pub depth: f32,
     /// Speed below which the tool sticks, mm/s.
     pub below_mm_s: f32,
@@ -119,11 +119,11 @@ pub struct RegionDescription {
     pub end_mm: f32,
 }
 
-/// The equaliser: sections as they are.
+/// The equaliser, as its sections.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EqualiserDescription {
-    /// No key any more: it is refused with the remedy.
+    /// Formerly a key. It is now refused, with advice what to use instead.
     #[serde(default, deserialize_with = "superseded")]
     pub response: Option<Infallible>,
     /// Sections of the cascade, in order.
@@ -142,7 +142,7 @@ fn superseded<'de, D: Deserializer<'de>, T>(_: D) -> std::result::Result<T, D::E
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SectionDescription {
-    /// Effect around its frequency.
+    /// Kind of filter: its effect around the frequency.
     pub kind: SectionKind,
     /// Frequency, Hz.
     pub frequency_hz: f64,
@@ -152,7 +152,7 @@ pub struct SectionDescription {
     pub gain_db: f64,
 }
 
-/// The text of a scene with its description. Nothing is looked up in a library yet: [`SceneFile::compile`] does that.
+/// The text of a scene with its description. No name is looked up in a library before [`SceneFile::compile`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFile {
     pub(super) path: PathBuf,
@@ -164,13 +164,13 @@ impl SceneFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, and what [`SceneFile::from_toml`] refuses.
+    /// A file that cannot be read, or that [`SceneFile::from_toml`] refuses.
     pub fn read(path: &Path) -> Result<Self> {
         let text = TEXT.read_text(path)?;
         Self::from_toml(path, &text)
     }
 
-    /// Reads a scene from TOML `text`. Files that it names are relative to the folder of `path`.
+    /// Reads a scene from TOML `text`. Relative paths in the text start at the folder of `path`.
     ///
     /// # Errors
     /// [`Error::Line`]: text that is not TOML, a key that is unknown, missing, or of the wrong type.
@@ -182,7 +182,7 @@ impl SceneFile {
         })
     }
 
-    /// An error at `place` of the text.
+    /// Returns an error at `place` of the text.
     pub(super) fn error(&self, place: &Field, problem: impl std::fmt::Display) -> Error {
         place.error(&self.path, &self.text, problem)
     }

@@ -9,7 +9,7 @@ use super::compile::CompiledScene;
 use crate::support::error::{Error, Result};
 use crate::support::nearest::{listed, nearly};
 
-/// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
+/// Encodes `library` with `scenes` added. They replace scenes of the same name; all others stay the same.
 ///
 /// # Errors
 /// A scene that the library cannot hold.
@@ -25,7 +25,7 @@ pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
         .map_err(|error| Error::Model(format!("the library cannot hold these scenes: {error}")))
 }
 
-/// The specification of a decoded texture, which encodes to the same bytes.
+/// Returns the specification of a decoded texture, which encodes to the same bytes.
 pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
     TextureSpec {
         name: texture.name().to_owned(),
@@ -47,7 +47,7 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
     }
 }
 
-/// The parts of a decoded texture, which encode to the same bytes.
+/// Returns the parts of a decoded texture, which encode to the same bytes.
 pub fn parts(texture: &Texture<'_>) -> PartsSpec {
     PartsSpec {
         excitation: texture.excitation().map(Into::into),
@@ -56,7 +56,8 @@ pub fn parts(texture: &Texture<'_>) -> PartsSpec {
     }
 }
 
-/// Names of the surfaces of a scene from a library: their textures' names, because a library holds no other ones.
+/// Returns the names of the surfaces of a scene from a library. They are the textures' names, because a library stores
+/// no others.
 pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
     let surfaces = scene.surfaces.iter().enumerate();
     surfaces
@@ -72,10 +73,10 @@ pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
         .collect()
 }
 
-/// The scene `name` of `library`, or its only one; `path` is only named in errors.
+/// Returns the scene `name` of `library`, or its only scene if no name is given; `path` is only named in errors.
 ///
 /// # Errors
-/// A library without such a scene, with those that it has; one with several, if none is named.
+/// A library without this scene (the error lists its scenes); a library with several scenes if no name is given.
 pub fn scene_named(
     library: &Library<'_>,
     name: Option<&str>,

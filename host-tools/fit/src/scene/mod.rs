@@ -1,7 +1,6 @@
-//! Scenes on the host: from a TOML text to the scene that a library holds, to its cost, and to the samples that the
-//! stylus plays.
+//! Scenes on the host: from a TOML text to the scene in a library, its cost, and the samples that the stylus plays.
 //!
-//! A scene has one name per form, in the order of its making:
+//! A scene has one type per form, in the order in which the forms are made:
 //!
 //! | form | type |
 //! |---|---|

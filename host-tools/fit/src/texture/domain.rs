@@ -1,4 +1,4 @@
-//! Domains in which models can be interpolated, and a model predicted in each from its neighbours.
+//! Domains in which models can be interpolated, and the prediction of a model from its neighbours in each domain.
 
 use model_format::LevelLaw;
 
@@ -10,43 +10,43 @@ use crate::dsp::model::Model;
 pub enum Domain {
     /// Predictor coefficients h, as in the paper. A mean of stable models need not be stable.
     Predictor,
-    /// θ = arcsin k, as the device does.
+    /// θ = arcsin k, like the device.
     Angle,
 }
 
 /// The representation of the level that is averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// By the excitation's variance σ², as in the paper: the output's power is what the mean filter makes of it.
+    /// The excitation's variance σ², as in the paper. The output's power then follows from the averaged filter.
     Excitation,
-    /// By the output's power.
+    /// The output's power.
     Power,
-    /// By the output's RMS.
+    /// The output's RMS.
     Amplitude,
-    /// By the output's power in dB.
+    /// The output's power in dB.
     LogPower,
 }
 
-/// A way to predict a model from its neighbours: what a row of the table of domains stands for.
+/// A method to predict a model from its neighbours; each is a row of the table of domains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// Of the shape.
+    /// Domain in which the shape is averaged.
     pub domain: Domain,
-    /// Of the level.
+    /// Quantity by which the level is averaged.
     pub level: Level,
 }
 
 impl Method {
-    /// The paper's: h and σ², played in the direct form.
+    /// The paper's method: h and σ², played in the direct form.
     pub const PAPER: Self = Self {
         domain: Domain::Predictor,
         level: Level::Excitation,
     };
 
-    /// The device's own method for grids as `fit` makes them.
+    /// The device's own method for grids that `fit` makes.
     pub const DEVICE: Self = Self::of_device(LevelLaw::Logarithm);
 
-    /// Every method, the paper's first.
+    /// All methods, the paper's first.
     pub const ALL: [Self; 4] = [
         Self::PAPER,
         Self::of_device(LevelLaw::Power),
@@ -54,7 +54,7 @@ impl Method {
         Self::DEVICE,
     ];
 
-    /// The device's own method for a lattice with this law: θ, and the level by the law.
+    /// Returns the device's own method for a lattice with this law: θ for the shape, and the law for the level.
     pub const fn of_device(law: LevelLaw) -> Self {
         let level = match law {
             LevelLaw::Power => Level::Power,
@@ -65,7 +65,7 @@ impl Method {
         Self { domain, level }
     }
 
-    /// A name for tables.
+    /// Returns a name for tables.
     pub fn name(self) -> String {
         let domain = match self.domain {
             Domain::Predictor => "h",
@@ -85,7 +85,8 @@ impl Method {
         format!("{domain}, {level}{role}")
     }
 
-    /// The model between `neighbours`, at least one and none silent; `None` where the mean is not stable.
+    /// Returns the model between `neighbours`, of which there is at least one and none is silent; `None` if the mean is
+    /// not stable.
     pub fn predict(self, neighbours: &[Neighbour<'_>]) -> Option<Model> {
         let reflection = self.domain.shape(neighbours)?;
         let output_power = self.level.power(neighbours, &reflection);
@@ -94,7 +95,7 @@ impl Method {
 }
 
 impl Level {
-    /// The output's power, (m/s²)², of a filter that stands for `neighbours`.
+    /// Returns the output's power, (m/s²)², of the filter `reflection` that is predicted from `neighbours`.
     pub fn power(self, neighbours: &[Neighbour<'_>], reflection: &[f64]) -> f64 {
         let mean = |of: &dyn Fn(&Model) -> f64| -> f64 {
             neighbours.iter().map(|n| n.weight * of(n.model)).sum()
@@ -112,7 +113,7 @@ impl Level {
 }
 
 impl Domain {
-    /// The reflection coefficients between those of `neighbours`; `None` where the mean is not stable.
+    /// Returns the reflection coefficients between those of `neighbours`; `None` if the mean is not stable.
     fn shape(self, neighbours: &[Neighbour<'_>]) -> Option<Vec<f64>> {
         match self {
             Self::Predictor => step_down(&mean(neighbours, step_up)),
@@ -124,7 +125,7 @@ impl Domain {
     }
 }
 
-/// A node beside the one that is predicted.
+/// A node next to the predicted one.
 #[derive(Clone, Copy, Debug)]
 pub struct Neighbour<'a> {
     /// Weight of the neighbour; the weights of all neighbours add up to one.
@@ -133,7 +134,7 @@ pub struct Neighbour<'a> {
     pub model: &'a Model,
 }
 
-/// The mean of what `of` makes of reflection coefficients, shorter ones continued with zeros.
+/// Returns the weighted mean of `of` over the neighbours' reflection coefficients. Shorter ones are padded with zeros.
 fn mean(neighbours: &[Neighbour<'_>], of: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
     let orders = neighbours.iter().map(|n| n.model.reflection.len());
     let mut sum = vec![0.0; orders.max().unwrap_or(0)];

@@ -1,4 +1,4 @@
-//! Entries of a library from a texture's grid.
+//! Library entries from a texture's grid.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::{quantise, theta};
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
-/// Returns texture `name` with the parts of `grid`, whose nodes as they are stored are `nodes`.
+/// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
 pub fn spec_of(
     name: &str,
     provenance: Provenance,
@@ -28,7 +28,7 @@ pub fn spec_of(
     }
 }
 
-/// Returns texture `name` with the parts of `grid` and its nodes quantised.
+/// Returns the library's entry for texture `name`, with the nodes of `grid` quantised.
 ///
 /// # Errors
 /// A node that is too loud, with its speed and force.
@@ -41,8 +41,8 @@ pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<T
     ))
 }
 
-/// Returns the nodes of `grid`, of models at `sample_rate_hz`, with θ in the fewest bytes that keep every node's
-/// spectrum.
+/// Returns the stored nodes of `grid`, whose models are at `sample_rate_hz`. θ takes the fewest bytes that preserve
+/// every node's spectrum.
 ///
 /// # Errors
 /// A node that is too loud, with its speed and force.
@@ -54,12 +54,12 @@ pub fn stored_nodes(name: &str, grid: &Grid, sample_rate_hz: u32) -> Result<Vec<
     ))
 }
 
-/// Returns the bytes of a library of one texture: for judging a model, never for a file.
+/// Returns the bytes of a library with one texture, to judge a model. They never go to a file.
 ///
 /// # Errors
-/// A node that is too loud; a grid that makes no library.
+/// A node that is too loud; a grid that cannot be encoded as a library.
 pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
-    // The bytes leave no trace, so that their provenance says the least.
+    // The bytes are not kept, so the weakest claim of provenance is enough.
     let spec = texture_spec(name, Provenance::Simulated, grid)?;
     encode(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
 }
@@ -67,12 +67,13 @@ pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
 /// Decodes the bytes of a library that was made in this run.
 ///
 /// # Errors
-/// Bytes that are not a valid library, which [`encode`] does not make.
+/// Bytes that are not a valid library. [`encode`] makes none.
 pub fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
     Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))
 }
 
-/// A library. A slot holds half a mebibyte; the decoder names the lengths of what is a little larger.
+/// Largest library that is read. A slot holds half a mebibyte; for slightly larger files the decoder's error names the
+/// lengths.
 const LIBRARY: Limit = Limit {
     of: "a library",
     bytes: 16 * MIB,
@@ -89,7 +90,7 @@ pub fn read_library(path: &Path) -> Result<Vec<u8>> {
 /// Decodes a library; `path` is only named in errors.
 ///
 /// # Errors
-/// Bytes that are not a valid library, with the place.
+/// Bytes that are not a valid library, with the position of the fault.
 pub fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
     Library::decode(bytes).map_err(|source| Error::Library {
         path: path.to_owned(),

@@ -1,6 +1,7 @@
 //! Textures between a fit and a library: grids of models, their interpolation and quantisation.
 //!
-//! Invariant: models in, library entries out. Nothing here reads a recording's file or estimates a model from one.
+//! Invariant: models in, library entries out. Nothing in this module reads a recording's file or estimates a model from
+//! one.
 
 pub mod domain;
 pub mod grid;

@@ -1,18 +1,18 @@
-//! Optional parts of a texture as its grid changes: parts that have a value per node follow the nodes.
+//! Optional parts of a texture when its grid changes: parts with one value per node follow the nodes.
 
 use model_format::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, PartsSpec};
 
-/// Place of a node of a new grid: on the way between two nodes of the old one, which may be the same.
+/// Position of a node of a new grid between two nodes of the old one, which may be the same node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
     /// Indices of the two nodes in the old grid.
     pub nodes: [usize; 2],
-    /// Share of the way from the first to the second, 0 to 1.
+    /// Fraction of the way from the first to the second node, 0 to 1.
     pub share: f32,
 }
 
 impl Between {
-    /// The place of the old grid's node `index`.
+    /// Returns the position of the old grid's node `index`.
     pub fn at(index: usize) -> Self {
         Self {
             nodes: [index; 2],
@@ -21,10 +21,10 @@ impl Between {
     }
 }
 
-/// Returns `parts` for a grid whose nodes, speed-major, are at these `places` of the old one.
+/// Returns `parts` for a new grid whose nodes, speed-major, are at these `places` of the old grid.
 ///
-/// A node between two others has the codebook of the nearer one. Its lines have the amplitude that the device plays
-/// there, which is linear between nodes. A codebook or a line that no node is left to use goes.
+/// A node between two others gets the codebook of the nearer one. Its lines get the amplitude that the device plays
+/// there, which is linear between nodes. A codebook or a line that no node uses any more is dropped.
 pub fn on_grid(parts: &PartsSpec, places: &[Between]) -> PartsSpec {
     PartsSpec {
         excitation: parts
@@ -36,9 +36,9 @@ pub fn on_grid(parts: &PartsSpec, places: &[Between]) -> PartsSpec {
     }
 }
 
-/// About how many bytes `parts` take in a library; not fewer than they do.
+/// Returns an estimate of the bytes that `parts` take in a library. It is never too low.
 pub fn bytes(parts: &PartsSpec) -> usize {
-    /// Kind, length, and the numbers that stand before codes, entries or amplitudes.
+    /// Kind, length, and the numbers before the codes, entries or amplitudes.
     const HEADER_BYTES: usize = 16;
     let excitation = parts.excitation.iter().map(|part| {
         let codebook = |codebook: &CodebookSpec| HEADER_BYTES + codebook.codes.len();
@@ -58,7 +58,7 @@ fn excitation(old: &ExcitationSpec, places: &[Between]) -> Option<ExcitationSpec
     let nearer = |place: &Between| old.of_nodes[place.nodes[usize::from(place.share > 0.5)]];
     let sources: Vec<u8> = places.iter().map(nearer).collect();
     let mut codebooks = Vec::new();
-    // Position 0 is Gaussian noise, which keeps its number.
+    // Index 0 is Gaussian noise, which keeps its number.
     let mut numbers = vec![0; old.codebooks.len() + 1];
     for (index, codebook) in old.codebooks.iter().enumerate() {
         if sources

@@ -1,4 +1,4 @@
-//! From a model in floating point to the codes that a library stores.
+//! Quantisation of a floating-point model to the codes that a library stores.
 
 use model_format::{
     CodeSpec, Coefficients, FINE_THETA_STEP_RAD, LevelLaw, NodeFlags, NodeSpec,
@@ -12,7 +12,7 @@ use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
 use crate::texture::grid::Grid;
 
-/// All nodes of `grid` as codes.
+/// Returns all nodes of `grid` as codes.
 ///
 /// # Errors
 /// A node that is too loud.
@@ -46,7 +46,7 @@ fn node(model: &Model) -> std::result::Result<NodeSpec, String> {
         flags = flags.with(NodeFlags::SILENT);
     }
     let (codes, reflection) = lattice(model);
-    // From the coefficients as they are stored, so that the level is right to the last code.
+    // Computed from the coefficients as they are stored, so that the level is right to the last code.
     let prediction_error_power = (f64::from(output_power) * error_share(&reflection)) as f32;
     Ok(NodeSpec {
         output_power,
@@ -56,7 +56,8 @@ fn node(model: &Model) -> std::result::Result<NodeSpec, String> {
     })
 }
 
-/// θ with 24 bits in the first stages and 16 bits in the others, and the reflection coefficients that they stand for.
+/// Returns θ with 24 bits in the first stages and 16 bits in the others, and the reflection coefficients that these
+/// codes represent.
 fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
     const CODE: f64 = (1 << THETA_FRACTION_BITS) as f64;
     let thetas: Vec<i32> = model
@@ -68,7 +69,7 @@ fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
             if stage < limits::MAX_FINE_STAGES {
                 theta.round() as i32
             } else {
-                // Rounded once, and the last code of all would be |k| = 1.
+                // Rounded only once. The clamp excludes the very last code, which would mean |k| = 1.
                 let code = (theta / CODE).round();
                 (code.clamp(-f64::from(i16::MAX), f64::from(i16::MAX)) * CODE) as i32
             }
@@ -79,18 +80,19 @@ fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
     (codes, reflection)
 }
 
-/// Number of first stages of a compact lattice that have 24 bits. With it 120 nodes of order 400 take less than 56 KiB.
+/// Number of first stages of a compact lattice that have 24 bits. With this value 120 nodes of order 400 take less than
+/// 56 KiB.
 pub const COMPACT_FINE_STAGES: usize = 24;
 
-/// Compact codes of `model`: 24 bits in the first [`COMPACT_FINE_STAGES`] stages, 16 bits in the next ones up to
-/// [`limits::MAX_FINE_STAGES`], then 8 bits.
+/// Returns the compact codes of `model`: 24 bits in the first [`COMPACT_FINE_STAGES`] stages, 16 bits in the next ones
+/// up to [`limits::MAX_FINE_STAGES`], then 8 bits.
 pub fn compact_codes(model: &Model) -> CodeSpec {
     let theta = |k: &f64| (k.asin() / FINE_THETA_STEP_RAD).round() as i32;
     let thetas: Vec<i32> = model.reflection.iter().map(theta).collect();
     CodeSpec::compact_lattice(&thetas, COMPACT_FINE_STAGES)
 }
 
-/// `node` with other codes of a lattice, and the power of the prediction error that these have.
+/// Returns `node` with other lattice codes and the prediction-error power that belongs to them.
 pub fn with_codes(node: &NodeSpec, codes: CodeSpec) -> NodeSpec {
     let share = error_share(&stored_reflection(&codes));
     NodeSpec {
@@ -100,30 +102,31 @@ pub fn with_codes(node: &NodeSpec, codes: CodeSpec) -> NodeSpec {
     }
 }
 
-/// Reflection coefficients of codes.
+/// Returns the reflection coefficients that `codes` represent.
 pub fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
     let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
     codes.thetas().map(k).collect()
 }
 
-/// The `nodes` with 16 bits of θ in every stage, for a texture that must save the 32 bytes per node.
+/// Returns `nodes` with 16 bits of θ in every stage, for a texture that must save the 32 bytes per node.
 pub fn coarse(nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     let coarse = |node: NodeSpec| {
         let mut codes = node.codes.clone();
-        // A code is the nearest of 16 bits already.
+        // The codes are already rounded to the nearest 16-bit value.
         codes.fractions.clear();
         with_codes(&node, codes)
     };
     nodes.into_iter().map(coarse).collect()
 }
 
-/// k(1), k(2) ..., exactly as stored.
+/// Returns k(1), k(2) ..., exactly as stored.
 pub fn reflection(coefficients: Coefficients<'_>) -> Vec<f64> {
     let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
     coefficients.thetas().map(k).collect()
 }
 
-/// RMS of a lattice's output at `point`, m/s², by the texture's laws between nodes and below the grid, in float64.
+/// Returns the RMS of a lattice's output at `point`, m/s², in float64. It follows the texture's laws of the level
+/// between nodes and below the grid.
 pub fn rms_m_s2(texture: &Texture<'_>, point: &GridPoint) -> f64 {
     let power = |speed, force| f64::from(texture.node(speed, force).output_power);
     let mean = |of: fn(f64) -> f64| -> f64 {
@@ -163,7 +166,7 @@ mod tests {
             prop_assert!(spec.codes.iter().all(|&code| code != i16::MIN));
             for (stage, (a, b)) in k.iter().zip(back).enumerate() {
                 let step = if stage < limits::MAX_FINE_STAGES { FINE_THETA_STEP_RAD } else { THETA_STEP_RAD };
-                // The last θ of all is half a coarse step from π/2.
+                // The last code of θ is half a coarse step from π/2.
                 let end = std::f64::consts::FRAC_PI_2 - 0.51 * THETA_STEP_RAD;
                 let error = (a.asin().clamp(-end, end) - b.asin().clamp(-end, end)).abs();
                 prop_assert!(error <= 0.51 * step, "stage {}: {}", stage + 1, error / step);
@@ -176,7 +179,7 @@ mod tests {
         }
     }
 
-    /// Power density of the model of `reflection` at a frequency, per unit of power.
+    /// Returns the power density at a frequency of the model with these predictor coefficients, per unit of power.
     fn density(a: &[f64], share: f64, hz: f64) -> f64 {
         let angle = std::f64::consts::TAU * hz / f64::from(model_format::SAMPLE_RATE_HZ);
         let mut sum = (1.0, 0.0);
@@ -187,8 +190,8 @@ mod tests {
         share / (sum.0 * sum.0 + sum.1 * sum.1)
     }
 
-    /// A model's density at its peak near a line, with the peak's frequency, Hz. The search narrows down, because the
-    /// peak is far narrower than any fixed grid.
+    /// Returns a model's density at its peak near a line, and the peak's frequency, Hz. The search narrows down step by
+    /// step, because the peak is far narrower than any fixed grid.
     fn peak(reflection: &[f64], line_hz: f64) -> (f64, f64) {
         let (a, share) = (step_up(reflection), error_share(reflection));
         let (mut best, mut step_hz) = ((0.0, line_hz), 0.05);
@@ -202,14 +205,14 @@ mod tests {
         best
     }
 
-    /// Largest errors over all lines, of a stored lattice against its model.
+    /// Largest errors of a stored lattice against its model, over all lines.
     #[derive(Clone, Copy, Debug, Default)]
     struct LineErrors {
-        /// Of the peak's height, wherever it is.
+        /// Error of the peak's height, wherever the peak is.
         peak_db: f64,
-        /// Of the density where the model has its peak.
+        /// Error of the density at the frequency of the model's peak.
         in_place_db: f64,
-        /// Of the peak's frequency.
+        /// Error of the peak's frequency.
         shift_hz: f64,
     }
 
@@ -223,7 +226,7 @@ mod tests {
         }
     }
 
-    /// The errors of lines with fractions of theta, and without.
+    /// Returns the errors of lines with the fractions of θ, and without them.
     fn line_errors(reflection: Vec<f64>, lines_hz: &[f64]) -> [LineErrors; 2] {
         let model = model(reflection);
         let fine = node(&model).unwrap();
@@ -247,7 +250,8 @@ mod tests {
         })
     }
 
-    /// Lines of radius 0.99999, which decay in 20 s, over a floor: 16 bits keep a peak's height and not its place.
+    /// Lines of radius 0.99999, which decay in 20 s, over a floor. 16 bits preserve a peak's height but not its
+    /// frequency.
     #[test]
     fn first_stages_with_24_bits_keep_narrow_lines_in_their_place() {
         let mut worst = [LineErrors::default(); 2];
@@ -267,7 +271,7 @@ mod tests {
         assert!(fine.in_place_db < 0.1, "{fine:?}");
         assert!(fine.peak_db < 0.01, "{fine:?}");
         assert!(fine.shift_hz < 0.002, "{fine:?}");
-        // Otherwise the cases would show nothing.
+        // Otherwise the cases would prove nothing.
         assert!(coarse.in_place_db > 3.0, "{coarse:?}");
         assert!(coarse.shift_hz > 0.01, "{coarse:?}");
     }
@@ -304,11 +308,11 @@ mod tests {
                 without_fractions_db = without_fractions_db.max(error.line_db);
             }
         }
-        // Otherwise the cases would show nothing.
+        // Otherwise the cases would prove nothing.
         assert!(without_fractions_db > 1.0, "{without_fractions_db} dB");
     }
 
-    /// Reflection coefficients of lines that decay by `radius` per sample, over a floor.
+    /// Returns the reflection coefficients of lines that decay by `radius` per sample, over a floor.
     fn lines_over_a_floor(radius: f64, lines_hz: &[f64], order: usize) -> Vec<f64> {
         let lag = |lag: usize| {
             let angle =

@@ -11,7 +11,7 @@ use serde::Serialize;
 pub struct TextureSummary {
     /// Name.
     pub name: String,
-    /// Origin of its recordings.
+    /// Provenance of its recordings.
     pub provenance: String,
     /// Sample rate, Hz.
     pub sample_rate_hz: u32,
@@ -19,7 +19,7 @@ pub struct TextureSummary {
     pub speeds_mm_s: Vec<f32>,
     /// Values of the force axis, N.
     pub forces_n: Vec<f32>,
-    /// Lowest, middle and highest order.
+    /// Lowest, median and highest order.
     pub orders: [usize; 3],
     /// Lowest and highest RMS of nodes that are not silent, m/s².
     pub rms_m_s2: [f32; 2],
@@ -39,14 +39,14 @@ pub struct TextureSummary {
     pub tail_stages: usize,
     /// Smallest and largest range of θ of a node's tail, rad; 0 without tails.
     pub tail_range_rad: [f64; 2],
-    /// Length of the coefficients of all nodes.
+    /// Length of the coefficients of all nodes, bytes.
     pub coefficient_bytes: usize,
     /// The optional parts.
     pub parts: Vec<PartSummary>,
     /// The codebooks of the residual.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub codebooks: Vec<CodebookSummary>,
-    /// Mean length of the moments that are played of them, s.
+    /// Mean length of the recorded snippets that are played from the codebooks, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub moment_s: Option<f64>,
     /// The track of the level.
@@ -55,7 +55,7 @@ pub struct TextureSummary {
     /// Lines that are tied to position.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lines: Vec<LineSummary>,
-    /// The nodes, speed-major; none if they were not asked for.
+    /// The nodes, speed-major; empty if they were not asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nodes: Vec<NodeSummary>,
 }
@@ -76,7 +76,7 @@ pub struct CodebookSummary {
     pub seconds: f64,
     /// Highest peak, standard deviations.
     pub peak: f32,
-    /// Number of nodes that have it.
+    /// Number of nodes that use it.
     pub nodes: usize,
 }
 
@@ -100,7 +100,7 @@ pub struct LineSummary {
     pub phase_turns: f64,
     /// Lowest and highest amplitude of a node, m/s².
     pub amplitude_m_s2: [f32; 2],
-    /// Wander of its place.
+    /// Wander of the line; `None` if it does not wander.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wander: Option<Wander>,
     /// Length, bytes.
@@ -120,7 +120,7 @@ pub struct NodeSummary {
     pub rms_m_s2: f32,
     /// RMS of the prediction error, m/s².
     pub prediction_error_rms_m_s2: f32,
-    /// Properties, in words.
+    /// Properties, as text.
     pub flags: Vec<&'static str>,
 }
 
@@ -192,7 +192,7 @@ impl TextureSummary {
     }
 }
 
-/// The tails of nodes that have one.
+/// Returns the tails of the nodes that have one.
 fn tails<'a>(texture: &Texture<'a>) -> impl Iterator<Item = Tail<'a>> {
     let tails = texture.nodes().map(|node| node.coefficients.tail);
     tails.filter(|tail| !tail.codes.is_empty())
@@ -265,7 +265,7 @@ fn line_summaries(texture: &Texture<'_>) -> Vec<LineSummary> {
                 line.amplitudes().fold(0.0, f32::max),
             ],
             wander: line.wander().and_then(|index| lines.wanders().nth(index)),
-            // All lines take as many.
+            // All lines take the same number of bytes.
             bytes: bytes / lines.len(),
         })
         .collect()

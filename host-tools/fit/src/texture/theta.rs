@@ -1,8 +1,8 @@
-//! The bytes of a lattice's θ: in the fewest, if the spectrum of every node allows it.
+//! Storage of a lattice's θ in the fewest bytes that preserve the spectrum of every node.
 //!
-//! All textures have the first 32 stages in 16 bits or more. *Fine* ones have 24 bits there and 16 bits in the stages
-//! after them. *Compact* ones have 24 bits in the first stages alone and one byte per stage after the 32nd, with a
-//! range per node: half of the bytes at order 400.
+//! In all textures, θ of the first 32 stages has 16 bits or more. *Fine* textures have 24 bits there and 16 bits in
+//! later stages. *Compact* textures have 24 bits in fewer of the first stages, and one byte per stage after the 32nd,
+//! with a range per node. Compact θ takes half of the bytes at order 400.
 
 use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
@@ -12,10 +12,10 @@ use crate::dsp::model_error::ModelError;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::{COMPACT_FINE_STAGES, compact_codes, stored_reflection, with_codes};
 
-/// Largest errors of a node that compact θ may make.
+/// Largest errors of a node that compact θ may cause.
 ///
-/// The RMS and the third octave are far below any just noticeable difference, that of amplitude being 2.2 dB
-/// ([`crate::dsp::spectrum::AMPLITUDE_JND_DB`]), and below the scatter of two takes of one surface.
+/// These bounds of the RMS and the third octaves are far below any just noticeable difference (2.2 dB of amplitude,
+/// [`crate::dsp::spectrum::AMPLITUDE_JND_DB`]), and below the scatter between two takes of one surface.
 pub const LARGEST_ERROR: ModelError = ModelError {
     rms_db: 0.1,
     third_octave_db: 0.2,
@@ -31,8 +31,8 @@ pub enum StoredTheta {
     Compact,
 }
 
-/// Rounds θ to one byte after the 32nd stage, if every node keeps its spectrum. `nodes` are those of `grid`, quantised
-/// as a lattice with fine θ; `sample_rate_hz` is that of the models.
+/// Rounds θ to one byte after the 32nd stage, if this preserves every node's spectrum. `nodes` are those of `grid`,
+/// quantised as a lattice with fine θ; `sample_rate_hz` is that of the models.
 pub fn store(grid: &Grid, nodes: Vec<NodeSpec>, sample_rate_hz: u32) -> Vec<NodeSpec> {
     if !grid.models.iter().any(is_long) {
         return nodes;
@@ -47,25 +47,25 @@ pub fn store(grid: &Grid, nodes: Vec<NodeSpec>, sample_rate_hz: u32) -> Vec<Node
         .collect()
 }
 
-/// Returns whether an error is within its bounds.
+/// Returns whether an error, if there is one, is within its bounds.
 fn is_unfelt(error: Option<ModelError>) -> bool {
     error.is_none_or(|error| error.share_of(LARGEST_ERROR) <= 1.0)
 }
 
-/// Returns whether all of `models`, of 5 kHz, may be stored with compact θ.
+/// Returns whether all of `models`, which are at 5 kHz, may be stored with compact θ.
 pub fn all_allow_compact(models: &[&Model]) -> bool {
     models
         .par_iter()
         .all(|model| is_unfelt(compacted(model, SAMPLE_RATE_HZ).1))
 }
 
-/// Returns whether a model is heard and has stages that compact θ stores in one byte.
+/// Returns whether a model is not silent and has stages that compact θ stores in one byte.
 fn is_long(model: &Model) -> bool {
     !model.is_silent() && model.reflection.len() > limits::MAX_FINE_STAGES
 }
 
-/// The compact codes of a model, and their error; none of a silent model, which is never played, and none where no
-/// stage has fewer bits than with fine θ.
+/// Returns the compact codes of a model, and their error. There is no error for a silent model, which is never played,
+/// nor for one in which no stage has fewer bits than with fine θ.
 fn compacted(model: &Model, sample_rate_hz: u32) -> (CodeSpec, Option<ModelError>) {
     let codes = compact_codes(model);
     let rate_hz = f64::from(sample_rate_hz);
@@ -75,8 +75,8 @@ fn compacted(model: &Model, sample_rate_hz: u32) -> (CodeSpec, Option<ModelError
     (codes, error)
 }
 
-/// Length of the coefficients of a node of `order` in a library, bytes, with the fractions and the step of its θ. A
-/// lattice's fractions are as many for each node of a texture, whose highest order is `highest_order`.
+/// Returns the length in a library of the coefficients of a node of `order`, bytes, including the fractions and the
+/// step of θ. All nodes of a texture have the same number of fractions; `highest_order` is the texture's highest order.
 pub fn bytes_per_node(theta: StoredTheta, order: usize, highest_order: usize) -> usize {
     /// A step of a tail.
     const STEP_BYTES: usize = 2;
@@ -99,7 +99,7 @@ mod tests {
         Model::new(reflection, 2.0)
     }
 
-    /// A slope, and small coefficients of either sign behind it.
+    /// A spectral slope, followed by small coefficients of either sign.
     fn smooth(order: usize) -> Model {
         let k = |stage: usize| match stage {
             0 => -0.9,
@@ -108,7 +108,7 @@ mod tests {
         model((0..order).map(k).collect())
     }
 
-    /// A smooth model but for one stage in the tail, whose θ takes most of the range: the others are left with coarse
+    /// A smooth model except for one stage in the tail, whose θ takes most of the range, so that the others get coarse
     /// steps.
     fn steep(order: usize) -> Model {
         let mut model = smooth(order);
@@ -125,7 +125,7 @@ mod tests {
         store(grid, nodes("felt", grid).unwrap(), SAMPLE_RATE_HZ)
     }
 
-    /// Errors of `nodes` against the models of `grid`, in their order.
+    /// Returns the errors of `nodes` against the models of `grid`, in their order.
     fn errors<'n>(grid: &'n Grid, nodes: &'n [NodeSpec]) -> impl Iterator<Item = ModelError> + 'n {
         let both = grid.models.iter().zip(nodes);
         both.map(|(model, node)| {
@@ -174,7 +174,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// Whatever is chosen makes a library of the size that is reckoned with, within the bounds that are stated.
+        /// Whatever form is chosen, the library has the estimated size, and the errors are within the stated bounds.
         #[test]
         fn what_is_chosen_keeps_its_bounds_and_its_size(
             seeds in prop::collection::vec((0usize..=limits::MAX_ORDER, 0.0f64..0.4, any::<u32>()), 1..4),
@@ -210,7 +210,7 @@ mod tests {
             let texture = library.textures().next().unwrap();
             let parts = texture.parts().map(|(_, bytes)| bytes).sum::<usize>();
             let found = texture.coefficient_bytes() + parts;
-            // The last fractions of all nodes may be 0 by chance, and are not stored then.
+            // The last fractions of all nodes may be 0 by chance; they are then not stored.
             prop_assert!(found <= reckoned && reckoned <= found + orders.len() * 2, "{} {}", found, reckoned);
         }
     }

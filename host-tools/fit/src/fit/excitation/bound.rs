@@ -1,10 +1,11 @@
-//! Bound on what trials give to nodes that are not theirs: a track is of all of a texture, a codebook of a region. None
-//! makes a node's output louder, in its loudest windows of 1, 5 and 50 ms, than the recordings of the node are.
+//! Bound on the loudness that trials pass on to the nodes of other trials: a track comes from all trials of a texture,
+//! and a codebook from those of a region. Neither may make a node's output louder, in its loudest windows of 1, 5 and
+//! 50 ms, than the recordings of the node by more than the bound.
 //!
-//! First by construction: the residuals that a track or a codebook is made of are limited ([`Ringing::limit`]) to what
-//! the recordings of the calmest nodes reach. Then by listening: [`excess`] plays the parts by the device's own feed
-//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet. Last, the
-//! [`remaining_excess`] is taken off the level of each node that is still too loud.
+//! The bound is held in three steps. First by construction: the residuals from which a track or a codebook is made are
+//! limited ([`Ringing::limit`]) to what the recordings of the calmest nodes reach. Then by a check: [`excess`] plays
+//! the parts with the device's own feed through the filters of a few nodes, because independently drawn levels and
+//! pieces may coincide. Last, the level of each node that is still too loud is lowered by the [`remaining_excess`].
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -18,53 +19,55 @@ use super::trace::Trace;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::sums::mean_square;
 
-/// The loudest windows of a few seconds of steady white noise; nothing that has a noise is calmer.
+/// The loudest windows of a few seconds of steady white noise. No noise-like signal has calmer ones.
 const STEADY: Loudest = Loudest([2.1, 1.5, 1.15]);
 
-/// Samples that are played for a check: 26 s of a codebook alone, whose pieces repeat, and 105 s where noise or pieces
-/// meet the levels of a track.
+/// Numbers of samples that are played for a check: 26 s of a codebook at a steady level, whose pieces repeat, and 105 s
+/// if noise or pieces are combined with the levels of a track.
 const PLAYED: usize = 1 << 17;
 const PLAYED_AT_LEVELS: usize = 1 << 19;
 
-/// Loudness over the recordings' that no node may have.
+/// Ratio of a node's loudness to that of its recordings that no node may exceed.
 const BOUND: f64 = 1.5;
 
-/// Loudness over the recordings' that parts are made for, because another seed may be louder.
+/// Ratio of the loudness to that of the recordings for which parts are made. It is smaller, because another seed may be
+/// louder.
 const AIM: f64 = 1.25;
 
-/// Calmest nodes of a source that are listened to.
+/// Number of the calmest nodes of a source that are checked.
 const CALMEST: usize = 2;
 
-/// Expected loudness that parts are made with, in units of the loudest of the calmest nodes' recordings.
+/// Expected loudness with which parts are made, relative to the recordings of the calmest nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Reach {
-    /// Of the track.
+    /// Expected loudness of the track.
     pub track: f64,
-    /// Of each region's codebook.
+    /// Expected loudness of each region's codebook.
     pub codebooks: [f64; limits::MAX_CODEBOOKS],
 }
 
 impl Reach {
-    /// The reach that parts are first made with. More is not heard at any node; less may be needed.
+    /// The reach with which parts are first made. A larger one makes no audible difference at any node; a smaller one
+    /// may be needed.
     pub const FIRST: Self = Self {
         track: 1.5,
         codebooks: [1.5; limits::MAX_CODEBOOKS],
     };
 
-    /// Makes it less by the `excess` of each source, 0 for Gaussian noise: each codebook by its own, and the track by
-    /// what all have in common, or noise alone.
+    /// Reduces the reach by the `excess` of each source, where number 0 is Gaussian noise: each codebook by its own
+    /// excess, and the track by the excess that all sources share, or by that of noise.
     pub fn lower(&mut self, excess: &BTreeMap<u8, f64>) {
         let common = excess.values().copied().fold(f64::INFINITY, f64::min);
         let noise = excess.get(&0).copied().unwrap_or(0.0);
-        // What all sources have too much of is the track, which all of them play at; noise has nothing else that could
-        // be less.
+        // An excess that all sources share is the track's, because they are all played at its level. For noise, nothing
+        // but the track could be reduced.
         self.track /= common.max(noise).max(1.0);
         for (reach, number) in self.codebooks.iter_mut().zip(1..) {
             *reach /= excess.get(&number).copied().unwrap_or(0.0).max(1.0);
         }
     }
 
-    /// Difference of the least from the first, dB; none if there is none.
+    /// Returns the largest reduction from the first reach, dB, as a negative number; `None` if nothing was reduced.
     pub fn lowered_db(&self) -> Option<f64> {
         let pairs = self.codebooks.into_iter().zip(Self::FIRST.codebooks);
         let pairs = pairs.chain([(self.track, Self::FIRST.track)]);
@@ -73,7 +76,7 @@ impl Reach {
     }
 }
 
-/// The loudest windows of each node's recordings, with one of its traces.
+/// Returns the loudest windows of each node's recordings, with one of the node's traces.
 fn nodes<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Vec<(Loudest, &'t Trace)> {
     let mut nodes: BTreeMap<(usize, usize), Vec<&Trace>> = BTreeMap::new();
     for trace in traces {
@@ -86,8 +89,8 @@ fn nodes<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Vec<(Loudest, &'t T
     nodes.into_values().filter_map(of_node).collect()
 }
 
-/// The loudest windows that `traces` may give to all of their nodes: `reach` times what the recordings of most nodes
-/// reach.
+/// Returns the loudest windows that `traces` may have at all of their nodes: `reach` times what the recordings of all
+/// nodes but the calmest eighth reach, and at least those of steady noise.
 pub(super) fn most<'t>(traces: impl IntoIterator<Item = &'t Trace>, reach: f64) -> Loudest {
     let of_nodes: Vec<Loudest> = nodes(traces)
         .into_iter()
@@ -97,8 +100,8 @@ pub(super) fn most<'t>(traces: impl IntoIterator<Item = &'t Trace>, reach: f64) 
     least.times(reach).with(STEADY, f64::max)
 }
 
-/// The residual of `trace`, divided by `level` where there is one, with a mean square of 1, of which nothing is heard
-/// louder than `most` at the trace's node.
+/// Returns the `samples` of a residual of `trace`, limited so that nothing is louder than `most` behind the filter of
+/// the trace's node, and then scaled to a mean square of 1.
 pub(super) fn limited<'t>(
     trace: &'t Trace,
     samples: Cow<'t, [f64]>,
@@ -113,26 +116,26 @@ pub(super) fn limited<'t>(
     limited.into()
 }
 
-/// Nodes that a source of parts plays at.
+/// The nodes at which a source of parts is played.
 struct SourceNodes<'t> {
     /// Excitation that the source plays, standard deviations.
     played: Vec<f64>,
-    /// Nodes with the loudest windows of their recordings, the calmest first.
+    /// Nodes, the calmest first, each with the loudest windows of its recordings.
     nodes: Vec<(Loudest, &'t Trace)>,
-    /// Loudest windows that the recordings of most of the nodes reach.
+    /// Loudest windows that the recordings of all these nodes but the calmest eighth reach.
     least: Loudest,
 }
 
 impl SourceNodes<'_> {
-    /// Loudness of the source at a node, in units of its recordings'.
+    /// Returns the loudness of the source at a node, relative to that of the node's recordings.
     fn over(&self, (own, trace): &(Loudest, &Trace)) -> f64 {
         let heard = Loudest::behind(&self.played, &trace.reflection);
         heard.over(own.with(self.least, f64::max))
     }
 }
 
-/// The nodes of each source of `parts`, 0 for Gaussian noise, of a grid with so many `forces`. None where noise of
-/// steady level plays.
+/// Returns the nodes of each source of `parts`, where number 0 is Gaussian noise, for a grid with `forces` forces.
+/// Nodes with noise of steady level are left out.
 fn sources<'t>(
     traces: &'t [Trace],
     forces: usize,
@@ -161,9 +164,9 @@ fn sources<'t>(
     sources.into_par_iter().map(of_source).collect()
 }
 
-/// Loudness of each source of `parts`, 0 for Gaussian noise, over the loudness that it may have, for a grid of `forces`
-/// forces. It is the largest at three nodes: the two with the calmest recordings and the one that rings longest. Empty
-/// where noise of steady level plays.
+/// Returns the loudness of each source of `parts`, where number 0 is Gaussian noise, relative to the one that it is
+/// made for, for a grid of `forces` forces. It is the largest at up to three nodes: the two with the calmest recordings
+/// and the one that rings longest. Noise of steady level has no entry.
 pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, f64> {
     let of_source = |(number, source): (u8, SourceNodes<'_>)| {
         let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
@@ -179,8 +182,8 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
     sources.into_par_iter().map(of_source).collect()
 }
 
-/// Excess that is left once `parts` are made: each node that they play louder than [`BOUND`] times its recordings, with
-/// the factor of the excess.
+/// Returns the excess that is left once `parts` are made: each node at which they are louder than [`BOUND`] times its
+/// recordings, with the factor of the excess.
 pub(super) fn remaining_excess(
     traces: &[Trace],
     forces: usize,

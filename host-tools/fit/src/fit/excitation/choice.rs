@@ -1,10 +1,10 @@
-//! The choice between moments and an excitation whose level is apart, by blocks of the residuals that neither is made
-//! of.
+//! The choice between recorded snippets (moments) and an excitation with a separate level, judged by blocks of the
+//! residuals from which neither is made.
 //!
-//! Both are made of every other block and played by the device's own feed. What is played is compared with the blocks
-//! left out by the levels of five octaves in windows of 50 ms, against the level of the window: a recording's spectrum
-//! changes with its level, and whitened pieces at a level of their own do not hold that. The distance of two
-//! distributions is the mean distance of their quantiles, dB, and that of all octaves their mean.
+//! Both excitations are made from every other block and played by the device's own feed. What is played is compared
+//! with the other blocks by the levels of five octaves in windows of 50 ms, relative to the level of the window. The
+//! reason is that a recording's spectrum changes with its level, which whitened pieces with a separate level do not
+//! reproduce. The distance of two distributions is the mean distance of their quantiles, dB, averaged over the octaves.
 
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
@@ -25,46 +25,49 @@ use super::trace::Trace;
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::sums::mean_square;
 
-/// Moments take more bytes than a track alone, and must be nearer by this to take its place, dB: noise whose level
-/// swells is 0.2 dB from what is played of it, by chance. A codebook takes as many bytes.
+/// Least gain for which moments replace a track without a codebook, dB, because they take more bytes. Noise whose level
+/// swells is by chance 0.2 dB away from its own synthesis. A codebook takes as many bytes as moments, so there the gain
+/// may be any.
 const LEAST_GAIN_DB: f64 = 0.25;
 
-/// Samples that are played for a comparison: 40 s.
+/// Samples that are played for a comparison by [`distance_db`]: 40 s. [`heard_db`] plays half of them.
 const PLAYED: usize = 200_000;
 
-/// Samples of a window of what is heard: 20 ms.
+/// Samples of a window in which the filtered output is compared: 20 ms.
 const HEARD_SAMPLES: usize = 100;
 
-/// Nodes that are listened to, at most.
+/// About the most trials at whose nodes the filtered output is compared.
 const HEARD: usize = 24;
 
-/// Quantiles that are compared.
+/// Number of quantiles that are compared.
 const QUANTILES: usize = 100;
 
-/// Levels this far below the mean power count no less: 40 dB.
+/// Least power of a window, relative to the mean; lower ones count as this: -40 dB.
 const LEAST_POWER: f64 = 1e-4;
 
-/// Octaves below half the sample rate.
+/// Number of octaves, counted down from half the sample rate.
 const OCTAVES: usize = 5;
 
-/// Distances from blocks that neither of two excitations is made of, dB.
+/// Distances of two excitations from blocks from which neither is made, dB.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distances {
-    /// Of moments with the level that they had.
+    /// Distance of moments, which keep their recorded level.
     pub moments_db: f64,
-    /// Of an excitation whose level is apart.
+    /// Distance of an excitation with a separate level.
     pub apart_db: f64,
 }
 
 impl Distances {
-    /// Returns whether moments are nearer by so much that they pay; `has_codebook` tells what they take the place of.
+    /// Returns whether moments are nearer by enough to be worth their bytes; `has_codebook` says whether they would
+    /// replace a codebook.
     pub fn is_for_moments(&self, has_codebook: bool) -> bool {
         let least_db = if has_codebook { 0.0 } else { LEAST_GAIN_DB };
         self.moments_db + least_db < self.apart_db
     }
 }
 
-/// The traces of the fitted blocks of `traces`, with what was found of the whole. Those without power are left out.
+/// Returns the traces of the fitted blocks of `traces`, with the findings on the whole. Traces without power are left
+/// out.
 pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
     let half = |trace: &Trace| {
         let (mut residual, mut flaws) = (Vec::new(), Vec::new());
@@ -87,8 +90,8 @@ pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
     traces.iter().filter_map(half).collect()
 }
 
-/// Distance of the excitation of `parts` from the other blocks of `traces`, dB; `forces` is the number of forces of the
-/// grid. `None` if nothing is left to judge.
+/// Returns the distance of the excitation of `parts` from the blocks of `traces` that were not fitted, dB; `forces` is
+/// the number of forces of the grid. `None` if there is nothing to judge.
 pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Option<f64> {
     let source = |trace: &Trace| source(trace, forces, parts);
     let mut sources: Vec<u8> = traces.iter().map(source).collect();
@@ -113,9 +116,9 @@ pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) ->
     (count > 0.0).then(|| sum / count)
 }
 
-/// Mean distance of what is heard of the excitation of `parts` at some nodes from what is heard of the other blocks of
-/// `traces`, dB: of the levels of octaves in windows of 20 ms. It sees where the residual of one node is no other's,
-/// which [`distance_db`] does not. `None` if nothing is left to judge.
+/// Returns the mean distance between the filtered excitation of `parts` and the filtered blocks of `traces` that were
+/// not fitted, dB, at some nodes: that of the levels of octaves in windows of 20 ms. It shows where one node's residual
+/// does not suit another node, which [`distance_db`] does not. `None` if there is nothing to judge.
 pub(super) fn heard_db(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Option<f64> {
     let mut sources: BTreeMap<u8, Vec<&Trace>> = BTreeMap::new();
     for trace in traces.iter().step_by(traces.len().div_ceil(HEARD).max(1)) {
@@ -135,7 +138,7 @@ pub(super) fn heard_db(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Op
     (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
 }
 
-/// Distance of what is heard of `played` at the node of `trace` from its other blocks, dB.
+/// Returns the distance between `played` and the trace's other blocks, both filtered by the trace's node, dB.
 fn of_node(trace: &Trace, played: &[f64]) -> Option<f64> {
     let predictor = step_up(&trace.reflection);
     let scale = error_share(&trace.reflection).sqrt();
@@ -151,13 +154,13 @@ fn of_node(trace: &Trace, played: &[f64]) -> Option<f64> {
     (!judged.0[0].is_empty()).then(|| judged.distance_db(&of_played))
 }
 
-/// Number of the source of `parts` at the node of `trace`, 0 for Gaussian noise.
+/// Returns the number of the source of `parts` at the node of `trace`; 0 is Gaussian noise.
 pub(super) fn source(trace: &Trace, forces: usize, parts: &PartsSpec) -> u8 {
     let node = trace.at.0 * forces + trace.at.1;
     (parts.excitation.as_ref()).map_or(0, |spec| spec.of_nodes[node])
 }
 
-/// So many `samples` of what the device's feed plays of the source `number` of `parts` at their level, standard
+/// Returns `samples` samples that the device's feed plays of the source `number` of `parts` at their level, standard
 /// deviations.
 pub(super) fn played(number: u8, parts: &PartsSpec, samples: usize) -> Option<Vec<f64>> {
     let codebook = parts
@@ -193,17 +196,17 @@ pub(super) fn played(number: u8, parts: &PartsSpec, samples: usize) -> Option<Ve
 struct Levels([Vec<f64>; OCTAVES]);
 
 impl Levels {
-    /// In windows of 50 ms, against the levels of the windows.
+    /// Measures in windows of 50 ms, relative to the levels of the windows.
     fn of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> Self {
         Self::against(blocks, LEVEL_SAMPLES, |level| level)
     }
 
-    /// In windows of 20 ms.
+    /// Measures in windows of 20 ms.
     fn heard<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> Self {
         Self::against(blocks, HEARD_SAMPLES, |_| 0.0)
     }
 
-    /// In windows of so many `samples`, against what `against` makes of the windows' levels.
+    /// Measures in windows of `samples` samples, relative to `against` of the window's level.
     fn against<'a>(
         blocks: impl Iterator<Item = &'a [f64]>,
         samples: usize,
@@ -230,9 +233,9 @@ impl Levels {
         Self(octaves)
     }
 
-    /// Mean distance of the quantiles of all octaves, of which none is empty.
+    /// Returns the mean distance of the quantiles of all octaves, of which none may be empty.
     fn distance_db(&self, other: &Self) -> f64 {
-        // The middles of equal shares of the ranks, so that the extremes, which are chance, do not count.
+        // The middles of equal ranges of ranks, so that the extremes, which are random, do not count.
         let quantile = |of: &[f64], n: usize| of[(2 * n + 1) * of.len() / (2 * QUANTILES)];
         let octave = |(a, b): (&Vec<f64>, &Vec<f64>)| -> f64 {
             let apart = |n| (quantile(a, n) - quantile(b, n)).abs();
@@ -257,7 +260,7 @@ mod tests {
         }
     }
 
-    /// Each sample tells its place.
+    /// The value of each sample encodes its position.
     #[test]
     fn what_is_made_for_a_comparison_holds_no_sample_that_judges() {
         let signal: Vec<f64> = (0..20_000).map(|n| 1.0 + f64::from(n) / 1e5).collect();

@@ -1,5 +1,5 @@
-//! A codebook: material of a residual, whitened as it is played, cut at its highest peaks, and coded by the mu-law, or
-//! in blocks if it keeps the recording's level.
+//! A codebook: material from a residual, whitened for the way it is played, clipped at its highest peaks, and coded by
+//! the mu-law, or in blocks if it keeps the recording's level.
 
 use model_format::{
     BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, MU_LAW_FRACTION_BITS, block_scale,
@@ -9,20 +9,20 @@ use model_format::{
 use crate::dsp::fourier::{self, Complex};
 use crate::dsp::sums::mean_square;
 
-/// Shortest and longest piece that a player takes of a codebook, samples: 20 to 80 ms. Moments are longer, and are
-/// whitened with the same resolution, which is that of third octaves: a finer one would smear events.
+/// Range of the lengths of the pieces that a player takes from a codebook, samples: 20 to 80 ms. Recorded snippets are
+/// longer, but whitened with the same resolution, which is that of third octaves; a finer one would smear events.
 const PIECE_SAMPLES: std::ops::RangeInclusive<usize> = 100..=400;
 
 /// Passes of whitening. Three leave less than 0.1 dB of any third octave.
 const PASSES: usize = 3;
 
-/// Least power of the codebook's spectrum that whitening raises to the mean, as a share of it: 30 dB.
+/// Least power density that whitening raises to the mean, relative to the mean: -30 dB.
 const LEAST_POWER: f64 = 1e-3;
 
 /// Code of the peak.
 const HIGHEST_CODE: i8 = 127;
 
-/// A codebook with what its coding cost.
+/// A codebook, and the losses by its coding.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Coded {
     /// The codebook, with a mean square of 1.
@@ -49,8 +49,8 @@ pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
     with_unit_power(codes, peak, &samples, &decoded, cut)
 }
 
-/// Codes `material` in blocks, clipped at `highest` standard deviations; last samples that fill no block are dropped.
-/// `None` if it has no power.
+/// Codes `material` in blocks, clipped at `highest` standard deviations. Last samples that do not fill a block are
+/// dropped. `None` if the material has no power.
 pub(super) fn coded_in_blocks(material: &[f64], highest: f64) -> Option<Coded> {
     let whole = material.len() / BLOCK_SAMPLES * BLOCK_SAMPLES;
     let (samples, cut) = prepared(&material[..whole], highest)?;
@@ -68,8 +68,8 @@ pub(super) fn coded_in_blocks(material: &[f64], highest: f64) -> Option<Coded> {
     with_unit_power(codes, peak, &samples, &decoded, cut)
 }
 
-/// Bytes of a block of samples, of a codebook with this `peak`, and the samples that they stand for: at the level whose
-/// error is least.
+/// Returns the bytes of a block of samples, for a codebook with this `peak`, and the samples that they decode to. The
+/// block's level is the one with the least error.
 fn coded_block(
     samples: &[f64; BLOCK_SAMPLES],
     peak: f64,
@@ -114,8 +114,8 @@ fn peak_of(samples: &[f64]) -> f64 {
     samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()))
 }
 
-/// The codebook with these codes of this peak, scaled to a mean square of 1. They stand for `decoded` in place of
-/// `samples`.
+/// Returns the codebook with these codes and this peak, scaled to a mean square of 1. The codes decode to `decoded`
+/// instead of `samples`.
 fn with_unit_power(
     codes: Vec<i8>,
     peak: f64,
@@ -136,14 +136,13 @@ fn with_unit_power(
 /// Returns `material` whitened, clipped at `highest` standard deviations, with a mean square of 1; and the number of
 /// samples that were clipped. `None` if it has no power.
 fn prepared(material: &[f64], highest: f64) -> Option<(Vec<f64>, usize)> {
-    // Below the format's peak, because what the clipping takes is made up for by the last scaling, which raises the
-    // peak.
+    // Lower than the format's peak, because the last scaling, which compensates for the clipped power, raises the peak.
     let highest = highest.min(0.99 * f64::from(limits::MAX_CODEBOOK_PEAK));
     let mut samples = material.to_vec();
     for _ in 0..PASSES {
         samples = whitened(&samples)?;
     }
-    // A cut takes power, which raises the rest, and that another peak.
+    // Clipping removes power; scaling compensates for it and raises other peaks, which are clipped in the next pass.
     let mut is_cut = vec![false; samples.len()];
     for _ in 0..PASSES {
         scale_to_one(&mut samples)?;
@@ -156,7 +155,7 @@ fn prepared(material: &[f64], highest: f64) -> Option<(Vec<f64>, usize)> {
     Some((samples, is_cut.iter().filter(|&&cut| cut).count()))
 }
 
-/// Value of a code by the mu-law, as a share of the peak.
+/// Returns the value of a mu-law code, relative to the peak.
 fn share(code: i8) -> f64 {
     f64::from(mu_law(code)) / f64::from(1u32 << MU_LAW_FRACTION_BITS)
 }
@@ -172,7 +171,7 @@ fn scale_to_one(samples: &mut [f64]) -> Option<()> {
     Some(())
 }
 
-/// Expected share of products at lag `lag` that both stand in one piece, of all samples: the mean of L - lag over the
+/// Returns the expected fraction of sample pairs at distance `lag` that lie in one piece: the mean of L - lag over the
 /// mean of L, where L is the length of a piece.
 fn share_in_one_piece(lag: usize) -> f64 {
     let left: usize = PIECE_SAMPLES.map(|length| length.saturating_sub(lag)).sum();
@@ -180,11 +179,12 @@ fn share_in_one_piece(lag: usize) -> f64 {
     left as f64 / all as f64
 }
 
-/// Returns `samples`, as a circle, filtered so that the expected spectrum of what is played of them is flatter.
+/// Returns `samples`, treated as circular, filtered so that the expected spectrum of their playback is flatter.
 ///
-/// Pieces begin anywhere with equal chance and have independent signs, so that the autocorrelation of what is played is
-/// that of the circle times [`share_in_one_piece`]. The filter has linear phase and the inverse square root of that
-/// spectrum, whose resolution is that of the longest piece. `None` if there is no power.
+/// Pieces begin at random positions with equal probability and have independent signs, so the autocorrelation of the
+/// playback is that of the circular samples times [`share_in_one_piece`]. The filter has linear phase, and its gain is
+/// the inverse square root of the resulting spectrum, whose resolution is that of the longest piece. `None` if there is
+/// no power.
 fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     let count = samples.len();
     if count == 0 || !mean_square(samples).is_normal() {
@@ -201,7 +201,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     let mut lags = back(power.collect());
     let reach = (*PIECE_SAMPLES.end()).min(count / 2);
     for lag in 0..=count / 2 {
-        // No two samples of one piece are farther apart than the longest piece.
+        // No two samples of one piece are further apart than the longest piece.
         let share = if lag <= reach {
             share_in_one_piece(lag)
         } else {
@@ -243,7 +243,7 @@ mod tests {
         samples.map(|x| f64::from(spec.peak) * x / unit).collect()
     }
 
-    /// Bursts of 40 ms that are 20 dB above what is between them, and silence.
+    /// Bursts of 40 ms that are 20 dB louder than the signal between them, and silence.
     #[test]
     fn blocks_keep_the_level_of_bursts_and_come_near_each_sample() {
         let material: Vec<f64> = noise(4, 10_000)
@@ -270,8 +270,8 @@ mod tests {
         assert_eq!(coded_in_blocks(&[0.0; 2000], 36.0), None);
     }
 
-    /// The density of what is played of `samples` at any frequency in Hz, as a multiple of that of white noise of unit
-    /// power, by another path than the filter's: pieces with random starts and signs.
+    /// Returns the power density of the playback of `samples` at any frequency in Hz, relative to that of white noise
+    /// of unit power. It is computed independently of the filter, from pieces with random starts and signs.
     fn played(samples: &[f64], seed: u64) -> impl Fn(f64) -> f64 + use<> {
         let count = samples.len();
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
@@ -302,7 +302,7 @@ mod tests {
         }
     }
 
-    /// Of coloured material that is heavy in its tails, of odd and even length.
+    /// For coloured, heavy-tailed material of even and odd length.
     #[test]
     fn what_is_played_of_a_codebook_is_white_and_of_unit_power() {
         for (seed, count) in [(1, 10_000), (2, 4001)] {
@@ -335,7 +335,7 @@ mod tests {
         }
     }
 
-    /// A tone in the residual would resonate with the model's own pole there.
+    /// A tone in the residual would resonate with the model's own pole at its frequency.
     #[test]
     fn a_tone_in_the_material_is_no_louder_than_white_noise_at_its_frequency() {
         let mut material = noise(5, 8000);

@@ -1,4 +1,5 @@
-//! Tests at a stated level: that the local kurtosis is above a Gaussian's, and that levels vary more than a noise's.
+//! Tests at a stated level: whether the local kurtosis is above a Gaussian's, and whether levels vary more than those
+//! of noise.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,29 +9,29 @@ use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::dsp::sums::{mean_square, sliding};
 use crate::fit::blocks::{Blocks, lags_of_blocks};
 
-/// Chance of a false alarm of each test, at most.
+/// Largest probability of a false alarm of each test.
 pub(super) const LEVEL: f64 = 0.01;
 
-/// The standard normal deviate that is exceeded with the chance [`LEVEL`].
+/// Standard normal deviate that is exceeded with the probability [`LEVEL`].
 const DEVIATE: f64 = 2.326_347_9;
 
-/// Excess of the mean local kurtosis, over a Gaussian's, that a residual may have and still be called Gaussian.
-/// Gaussian noise whose level follows that of real recordings, with a resolution of 20 ms, reaches 0.31.
+/// Largest excess of the mean local kurtosis over a Gaussian's with which a residual still counts as Gaussian. Gaussian
+/// noise whose level follows that of real recordings, with a resolution of 20 ms, reaches 0.31.
 const KURTOSIS_MARGIN: f64 = 0.3;
 
-/// Spread of 50 ms levels, beyond that of steady noise, that is still called steady, dB: below half of the smallest
-/// change of level that is felt.
+/// Largest spread of 50 ms levels, in excess of that of steady noise, with which a level still counts as steady, dB. It
+/// is less than half of the smallest change of level that is felt.
 const SPREAD_MARGIN_DB: f64 = 1.0;
 
-/// Fewest windows that a test is made of.
+/// Fewest windows with which a test can be significant.
 pub(super) const LEAST_WINDOWS: usize = 20;
 
-/// Finding of a test.
+/// Result of a test.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// The statistic: mean kurtosis in windows of 10 ms, or standard deviation of the levels of 50 ms in dB.
     pub value: f64,
-    /// The least value that is significant on as many windows.
+    /// Least significant value for this number of windows.
     pub needed: f64,
     /// Number of windows.
     pub windows: usize,
@@ -68,31 +69,31 @@ impl Sums {
         }
     }
 
-    /// Mean; 0 of nothing.
+    /// Returns the mean; 0 if there are no windows.
     pub fn mean(&self) -> f64 {
         self.sum / self.count.max(1.0)
     }
 
-    /// Sum of the squared deviations from the mean.
+    /// Returns the sum of the squared deviations from the mean.
     pub fn scatter(&self) -> f64 {
         (self.square - self.sum * self.mean()).max(0.0)
     }
 
-    /// Variance of the mean, by the scatter of the values.
+    /// Returns the variance of the mean, estimated from the scatter of the values.
     pub fn variance_of_mean(&self) -> f64 {
         self.scatter() / (self.count - 1.0).max(1.0) / self.count.max(1.0)
     }
 }
 
-/// Expected kurtosis of `samples` Gaussian samples about zero: 3 n / (n + 2), because the sum of squares that it is
-/// divided by is of the same samples.
+/// Returns the expected kurtosis of `samples` Gaussian samples about zero. It is 3 n / (n + 2) and not 3, because the
+/// mean square in the denominator is computed from the same samples.
 pub(super) fn gaussian_kurtosis(samples: usize) -> f64 {
     let n = samples as f64;
     3.0 * n / (n + 2.0)
 }
 
-/// Test of the mean local kurtosis of windows of `samples` samples: one-sided, at [`LEVEL`], by the scatter of the
-/// windows. It is significant above a Gaussian's by [`KURTOSIS_MARGIN`].
+/// Tests the mean local kurtosis of windows of `samples` samples: one-sided, at [`LEVEL`], with the scatter of the
+/// windows. To be significant, it must be above a Gaussian's by at least [`KURTOSIS_MARGIN`].
 pub(super) fn kurtosis(windows: Sums, samples: usize) -> Evidence {
     let limit = gaussian_kurtosis(samples) + KURTOSIS_MARGIN;
     Evidence {
@@ -102,7 +103,7 @@ pub(super) fn kurtosis(windows: Sums, samples: usize) -> Evidence {
     }
 }
 
-/// Levels of one trial's windows, and what noise of its spectrum and local kurtosis would have.
+/// Levels of one trial's windows, and the variance that noise of its spectrum and local kurtosis would have.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Levels {
     /// Levels, dB.
@@ -111,7 +112,7 @@ pub(super) struct Levels {
     pub steady_db2: f64,
 }
 
-/// Test of the spread of levels about the mean of each trial: one-sided, at [`LEVEL`], by the distribution of the
+/// Tests the spread of levels about the mean of each trial: one-sided, at [`LEVEL`], by the distribution of the
 /// variance (chi-squared, by the cube root of Wilson and Hilferty, 1931).
 pub(super) fn spread(trials: &[Levels]) -> Evidence {
     let freedom: f64 = trials
@@ -122,7 +123,8 @@ pub(super) fn spread(trials: &[Levels]) -> Evidence {
         |of: &dyn Fn(&Levels) -> f64| trials.iter().map(of).sum::<f64>() / freedom.max(1.0);
     let variance = per_freedom(&|trial| trial.levels_db.scatter());
     let steady = per_freedom(&|t| t.steady_db2 * (t.levels_db.count - 1.0).max(0.0));
-    // Chi-squared over its degrees n is near to the cube of a Gaussian of mean 1 - 2/9n and variance 2/9n.
+    // Chi-squared divided by its n degrees of freedom is close to the cube of a Gaussian of mean 1 - 2/9n and variance
+    // 2/9n.
     let ninth = 2.0 / (9.0 * freedom.max(1.0));
     let quantile = (1.0 - ninth + DEVIATE * ninth.sqrt()).powi(3);
     Evidence {
@@ -132,28 +134,29 @@ pub(super) fn spread(trials: &[Levels]) -> Evidence {
     }
 }
 
-/// Window of the local kurtosis, samples: 10 ms at 5 kHz, in which levels hardly change. It lasts longer where the
+/// Window of the local kurtosis, samples: 10 ms at 5 kHz, in which levels hardly change. It lasts longer if the
 /// residual of a recording at a lower rate was resampled to about that rate.
 pub(super) const KURTOSIS_SAMPLES: usize = 50;
 
 /// Window of a level, samples: 50 ms.
 pub(super) const LEVEL_SAMPLES: usize = 250;
 
-/// Windows this much below the mean power have no say on the kurtosis, because what they hold is the noise of the
-/// recording: 20 dB.
+/// Power relative to the mean below which a window does not count for the kurtosis, because it holds mostly the noise
+/// of the recording: -20 dB.
 const QUIET: f64 = 1e-2;
 
-/// Levels further below the mean power count as this: 40 dB, so that digital silence is not infinitely far.
+/// Least power of a window, relative to the mean; lower ones count as this: -40 dB, so that digital silence is not
+/// infinitely far away.
 const LEAST_POWER: f64 = 1e-4;
 
-/// Lags of the residual's autocorrelation that widen the scatter of levels.
+/// Number of lags of the residual's autocorrelation that are included in the expected scatter of levels.
 const LAGS: usize = 100;
 
-/// Level of a window over all others, dB, from which on it is an event that came once: no evidence of what a surface
-/// does again and again.
+/// Level of a window above all others, dB, from which on it counts as an event that happened once. Such an event is no
+/// evidence of what a surface does repeatedly.
 const LONE_DB: f64 = 6.0;
 
-/// Residuals below this share of the signal's power are round-off.
+/// Power of a residual relative to the signal's below which the residual is round-off.
 const ROUND_OFF: f64 = 1e-12;
 
 /// Statistics of a trial's residual.
@@ -165,9 +168,9 @@ pub(super) struct Judged {
     pub levels: Levels,
 }
 
-/// Judges `signal`, with models of `order` at most. Nothing is found in a signal that is too short, or that is
-/// predicted to its round-off. No moment of the residual counts for louder than it is heard if `most` is given. A level
-/// is that of `level_samples` samples, 50 ms.
+/// Judges `signal`, with models of at most the order `order`. Returns no evidence if the signal is too short or is
+/// predicted down to its round-off. If `most` is given, the residual is limited until nothing in it is louder than that
+/// behind the filter. A level is that of `level_samples` samples, 50 ms.
 pub(super) fn held_out(
     signal: &[f64],
     order: usize,
@@ -177,7 +180,7 @@ pub(super) fn held_out(
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
-    // As for a node's model: four samples of data for each coefficient.
+    // Like for a node's model, each coefficient needs four samples of data.
     let order = order.min(samples / 4);
     if samples == 0 || mean_square(signal) <= 0.0 {
         return Judged::default();
@@ -189,7 +192,7 @@ pub(super) fn held_out(
     let prediction = Prediction::levinson_durbin(&corrected(lags), order);
     let predictor = step_up(&prediction.reflection);
     let order = predictor.len();
-    // The first judged block stands behind a fitted one, which is longer than the predictor.
+    // The first judged block follows a fitted one, which is longer than the predictor.
     let mut parts: Vec<Vec<f64>> = blocks
         .judged()
         .map(|block| {
@@ -208,7 +211,7 @@ pub(super) fn held_out(
     of_parts(&parts, mean_square(signal), level_samples)
 }
 
-/// Statistics of the parts of a residual; `power` is that of the signal.
+/// Returns the statistics of the parts of a residual; `power` is that of the signal.
 fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
     let all: Vec<f64> = parts.iter().flatten().copied().collect();
     let mean = mean_square(&all);
@@ -227,8 +230,8 @@ fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
     let level = |window: &[f64]| 10.0 * (mean_square(window) / mean).max(LEAST_POWER).log10();
     let mut levels_db: Vec<f64> = windows(level_samples).map(level).collect();
     calm_lone_event(&mut levels_db);
-    // The variance of a window's power, as a share of its square, is (kurtosis - 1) / n of white noise, and grows with
-    // the squared autocorrelation.
+    // The variance of a window's power, relative to the squared power, is (kurtosis - 1) / n for white noise. It grows
+    // with the squared autocorrelation.
     let whole = Sums::of(&local(level_samples)).mean().max(3.0);
     let coloured = 2.0 * correlation(parts);
     let share = (whole - 1.0 + coloured) / level_samples as f64;
@@ -236,13 +239,14 @@ fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
         kurtosis: Sums::of(&local(KURTOSIS_SAMPLES)),
         levels: Levels {
             levels_db: Sums::of(&levels_db),
-            // A small relative change of power is 10 / ln 10 times as many dB.
+            // A small relative change of power corresponds to 10 / ln 10 times as many dB.
             steady_db2: (10.0 / std::f64::consts::LN_10).powi(2) * share,
         },
     }
 }
 
-/// Takes an event that came once for the loudest of the other windows. It may lie in two windows side by side.
+/// Reduces an event that happened once to the level of the loudest other window. The event may lie in two neighbouring
+/// windows.
 fn calm_lone_event(levels_db: &mut [f64]) {
     let Some(loudest) = (0..levels_db.len()).max_by(|&a, &b| levels_db[a].total_cmp(&levels_db[b]))
     else {
@@ -260,14 +264,15 @@ fn calm_lone_event(levels_db: &mut [f64]) {
     }
 }
 
-/// Kurtosis of a window about zero, which is not silent.
+/// Returns the kurtosis about zero of a window that is not silent.
 pub(super) fn kurtosis_of(window: &[f64]) -> f64 {
     let square = mean_square(window);
     let fourth = window.iter().map(|x| x.powi(4)).sum::<f64>() / window.len() as f64;
     fourth / (square * square)
 }
 
-/// Sum of the squared autocorrelations of `parts` at both signs of the lags 1 to [`LAGS`], in units of that at lag 0.
+/// Returns the sum of the squared autocorrelations of `parts` at the lags 1 to [`LAGS`] of both signs, relative to that
+/// at lag 0.
 fn correlation(parts: &[Vec<f64>]) -> f64 {
     let mut lags = vec![0.0; LAGS + 1];
     for part in parts {
@@ -282,8 +287,8 @@ fn correlation(parts: &[Vec<f64>]) -> f64 {
         .sum::<f64>()
 }
 
-/// Residual of `signal`, from the first sample that all of the predictor's samples stand before. Empty for a signal
-/// that is not longer than the predictor.
+/// Returns the residual of `signal`, from the first sample that has enough samples before it for the predictor. It is
+/// empty if the signal is not longer than the predictor.
 pub(super) fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
     let predicted_from = signal.get(..signal.len().max(1) - 1).unwrap_or_default();
     let newest_last: Vec<f64> = predictor.iter().rev().copied().collect();
@@ -337,7 +342,7 @@ mod tests {
         assert!(spread(&[one; 40]).is_significant());
     }
 
-    /// The 99 % quantiles of chi-squared in tables: 36.19 of 19 degrees, 134.64 of 99.
+    /// The 99 % quantiles of chi-squared in tables: 36.19 for 19 degrees of freedom, 134.64 for 99.
     #[test]
     fn the_spreads_bound_is_that_of_chi_squared() {
         for (freedom, quantile) in [(19, 36.19), (99, 134.64)] {

@@ -13,19 +13,19 @@ use crate::dsp::sums::mean_square;
 /// Resolution of a level track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Resolution {
-    /// Width of the smoothing Hann window, samples; half of it at half height.
+    /// Width of the smoothing Hann window, samples. Its width at half height is half of this.
     pub smoothing: usize,
-    /// Samples from one entry to the next.
+    /// Samples between two entries.
     pub step: u16,
 }
 
-/// Beside a codebook, which holds what is faster: 100 ms, in steps of 20 ms.
+/// Next to a codebook, which holds the faster changes: 100 ms, in steps of 20 ms.
 pub(super) const BESIDE_CODEBOOK: Resolution = Resolution {
     smoothing: 500,
     step: 100,
 };
 
-/// Beside Gaussian noise, so that the envelope is that of the recording up to 64 Hz: 20 ms, in steps of 5 ms.
+/// Next to Gaussian noise: 20 ms, in steps of 5 ms, so that the envelope follows the recording's up to 64 Hz.
 pub(super) const BESIDE_NOISE: Resolution = Resolution {
     smoothing: 100,
     step: 25,
@@ -34,21 +34,21 @@ pub(super) const BESIDE_NOISE: Resolution = Resolution {
 /// Entries per factor of ten in amplitude: steps of 0.25 dB.
 const ENTRIES_PER_DECADE: f64 = 80.0;
 
-/// Highest level of a track, in entries: 20 dB. Higher ones leave a codebook no room for its peaks.
+/// Highest level of a track, in entries: 20 dB. Higher levels would leave no headroom for a codebook's peaks.
 const HIGHEST: f64 = 80.0;
 
-/// Shortest track, s: pieces of 0.2 to 1 s are taken of it.
+/// Shortest track, s. A player takes pieces of 0.2 to 1 s from it.
 const SHORTEST_S: f64 = 1.0;
 
 /// Largest error of a track's mean square. The format allows 2 %.
 const LARGEST_ERROR: f64 = 0.01;
 
-/// The level track of `traces`, joined in their order, each limited to the `loudest` windows and with its own RMS as
-/// unit; with the number of trials in it.
+/// Returns the level track of `traces`, and the number of trials in it. The traces are joined in their order, each
+/// limited to the `loudest` windows and relative to its own RMS.
 ///
-/// If not all have room, each gives an equal part from its middle; if these would be shorter than a second, fewer
-/// trials, evenly spread, give a second each. `None` if all of them together are too short, or if their levels cannot
-/// be stored with a mean square of 1.
+/// If they exceed the format's length, each contributes an equal part from its middle. If these parts would be shorter
+/// than a second, fewer trials, evenly distributed, contribute a second each. `None` if all of them together are too
+/// short, or if their levels cannot be stored with a mean square of 1.
 pub(super) fn track(
     traces: &[&Trace],
     resolution: Resolution,
@@ -86,7 +86,7 @@ pub(super) fn track(
     Some((spec, used))
 }
 
-/// Amplitudes of a trial's track, in units of its own RMS, without its flaws.
+/// Returns the amplitudes of a trial's track, relative to its own RMS, without its flaws.
 fn own_track(trace: &Trace, resolution: Resolution, loudest: Loudest) -> Vec<f64> {
     let step = usize::from(resolution.step);
     let residual = limited(trace, trace.residual.as_slice().into(), loudest);
@@ -99,12 +99,13 @@ fn own_track(trace: &Trace, resolution: Resolution, loudest: Loudest) -> Vec<f64
     track.into_iter().map(|level| level / unit).collect()
 }
 
-/// Codes of `amplitudes` whose mean square as played is 1. `None` if rounding does not allow it.
+/// Returns the codes of `amplitudes`, scaled so that the mean square of their playback is 1. `None` if rounding
+/// prevents that.
 fn entries(mut amplitudes: Vec<f64>) -> Option<Vec<i8>> {
-    /// Searched for the scale of the least error: 0.5 dB to either side.
+    /// Number of scales that are tried for the least error, over 0.5 dB to either side.
     const TRIALS: i32 = 200;
     let highest = 10f64.powf(HIGHEST / ENTRIES_PER_DECADE);
-    // What is above the highest level is cut, and the rest rises until the mean square is 1 again.
+    // Levels above the highest one are clipped, and the others are raised until the mean square is 1 again.
     for _ in 0..20 {
         let unit = played_power(&amplitudes).sqrt();
         if !unit.is_normal() {
@@ -132,17 +133,18 @@ fn entries(mut amplitudes: Vec<f64>) -> Option<Vec<i8>> {
     let all = (-TRIALS..=TRIALS).map(coded);
     let judged = all.map(|codes| (error(&codes), codes));
     let (least, codes) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // A track without a change says what its absence says.
+    // A constant track means the same as no track.
     let changes = codes.iter().any(|&code| code != 0);
     (changes && least <= LARGEST_ERROR).then_some(codes)
 }
 
-/// Amplitude of an entry.
+/// Returns the amplitude of an entry.
 pub(super) fn amplitude(entry: i8) -> f64 {
     f64::from(level_amplitude(entry)) / f64::from(1u32 << LEVEL_FRACTION_BITS)
 }
 
-/// Mean square of amplitudes that are played in straight lines from one to the next, and from the last to the first.
+/// Returns the mean square of amplitudes that are interpolated linearly from each to the next, and from the last to the
+/// first.
 fn played_power(amplitudes: &[f64]) -> f64 {
     let next = amplitudes.iter().cycle().skip(1);
     let pair = |(a, b): (&f64, &f64)| (a * a + a * b + b * b) / 3.0;
@@ -191,7 +193,7 @@ mod tests {
             assert_eq!(spec.entries.len(), 20_000 / step);
             let level = |n: usize| amplitude(spec.entries[n / step]);
             let dip_db = 20.0 * (level(10_000) / level(10_500)).log10();
-            // A window of 100 ms fills a dip of 200 ms a little.
+            // A window of 100 ms partly fills a dip of 200 ms.
             let expected = if resolution == BESIDE_NOISE {
                 18.0
             } else {
@@ -220,12 +222,12 @@ mod tests {
         one.flaws.push(8000..10_500);
         let (spec, _) = track(&[&one], BESIDE_NOISE, ANY).unwrap();
         assert_eq!(spec.entries.len(), 700);
-        // The dips of the beat are 19 dB below its peaks, and silence 50 dB.
+        // The dips of the beat are 19 dB below the peaks, and silence is 50 dB below them.
         assert!(spec.entries.iter().all(|&entry| entry > -80));
     }
 
     proptest! {
-        /// Levels of any distribution, a single burst too, have a played mean square of 1, or there is no track.
+        /// Levels of any distribution, even a single burst, give a playback with a mean square of 1, or no track.
         #[test]
         fn a_tracks_played_mean_square_is_one(
             levels in prop::collection::vec(-60.0f64..20.0, 200..400),

@@ -1,11 +1,11 @@
-//! Loudness of an excitation where it is heard: behind a node's filter, in the loudest windows of 1, 5 and 50 ms.
+//! Loudness of an excitation at the output: behind a node's filter, in the loudest windows of 1, 5 and 50 ms.
 //!
-//! A residual may have a moment that is far louder than the signal's: that of a click, of a sensor's slip or of a step
-//! has much power where the filter passes little, and the filter takes it back sample by sample. A level, or a piece of
-//! it in another place, keeps the power alone and would sound at its full level. So what counts is the power that the
-//! filter is expected to make of the residual's, if its samples have independent signs: the power of each millisecond
-//! rings on as the square of the filter's impulse response. A residual is limited until its loudest windows are no
-//! louder than those of the recordings.
+//! A moment of a residual may be far louder than the signal at that moment. A click, a slip of a sensor or a step has
+//! much power where the filter passes little, and in the original signal the filter cancels it sample by sample. But a
+//! level track, or a piece that is played elsewhere, keeps only the power and would sound at its full level. So the
+//! residual is judged by the power that the filter is expected to make of it if its samples have independent signs: the
+//! power of each millisecond decays like the square of the filter's impulse response. A residual is limited until its
+//! loudest windows are no louder than those of the recordings.
 
 use std::ops::Range;
 
@@ -14,27 +14,27 @@ use crate::dsp::fourier;
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::sums::{dot, mean_square, sliding};
 
-/// Samples of a millisecond.
+/// Number of samples in a millisecond.
 const MILLISECOND: usize = model_format::SAMPLE_RATE_HZ as usize / 1000;
 
-/// Windows whose loudest counts, ms.
+/// Lengths of the windows of which the loudest counts, ms.
 const WINDOWS_MS: [usize; 3] = [1, 5, 50];
 
-/// Milliseconds that a filter's ringing is followed for. What is left then is as good as steady.
+/// Milliseconds for which a filter's ringing is followed. The rest is treated as steady.
 const RINGING_MS: usize = 100;
 
-/// Width of the Hann window of a level that is limited, samples: 5 ms at half height.
+/// Width of the Hann window over which a level is measured for limiting, samples: 5 ms at half height.
 const SMOOTHING: usize = 50;
 
-/// Of so many recordings one may be wrong.
+/// Number of recordings of which one may be faulty.
 const WRONG: usize = 8;
 
-/// RMS of a signal's loudest windows of 1, 5 and 50 ms, in units of the whole signal's RMS.
+/// RMS of a signal's loudest windows of 1, 5 and 50 ms, relative to the whole signal's RMS.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Loudest(pub [f64; WINDOWS_MS.len()]);
 
 impl Loudest {
-    /// The loudest windows of `samples`, without those in `flaws`. All are 0 in silence.
+    /// Returns the loudest windows of `samples`, leaving out the milliseconds with `flaws`. All are 0 in silence.
     pub fn of(samples: &[f64], flaws: &[Range<usize>]) -> Self {
         let clean = clean_milliseconds(samples.len(), flaws);
         let all = powers(samples).into_iter().zip(clean);
@@ -45,7 +45,8 @@ impl Loudest {
         Self::of_powers(&powers, mean(&powers))
     }
 
-    /// The loudest windows of a signal with these mean squares of each millisecond, in units of the root of `power`.
+    /// Returns the loudest windows of a signal with these mean squares of each millisecond, relative to the root of
+    /// `power`.
     fn of_powers(powers: &[f64], power: f64) -> Self {
         Self(WINDOWS_MS.map(|window| {
             let window = window.min(powers.len()).max(1);
@@ -64,21 +65,21 @@ impl Loudest {
         }))
     }
 
-    /// The loudest windows of an `excitation` behind a filter with these reflection coefficients, in units of what a
-    /// mean square of 1 becomes there. The excitation is taken as a circle.
+    /// Returns the loudest windows of an `excitation` behind a filter with these reflection coefficients, relative to
+    /// the expected RMS there of noise with a mean square of 1. The excitation is treated as circular.
     pub fn behind(excitation: &[f64], reflection: &[f64]) -> Self {
         let heard = filtered(excitation, &step_up(reflection));
         Self::of_powers(&powers(&heard), 1.0 / error_share(reflection))
     }
 
-    /// The loudness that seven eighths of `signals` reach, and all but one of fewer, so that an event of one is not
-    /// that of others.
+    /// Returns the loudness that seven eighths of `signals` do not exceed (of up to eight signals, all but one), so
+    /// that an event in one of them does not count for the others.
     pub fn of_most(signals: &[Self]) -> Option<Self> {
         let few = signals.len().div_ceil(WRONG).min(signals.len() / 2);
         Self::at_rank(signals, signals.len().checked_sub(1 + few)?)
     }
 
-    /// The loudness that all of `signals` reach but the calmest eighth.
+    /// Returns the loudness that all of `signals` reach except the calmest eighth.
     pub fn of_least(signals: &[Self]) -> Option<Self> {
         Self::at_rank(signals, signals.len().saturating_sub(1) / WRONG)
     }
@@ -92,17 +93,17 @@ impl Loudest {
         Some(Self([window(0)?, window(1)?, window(2)?]))
     }
 
-    /// Each window `factor` times as loud.
+    /// Returns each window `factor` times as loud.
     pub fn times(self, factor: f64) -> Self {
         Self(self.0.map(|level| factor * level))
     }
 
-    /// The windows that `of` takes of both: `f64::min` or `f64::max`.
+    /// Combines the windows of both by `of`: `f64::min` or `f64::max`.
     pub fn with(self, other: Self, of: fn(f64, f64) -> f64) -> Self {
         Self(std::array::from_fn(|n| of(self.0[n], other.0[n])))
     }
 
-    /// Largest ratio of a window to that of `other`.
+    /// Returns the largest ratio of a window to that of `other`.
     pub fn over(self, other: Self) -> f64 {
         let ratios = self.0.into_iter().zip(other.0);
         let ratios = ratios.map(|(own, other)| own / other.max(f64::MIN_POSITIVE));
@@ -110,16 +111,16 @@ impl Loudest {
     }
 }
 
-/// The power that a filter makes of an excitation's, millisecond by millisecond.
+/// The power at the output of a filter for an excitation's power, millisecond by millisecond.
 pub(super) struct Ringing {
-    /// Share of an impulse's power that is heard in each millisecond after it, the last one first.
+    /// Fraction of an impulse's power at the output in each millisecond after the impulse, the last one first.
     shares: Vec<f64>,
-    /// Share that is heard later.
+    /// Fraction that comes later.
     later: f64,
 }
 
 impl Ringing {
-    /// The ringing of a filter with these `reflection` coefficients.
+    /// Returns the ringing of a filter with these `reflection` coefficients.
     pub fn of(reflection: &[f64]) -> Self {
         let newest_last: Vec<f64> = step_up(reflection).into_iter().rev().collect();
         let order = newest_last.len();
@@ -128,7 +129,7 @@ impl Ringing {
             let impulse = if n == 0 { 1.0 } else { 0.0 };
             response.push(impulse - dot(&response[n..], &newest_last));
         }
-        // By the filter's power gain, Σ h² = 1 / Π (1 - k²), so that all shares together are one.
+        // The filter's power gain is Σ h² = 1 / Π (1 - k²), so all fractions add up to one.
         let unit = error_share(reflection) * MILLISECOND as f64;
         let mut shares = powers(&response[order..]);
         shares.iter_mut().for_each(|power| *power *= unit);
@@ -139,7 +140,8 @@ impl Ringing {
         }
     }
 
-    /// The loudest windows that are heard of a residual with these mean squares of each millisecond and this mean.
+    /// Returns the loudest windows at the output, for a residual with these mean squares of each millisecond and this
+    /// mean.
     fn loudest(&self, powers: &[f64], mean: f64) -> Loudest {
         let mut before = vec![0.0; self.shares.len() - 1];
         before.extend_from_slice(powers);
@@ -150,15 +152,16 @@ impl Ringing {
         Loudest::of_powers(&heard, mean)
     }
 
-    /// Gains of the samples of `residual`, those in `flaws` aside, that limit its level to the highest with which its
-    /// loudest windows are heard no louder than `most`, or to its median. `None` if they are not louder as it is.
+    /// Returns gains for the samples of `residual` that limit its level. The limit is the highest with which the
+    /// loudest windows at the output, without those in `flaws`, are no louder than `most`; it is never below the median
+    /// level. `None` if they are not louder without a limit.
     pub fn limit(
         &self,
         residual: &[f64],
         flaws: &[Range<usize>],
         most: Loudest,
     ) -> Option<Vec<f64>> {
-        /// Halvings of the range that the level is sought in.
+        /// Halvings of the range in which the limit is searched.
         const HALVINGS: usize = 12;
         let clean = clean_milliseconds(residual.len(), flaws);
         let count = clean.iter().filter(|clean| **clean).count().max(1);
@@ -196,7 +199,7 @@ impl Ringing {
     }
 }
 
-/// The products of `samples` and `gains`.
+/// Returns the products of `samples` and `gains`.
 pub(super) fn product(samples: &[f64], gains: &[f64]) -> Vec<f64> {
     samples
         .iter()
@@ -205,7 +208,7 @@ pub(super) fn product(samples: &[f64], gains: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Mean squares of each whole millisecond of `samples`.
+/// Returns the mean square of each whole millisecond of `samples`.
 fn powers(samples: &[f64]) -> Vec<f64> {
     samples.chunks_exact(MILLISECOND).map(mean_square).collect()
 }
@@ -214,7 +217,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// For each whole millisecond of so many samples: true if it is without `flaws`.
+/// Returns for each whole millisecond of `samples` samples whether it is free of `flaws`.
 fn clean_milliseconds(samples: usize, flaws: &[Range<usize>]) -> Vec<bool> {
     let mut clean = vec![true; samples / MILLISECOND];
     for flaw in flaws {
@@ -224,7 +227,7 @@ fn clean_milliseconds(samples: usize, flaws: &[Range<usize>]) -> Vec<bool> {
     clean
 }
 
-/// `excitation`, as a circle, behind the all-pole filter of a predictor.
+/// Returns `excitation`, treated as circular, filtered by the all-pole filter of a predictor.
 pub(super) fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
     let count = excitation.len();
     let mut whitening = vec![0.0; count];
@@ -274,7 +277,7 @@ mod tests {
         assert_eq!(Loudest::of_least(&[]), None);
     }
 
-    /// Noise behind a filter, by the filter's own recursion.
+    /// Noise behind a filter, computed by the filter's own recursion.
     #[test]
     fn noise_behind_a_filter_has_the_loudness_that_the_recursion_gives_it() {
         let excitation = noise(1, 1 << 14);
@@ -316,7 +319,7 @@ mod tests {
             "{} {touched}",
             gains[9010]
         );
-        // In a flaw it is not heard.
+        // In a flaw the peak does not count.
         let flaw: Vec<Range<usize>> = std::iter::once(8900..9100).collect();
         assert_eq!(ringing.limit(&residual, &flaw, most), None);
     }

@@ -1,5 +1,5 @@
-//! The bound on loudness, from recordings to what is played: no excitation is louder than its recordings by more than
-//! half, in the loudest windows of 1, 5 and 50 ms, and one trial's event stays its own.
+//! The bound on loudness, from recordings to playback: no excitation is louder than its recordings by more than half,
+//! in the loudest windows of 1, 5 and 50 ms, and an event of one trial is not heard at the nodes of others.
 
 use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, TextureSpec, encode};
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use test_helpers::{holds, noise};
 
-/// Highest ratio of a synthesis's loudest windows to the recordings'.
+/// Largest allowed ratio of a synthesis's loudest windows to the recordings'.
 const MOST: f64 = 1.5;
 
 /// RMS of the loudest windows of 1, 5 and 50 ms, wherever they begin.
@@ -30,7 +30,7 @@ fn loudest(samples: &[f64]) -> [f64; 3] {
     })
 }
 
-/// So many seconds of the library's first texture, m/s².
+/// Returns `seconds` of the library's first texture, m/s².
 pub(super) fn synthesis(
     library: &[u8],
     speed_mm_s: f64,
@@ -46,7 +46,7 @@ pub(super) fn synthesis(
     rendered.accelerations_m_s2()
 }
 
-/// Loudest windows of a texture's syntheses with three seeds, the median of each.
+/// Returns the loudest windows of a texture's syntheses: the median over three seeds for each length.
 fn of_syntheses(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: f64) -> [f64; 3] {
     let played =
         [1, 2, 3].map(|seed| loudest(&synthesis(library, speed_mm_s, force_n, seconds, seed)));
@@ -57,7 +57,7 @@ fn of_syntheses(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: f64) -> 
     })
 }
 
-/// Largest ratio of a window's loudness to that of any of `recordings`.
+/// Returns the largest ratio of a window's loudness to the loudest of that length in `recordings`.
 fn over(played: [f64; 3], recordings: &[[f64; 3]]) -> f64 {
     let of_window = |window: usize| {
         let loudest = recordings.iter().map(|own| own[window]).fold(0.0, f64::max);
@@ -66,7 +66,7 @@ fn over(played: [f64; 3], recordings: &[[f64; 3]]) -> f64 {
     (0..3).map(of_window).fold(0.0, f64::max)
 }
 
-/// Noise with two resonances that falls by 60 dB above 1 kHz, so that its predictor raises what is there.
+/// Returns noise with two resonances that falls by 60 dB above 1 kHz, so that its predictor amplifies that band.
 fn with_stop_band(seed: u64, samples: usize) -> Vec<f64> {
     let mut signal = filtered(&noise(seed, samples + 20), 150.0);
     for _ in 0..4 {
@@ -78,12 +78,12 @@ fn with_stop_band(seed: u64, samples: usize) -> Vec<f64> {
     sums.collect()
 }
 
-/// Something that is no surface's.
+/// An event that is not caused by a surface.
 #[derive(Clone, Copy, Debug)]
 enum Event {
     /// A tick that rings above the surface's band.
     Click,
-    /// Values of another time, as when a sensor's queue slips.
+    /// Samples from another time, as when a sensor's queue slips.
     Slip,
     /// A shift of the axis for 30 ms.
     Step,
@@ -91,7 +91,7 @@ enum Event {
     Burst,
 }
 
-/// Adds an `event` at a sample of a signal of an RMS near 1.
+/// Adds an `event` at sample `at` of a signal with an RMS near 1.
 fn add(event: Event, signal: &mut [f64], at: usize, seed: u64) {
     let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
     match event {
@@ -117,8 +117,8 @@ fn add(event: Event, signal: &mut [f64], at: usize, seed: u64) {
     }
 }
 
-/// Each form, forced or chosen, of calm, impulsive, swelling and bursting recordings, each with an event that hides
-/// below its peaks.
+/// Every form of excitation, forced or chosen, for calm, impulsive, swelling and bursting recordings, each with an
+/// event that is hidden below its peaks.
 #[test]
 fn two_minutes_of_every_form_are_at_most_half_louder_than_their_recording() {
     const SAMPLES: usize = 20_000;
@@ -156,7 +156,7 @@ fn two_minutes_of_every_form_are_at_most_half_louder_than_their_recording() {
     assert!(has_moments, "one of the recordings has moments");
 }
 
-/// A shorter slip would be found and cut before.
+/// A shorter slip would be found and cut by triage before.
 #[test]
 fn an_event_whose_residual_is_far_louder_than_its_signal_is_limited_and_said() {
     let mut signal = with_stop_band(5, 20_000);
@@ -179,7 +179,7 @@ fn an_event_whose_residual_is_far_louder_than_its_signal_is_limited_and_said() {
 const SPEEDS_MM_S: [f64; 4] = [60.0, 100.0, 140.0, 180.0];
 const FORCES_N: [f64; 2] = [0.5, 1.0];
 
-/// The axes of each trial of a set, of a calm, an impulsive or a swelling surface.
+/// Returns the axes of each trial of a set, of a calm, an impulsive or a swelling surface.
 fn trials(surface: usize, seed: u64) -> Vec<[Vec<f64>; 3]> {
     const SAMPLES: usize = 15_000;
     (0..SPEEDS_MM_S.len() * FORCES_N.len())
@@ -200,7 +200,7 @@ fn trials(surface: usize, seed: u64) -> Vec<[Vec<f64>; 3]> {
         .collect()
 }
 
-/// The library of a set of such trials.
+/// Returns the library of a set of such trials.
 fn library_of(trials: &[[Vec<f64>; 3]]) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let written = trials.iter().enumerate().map(|(number, axes)| {
@@ -215,8 +215,8 @@ fn library_of(trials: &[[Vec<f64>; 3]]) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
-    /// The excess that remains is found for any parts, even for those of another surface, whose changing level or
-    /// impulses the node's recording does not have. No earlier limit is needed.
+    /// The remaining excess is found for any parts, even for those of another surface, whose changing level or impulses
+    /// the node's recording does not have. This does not depend on the earlier limits.
     #[test]
     fn no_parts_make_a_node_louder_than_its_recordings_once_what_is_left_is_taken_off(
         seed in 0u64..1000,
@@ -239,12 +239,12 @@ proptest! {
         let texture = TextureSpec::new("surface", &[100.0], &[1.0], vec![node]);
         let library = encode(&[TextureSpec { parts, ..texture }]).unwrap();
         let ratio = over(of_syntheses(&library, 100.0, 1.0, 60.0), &[loudest(&calm)]);
-        // The node is listened to with one seed.
+        // The node is checked with one seed only.
         prop_assert!(ratio <= 1.1 * MOST, "{}", ratio);
     }
 
     /// At three other nodes, the library with the event is compared with the library without it and with the
-    /// recordings; between four nodes, with the recordings.
+    /// recordings; between four nodes, only with the recordings.
     #[test]
     fn an_event_of_one_trial_is_heard_at_no_other_node(
         seed in 0u64..1000,
@@ -258,15 +258,15 @@ proptest! {
         let mut hit = sound.clone();
         add(event, &mut hit[HIT][0], at, seed);
         let (sound_library, hit_library) = (library_of(&sound), library_of(&hit));
-        // The other axes are a tenth of the power, and have it at the same frequencies.
+        // The other axes have a tenth of the power at the same frequencies.
         let recorded: Vec<[f64; 3]> = sound.iter().map(|axes| loudest(&axes[0])).collect();
         for other in [HIT + 1, HIT - 2, 0] {
             let (speed, force) = (SPEEDS_MM_S[other / 2], FORCES_N[other % 2]);
             let with = of_syntheses(&hit_library, speed, force, SECONDS);
             let without = of_syntheses(&sound_library, speed, force, SECONDS);
             prop_assert!(over(with, &[recorded[other]]) <= MOST, "{:?} {:?}", with, recorded[other]);
-            // A single window has the chance of the stretches that a codebook is made of: with the trial recorded anew
-            // in place of an event, it differs by up to a third.
+            // A single window depends on which stretches a codebook is made of: if the trial is recorded again instead
+            // of getting an event, it differs by up to a third.
             let ratios = with.iter().zip(without).map(|(with, without)| (with / without).ln());
             let ratio = (ratios.sum::<f64>() / 3.0).exp();
             prop_assert!((0.75..1.3).contains(&ratio), "{:?} {:?}", ratio, with);

@@ -1,7 +1,7 @@
 //! The residual of a recording at a rate below the models'.
 //!
-//! A recording at such a rate says nothing above half that rate: what is there is the conversion's round-off. Gaussian
-//! noise of the level below takes its place, as a texture without parts has it there.
+//! Such a recording holds nothing above half its own rate except round-off of the conversion. That band is replaced by
+//! Gaussian noise at the level of the band below, as in a texture without parts.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -15,9 +15,9 @@ use crate::dsp::fourier::{self, Complex};
 /// Samples at both ends in which the conversion's filter rings: 20 ms.
 pub(super) const ENDS: usize = 100;
 
-/// The part of `residual` below `carried_hz`, sampled just often enough to hold it, without its ends; and the samples
-/// in which a level is taken, as long as at the models' rate. What stands above tells nothing of the surface, and would
-/// hide the impulses below from the tests.
+/// Returns the part of `residual` below `carried_hz`, sampled just fast enough to hold it and without its ends; and the
+/// number of its samples over which a level is measured, which last as long as at the models' rate. The band above says
+/// nothing about the surface, and would hide impulses in the band below from the tests.
 pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
     let length = residual.len();
     let half = (carried_hz / f64::from(SAMPLE_RATE_HZ) * length as f64) as usize;
@@ -34,7 +34,7 @@ pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
     )
 }
 
-/// `residual` with Gaussian noise, the same for each call, above `carried_hz`.
+/// Returns `residual` with Gaussian noise above `carried_hz`. The noise is the same for each call.
 pub(super) fn filled(residual: &[f64], carried_hz: f64) -> Vec<f64> {
     let length = residual.len();
     let mut spectrum = fourier::forward(&mut residual.to_vec());

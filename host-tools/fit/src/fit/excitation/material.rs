@@ -1,4 +1,4 @@
-//! The material of a codebook: which stretches of which trials.
+//! The material of a codebook: the choice of stretches and trials.
 
 use std::borrow::Cow;
 
@@ -12,33 +12,34 @@ use super::power::local_rms;
 use super::trace::Trace;
 use crate::dsp::sums::mean_square;
 
-/// Samples of a stretch: 0.2 s, of which pieces of 20 to 80 ms are taken.
+/// Length of a stretch, samples: 0.2 s. A player takes pieces of 20 to 80 ms from it.
 pub(super) const STRETCH_SAMPLES: usize = 1000;
 
 /// Fewest stretches of a codebook: 0.8 s.
 pub(super) const LEAST_STRETCHES: usize = 4;
 
-/// Most stretches of a codebook by the mu-law: 2 s. Longer ones come no closer to another take.
+/// Most stretches of a codebook by the mu-law: 2 s. Longer codebooks come no closer to another take.
 pub(super) const MOST_STRETCHES: usize = 10;
 
-/// Most stretches of a codebook in blocks: 5 s, which take as many bytes.
+/// Most stretches of a codebook in blocks: 5 s, which take about as many bytes.
 pub(super) const MOST_STRETCHES_OF_MOMENTS: usize = 25;
 
-/// Stretches that stay together where there is material to choose moments from: 1 s.
+/// Number of stretches that stay together if there is enough material to choose recorded snippets from: 1 s.
 const TOGETHER: usize = 5;
 
-/// The level of a material.
+/// What is done with the level of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Level {
-    /// Divided by the level that a track holds.
+    /// Divided out, because a track holds it.
     Apart,
-    /// Steady enough to be left as it is.
+    /// Steady enough to be left unchanged.
     Steady,
-    /// Kept, because moments are played with their own level.
+    /// Kept, because recorded snippets are played with their own level.
     OfMoments,
 }
 
-/// Stretches this much below their trial's power are none of the surface's, as where the tool stood still: 12 dB.
+/// Power relative to the trial's below which a stretch does not count as the surface's, as when the tool stood still:
+/// -12 dB.
 const QUIET: f64 = 0.063;
 
 /// A stretch of a trial.
@@ -46,7 +47,7 @@ const QUIET: f64 = 0.063;
 struct Stretch {
     trace: usize,
     start: usize,
-    /// Mean kurtosis of the stretch's windows of 10 ms, or the power of a moment.
+    /// Mean kurtosis of the stretch's windows of 10 ms, or, for recorded snippets, the stretch's power.
     rank: f64,
 }
 
@@ -55,15 +56,15 @@ struct Stretch {
 pub(super) struct Material {
     /// Samples of the stretches, one after the other.
     pub samples: Vec<f64>,
-    /// Number of trials that the stretches are of.
+    /// Number of trials that the stretches come from.
     pub trials: usize,
 }
 
-/// Chooses at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if there are fewer than
-/// [`LEAST_STRETCHES`] that are clean and, unless they are moments, not quiet.
+/// Chooses at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if fewer than
+/// [`LEAST_STRETCHES`] are clean and, except for recorded snippets, not quiet.
 ///
-/// The stretches are taken at equal ranks of their kurtosis, so that calm and lively ones have the share that they have
-/// in the recordings. Moments are taken at equal ranks of their power.
+/// The stretches are taken at equal ranks of their kurtosis, so that calm and lively ones are as frequent as in the
+/// recordings. Those of recorded snippets are taken at equal ranks of their power.
 pub(super) fn choose(
     traces: &[&Trace],
     level: Level,
@@ -101,10 +102,10 @@ pub(super) fn choose(
         }
     }
     stretches.sort_by(|a, b| a.rank.total_cmp(&b.rank));
-    // The middle of each of as many equal shares of the ranks.
+    // The middle of each of `count` equal ranges of ranks.
     let rank = |n: usize| (2 * n + 1) * stretches.len() / (2 * count);
     let mut chosen: Vec<Stretch> = (0..count).map(|n| stretches[rank(n)]).collect();
-    // Neighbours stay together.
+    // Keeps neighbours together.
     chosen.sort_by_key(|stretch| (stretch.trace, stretch.start));
     let samples =
         |stretch: &Stretch| prepared[stretch.trace][stretch.start..stretch.start + length].to_vec();
@@ -116,7 +117,7 @@ pub(super) fn choose(
     })
 }
 
-/// `residual` as a material of this level has it.
+/// Returns `residual` with its level treated for this kind of material.
 fn levelled(residual: &[f64], level: Level) -> Cow<'_, [f64]> {
     if level != Level::Apart {
         return residual.into();
@@ -126,8 +127,8 @@ fn levelled(residual: &[f64], level: Level) -> Cow<'_, [f64]> {
     even.map(|(x, level)| x / level).collect()
 }
 
-/// First samples of the stretches of a trial of this `length` that are clean and, unless they are moments, not quiet,
-/// and do not overlap.
+/// Returns the first sample of each stretch of this `length` in a trial. The stretches are clean and, except for
+/// recorded snippets, not quiet, and they do not overlap.
 fn clean(trace: &Trace, length: usize, level: Level) -> impl Iterator<Item = usize> {
     let mut start = 0;
     std::iter::from_fn(move || {
@@ -164,7 +165,7 @@ mod tests {
     const ANY: Loudest = Loudest([f64::INFINITY; 3]);
 
     fn trace(samples: usize) -> Trace {
-        // Each sample tells its place.
+        // The value of each sample encodes its position.
         Trace {
             residual: (0..samples).map(|n| 1.0 + n as f64 / 1e6).collect(),
             ..Trace::default()

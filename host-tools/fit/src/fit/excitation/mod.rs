@@ -1,29 +1,31 @@
-//! The excitation of a texture's models as the recordings have it: the shape of the prediction residual, and the slow
-//! changes of its level. Each is kept where a test on data that was not fitted finds it, and costs nothing elsewhere.
+//! The excitation of a texture's models, as in the recordings: the shape of the prediction residual, and the slow
+//! changes of its level. Each is kept only if a test on data that was not fitted finds it, and otherwise takes no
+//! bytes.
 //!
-//! A residual is that of the coefficients that are played, at the trial's own node. Two properties of it are judged in
-//! every other block of each trial, by models of the blocks between (`judge`):
+//! A trial's residual is computed with the coefficients that are played at the trial's own node. Two properties of it
+//! are tested in every other block of each trial, with models of the blocks between (`evidence`):
 //! - its local kurtosis, in windows of 10 ms, which changes of level hardly touch;
 //! - the spread of its levels, in windows of 50 ms.
 //!
-//! **The codebook** (`codebook`) is 0.8 to 2 s of the residual, divided by its level over 100 ms if a level track is
-//! kept beside, and whitened: pieces of 20 to 80 ms of it have, on average, a flat spectrum. Without that, the codebook
-//! of one piece of a recording adds its own third octaves to the model's. The material is taken at equal ranks of the
-//! local kurtosis, so that the codebook has the distribution of the whole (`material`). Where regions of the grid
-//! differ, each has its own (`regions`).
+//! **The codebook** (`codebook`) is 0.8 to 2 s of the residual. It is divided by its level over 100 ms if a level track
+//! is stored too. It is whitened, so that pieces of 20 to 80 ms from it have a flat spectrum on average. Without that,
+//! the spectrum of the chosen material would be added to the model's. The material is taken at equal ranks of the local
+//! kurtosis, so that the codebook has the distribution of the whole (`material`). If regions of the grid differ, each
+//! has its own codebook (`regions`).
 //!
-//! **The level track** (`level`) has 100 ms of smoothing and steps of 20 ms beside a codebook, which has what is
-//! faster, and 20 ms and 5 ms beside Gaussian noise. It is joined from all trials, because a single one may be unlike
-//! the others; each is divided by its own RMS, because the nodes have the differences between trials.
+//! **The level track** (`level`) has 100 ms of smoothing and steps of 20 ms next to a codebook, which holds the faster
+//! changes, and 20 ms and 5 ms next to Gaussian noise. It is joined from all trials, because a single one may differ
+//! from the others. Each trial is divided by its own RMS, because the nodes hold the differences between trials.
 //!
-//! **Moments** (`choice`) take the place of both where levels vary and blocks that were left out are nearer to them:
-//! 5 s of the residual with its level, whitened alike and coded in 3 bits, in pieces of up to 1 s. More material does
-//! more than longer pieces or finer codes: 2 s of it are no better than a codebook with a track. Regions of nearby
-//! speeds have their own, where those are heard nearer.
+//! **Recorded snippets** (`choice`; called moments in the code) replace both if levels vary and blocks that were not
+//! fitted are nearer to them. They are 5 s of the residual with its level, whitened in the same way, coded in 3 bits
+//! and played in pieces of up to 1 s. More material helps more than longer pieces or finer codes: 2 s of it are no
+//! better than a codebook with a track. Regions of nearby speeds have their own snippets if the output is then nearer
+//! to the recordings.
 //!
-//! **The bound** (`loudness`, `bound`): no residual is heard louder than its signal, and no part of a texture louder
-//! than the recordings of the nodes that it is played at. A trial with far louder moments than the others gives them to
-//! none.
+//! **The bound** (`loudness`, `bound`): at the output, no residual is louder than its signal, and no part of a texture
+//! is louder than the recordings of the nodes at which it is played, up to stated factors. A trial with far louder
+//! moments than the others is not used for the excitation.
 //!
 //! The choices above come from twelve pairs of recorded takes, one of each pair fitted and the other judged. None of
 //! the takes is in the repository.
@@ -64,16 +66,17 @@ pub(super) use texture::{Axes, Choice, Chosen};
 pub use texture::{CodebookReport, ExcitationReport, TrackReport};
 use trace::Trace;
 
-/// Loudness of a trial, in units of what most trials of its texture stay within, beyond which its moments are its own.
+/// Ratio of a trial's loudness to the limit that most trials of its texture keep above which the trial is not used for
+/// the excitation.
 const LOUDER: f64 = 1.5;
 
-/// Returns whether `options` leave anything to add: Gaussian noise of steady level needs nothing.
+/// Returns whether `options` ask for anything to be added. Gaussian noise of steady level needs nothing.
 pub(super) fn is_wanted(options: &Options) -> bool {
     options.excitation != ExcitationChoice::Gaussian || options.modulation != ModulationChoice::None
 }
 
-/// Makes the excitation of a texture whose stored nodes are `nodes`, by those of its `takes` that the fit used, telling
-/// `progress` of each that is done. `reports` are of all trials of the set.
+/// Makes the excitation of a texture with the stored `nodes` from those of its `takes` that the fit used. `reports` are
+/// of all trials of the set. Calls `progress` for each take that is done.
 pub(super) fn of(
     choice: Choice<'_>,
     nodes: &[NodeSpec],
@@ -121,7 +124,7 @@ pub(super) fn of(
     Chosen { notes, ..chosen }
 }
 
-/// Words on a trial whose loudest moments are so many times as loud as the others'.
+/// Returns the text of a note on a trial whose loudest moments are `over` times as loud as the others'.
 fn loud(over: f64) -> String {
     format!(
         "its loudest moments, in units of its RMS, are {over:.1} times as loud as those of the texture's other trials: \

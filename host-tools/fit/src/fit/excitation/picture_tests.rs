@@ -1,5 +1,5 @@
-//! Events in a spectrogram of a scratched plate: clicks as short as the recording's, and no patches between. The
-//! measure is the distribution of third octaves' levels in windows of 20 ms.
+//! Events in a spectrogram of a scratched plate: the clicks are as short as in the recording, and there are no patches
+//! between them. The measure is the distribution of third octaves' levels in windows of 20 ms.
 
 use std::path::Path;
 
@@ -20,8 +20,8 @@ const BANDS: std::ops::RangeInclusive<i32> = 18..=30;
 /// Samples of a window.
 const WINDOW: usize = 100;
 
-/// `samples` in the third octave of number `band` (base ten of IEC 61260-1), behind a Gaussian filter, which rings
-/// least.
+/// Returns `samples` in the third octave of number `band` (base ten of IEC 61260-1). The filter is Gaussian, because it
+/// rings least.
 fn third_octave(samples: &[f64], band: i32) -> Vec<f64> {
     let count = samples.len();
     let mut spectrum = fourier::forward(&mut samples.to_vec());
@@ -34,7 +34,7 @@ fn third_octave(samples: &[f64], band: i32) -> Vec<f64> {
     signal.iter().map(|x| x / count as f64).collect()
 }
 
-/// Levels of each third octave in windows of 20 ms, dB, ascending.
+/// Returns the levels of each third octave in windows of 20 ms, dB, ascending.
 fn levels_db(samples: &[f64]) -> Vec<Vec<f64>> {
     let of_band = |band| {
         let own = third_octave(samples, band);
@@ -46,8 +46,8 @@ fn levels_db(samples: &[f64]) -> Vec<Vec<f64>> {
     BANDS.map(of_band).collect()
 }
 
-/// Mean distance of the quantiles of 5, 50 and 95 % of all third octaves, dB; and the share of levels of `one` that are
-/// above the highest of `other`.
+/// Returns the mean distance of the quantiles of 5, 50 and 95 % over all third octaves, dB; and the fraction of levels
+/// of `one` that are above the highest of `other`.
 fn apart(one: &[Vec<f64>], other: &[Vec<f64>]) -> (f64, f64) {
     let quantile = |levels: &[f64], share: f64| levels[(share * levels.len() as f64) as usize];
     let (mut sum, mut beyond, mut count) = (0.0, 0, 0);
@@ -64,7 +64,7 @@ fn apart(one: &[Vec<f64>], other: &[Vec<f64>]) -> (f64, f64) {
     (sum / (3 * one.len()) as f64, beyond as f64 / count as f64)
 }
 
-/// Recordings of the demo's scratched plate, with other values in its rig file.
+/// Returns recordings of the demo's scratched plate, with some values in its rig file replaced.
 fn recordings(folder: &Path, name: &str, values: &[(&str, &str)]) -> RecordingSet {
     let line = |line: &str| {
         let key = line.split(" = ").next();
@@ -80,8 +80,8 @@ fn recordings(folder: &Path, name: &str, values: &[(&str, &str)]) -> RecordingSe
     set
 }
 
-/// Moments of slow trials at fast nodes are patches of low frequency and clicks that last: 2.6 dB farther from the
-/// recording than another stretch of it is.
+/// At fast nodes, snippets of slow trials become patches of low frequency and clicks that last too long. They are 2.6
+/// dB further from the recording than another stretch of it is.
 #[test]
 fn clicks_are_as_short_at_every_speed_as_the_recordings_of_that_speed_have_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -96,7 +96,7 @@ fn clicks_are_as_short_at_every_speed_as_the_recordings_of_that_speed_have_them(
     let long = recordings(folder.path(), "long", &long);
     let mut axes = read(&long.trials[0]).unwrap().axes;
     let signal = reduce(&mut axes, Reduction::Pca).unwrap().signal;
-    // What was fitted is the first 2 s; the rest of the drum is the scale.
+    // The fit used the first 2 s. The rest of the drum's recording gives the reference distance.
     let (recorded, other) = signal.split_at(10_000);
     let recorded = levels_db(recorded);
     let (scale_db, scale_beyond) = apart(&levels_db(other), &recorded);

@@ -1,11 +1,11 @@
-//! Power of a residual: of all of it, and around each sample.
+//! Power of a residual: overall, and around each sample.
 
 use crate::dsp::sums::{mean_square, sliding};
 
-/// Least power of a residual's level, as a share of its mean power: 50 dB, so that nothing is divided by zero.
+/// Least power of a residual's level, relative to its mean power: -50 dB, so that nothing is divided by zero.
 const LEAST_POWER: f64 = 1e-5;
 
-/// Weights of a Hann window of `smoothing` samples.
+/// Returns the weights of a Hann window of `smoothing` samples.
 pub(super) fn hann(smoothing: usize) -> Vec<f64> {
     let reach = smoothing / 2;
     let weight = |offset: usize| {
@@ -15,12 +15,12 @@ pub(super) fn hann(smoothing: usize) -> Vec<f64> {
     (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect()
 }
 
-/// Least power of a level of `residual`.
+/// Returns the least power of a level of `residual`.
 pub(super) fn least_power(residual: &[f64]) -> f64 {
     (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE)
 }
 
-/// As [`local_rms`], around the sample `at` alone.
+/// Like [`local_rms`], but only around the sample `at`.
 pub(super) fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: usize) -> f64 {
     let reach = weights.len() / 2;
     let first = at.saturating_sub(reach);
@@ -31,8 +31,8 @@ pub(super) fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: us
     (sum / weight).max(least).sqrt()
 }
 
-/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
-/// within the residual counts.
+/// Returns the RMS of `residual` around each of its samples, weighted by a Hann window of `smoothing` samples. At the
+/// ends, only the part of the window within the residual counts.
 pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
     let weights = hann(smoothing);
     let (reach, least) = (weights.len() / 2, least_power(residual));

@@ -1,21 +1,22 @@
-//! Regions of a grid whose residuals differ: rectangles of nodes, found by splitting where a test tells sides apart.
+//! Regions of a grid whose residuals differ: rectangles of nodes, found by repeated division where a test finds that
+//! the two sides differ.
 
 use std::ops::Range;
 
 use super::evidence::{KURTOSIS_SAMPLES, Sums, gaussian_kurtosis};
 use super::trace::Trace;
 
-/// Standard deviations that two sides must differ by: a chance of 1e-4 per split, so that at most 1 in 100 grids of any
-/// size that are alike throughout is split.
+/// Number of standard deviations by which two sides must differ: a probability of 1e-4 per division. At most 1 in 100
+/// uniform grids of any size is then divided.
 const DEVIATIONS: f64 = 3.9;
 
-/// Fewest trials on either side of a split, by whose scatter the sides are judged.
+/// Fewest trials on either side of a division. Their scatter is used to judge the sides.
 const LEAST_TRIALS: usize = 5;
 
-/// Least ratio of the two sides' kurtosis: 0.5 in log2.
+/// Least ratio of the two sides' kurtosis: half an octave.
 const LEAST_RATIO: f64 = 1.41;
 
-/// Nodes of a rectangle of the grid.
+/// A rectangle of nodes of the grid.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Region {
     /// Indices of speeds.
@@ -30,7 +31,7 @@ impl Region {
         self.speeds.contains(&at.0) && self.forces.contains(&at.1)
     }
 
-    /// Pairs of regions that it can be divided into.
+    /// Returns the pairs of regions into which this one can be divided.
     fn divisions(&self) -> impl Iterator<Item = [Self; 2]> {
         let by_speed = (self.speeds.start + 1..self.speeds.end).map(|at| {
             [self.speeds.start..at, at..self.speeds.end].map(|speeds| Self {
@@ -48,8 +49,8 @@ impl Region {
     }
 }
 
-/// Divides a grid of `shape`, speeds and forces, into at most `most` regions, the clearest difference first. One region
-/// if nothing differs.
+/// Divides a grid of `shape` (numbers of speeds and forces) into at most `most` regions, at the clearest difference
+/// first. Returns one region if nothing differs.
 pub(super) fn regions(traces: &[Trace], shape: (usize, usize), most: usize) -> Vec<Region> {
     let mut regions = vec![Region {
         speeds: 0..shape.0,
@@ -72,13 +73,13 @@ pub(super) fn regions(traces: &[Trace], shape: (usize, usize), most: usize) -> V
     regions
 }
 
-/// Divides a grid of so many `forces` into `count` regions of speeds, each with the same ratio of its ends, less those
-/// that hold none of the ascending `speeds_mm_s`.
+/// Divides a grid of `forces` forces into `count` regions of speeds, which have the same ratio of highest to lowest
+/// speed. Regions that hold none of the ascending `speeds_mm_s` are left out.
 pub(super) fn by_speed(speeds_mm_s: &[f32], forces: usize, count: usize) -> Vec<Region> {
     let lowest = speeds_mm_s.iter().copied().find(|&speed| speed > 0.0);
     let octaves = |speed: f32| (speed / lowest.unwrap_or(1.0)).log2().max(0.0);
     let widest = speeds_mm_s.last().copied().map_or(0.0, octaves);
-    // Of no octaves, none is a part: their ratio is not a number, which becomes zero.
+    // If all speeds are equal, the ratio of octaves is not a number, which is converted to zero.
     let part = |speed| (count as f32 * octaves(speed) / widest) as usize;
     let before = |number| speeds_mm_s.partition_point(|&speed| part(speed).min(count - 1) < number);
     let regions = (0..count).map(|number| Region {
@@ -88,8 +89,8 @@ pub(super) fn by_speed(speeds_mm_s: &[f32], forces: usize, count: usize) -> Vec<
     regions.filter(|region| !region.speeds.is_empty()).collect()
 }
 
-/// Difference of the two sides' log kurtosis in standard deviations, by the scatter of trials or of windows, whichever
-/// is larger; 0 if it is too small to matter, or has too few trials to be judged.
+/// Returns the difference of the two sides' log kurtosis in standard deviations, by the scatter of trials or of
+/// windows, whichever is larger. It is 0 if the difference is too small to matter, or if there are too few trials.
 fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
     let [a, b] = sides.each_ref().map(|side| {
         let own = || traces.iter().filter(|trace| side.contains(trace.at));
@@ -109,15 +110,15 @@ fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
         return 0.0;
     }
     let variance = |(trials, windows): &(Sums, Sums)| {
-        // Of the logarithm, by the windows' own scatter.
-        // By the delta method: the variance of a logarithm is the relative variance.
+        // Variance of the logarithm from the windows' own scatter. By the delta method, the variance of a logarithm is
+        // the relative variance.
         let within = windows.variance_of_mean() / windows.mean().powi(2);
         trials.variance_of_mean().max(within)
     };
     distance / (variance(&a) + variance(&b)).sqrt().max(f64::MIN_POSITIVE)
 }
 
-/// Logarithm of a trial's mean local kurtosis, in units of a Gaussian's.
+/// Returns the logarithm of a trial's mean local kurtosis, relative to a Gaussian's.
 fn logarithm(windows: &Sums) -> f64 {
     (windows.mean() / gaussian_kurtosis(KURTOSIS_SAMPLES))
         .max(f64::MIN_POSITIVE)
@@ -132,7 +133,8 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// A trial at each node, whose windows' kurtosis has the mean `kurtosis` and a scatter of a third of it.
+    /// Makes a trial at each node. The kurtosis of its windows has the mean `kurtosis` and a scatter of a third of
+    /// that.
     fn grid(
         shape: (usize, usize),
         seed: u64,
@@ -178,7 +180,7 @@ mod tests {
     }
 
     proptest! {
-        /// With standstill, and of a single speed.
+        /// Covers speed 0 and grids with a single speed.
         #[test]
         fn each_speed_is_in_one_region_and_the_ratio_of_its_ends_is_bounded(
             mut speeds in prop::collection::vec(prop_oneof![Just(0.0f32), 1.0f32..1000.0], 1..16),

@@ -1,4 +1,4 @@
-//! Properties of the whole choice, from recordings to the parts of a texture.
+//! Properties of the whole choice of an excitation, from recordings to the parts of a texture.
 
 use std::path::Path;
 
@@ -25,7 +25,8 @@ use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
 use test_helpers::{near, noise};
 
-/// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
+/// Returns `excitation` filtered to the power spectrum of a surface, with an RMS of 1: two resonances, one of them
+/// narrow.
 pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
     let resonator = |input: &[f64], hz: f64, radius: f64| -> Vec<f64> {
         let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
@@ -42,12 +43,12 @@ pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
     signal.iter().map(|x| x / rms).collect()
 }
 
-/// Noise with heavy tails and a steady level: the product of a Gaussian and its magnitude.
+/// Returns heavy-tailed noise with a steady level: the product of a Gaussian and its magnitude.
 pub(super) fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
     noise(seed, samples).iter().map(|x| x * x.abs()).collect()
 }
 
-/// Gaussian noise whose level goes up and down by `depth_db`, every 1.5 s.
+/// Returns Gaussian noise whose level goes up and down by `depth_db` every 1.5 s.
 pub(super) fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
     let level = |n: usize| {
         let angle = std::f64::consts::TAU * n as f64 / 7500.0;
@@ -60,7 +61,7 @@ pub(super) fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Noise with louder bursts that have a spectrum of their own.
+/// Returns noise with louder bursts that have a spectrum of their own.
 pub(super) fn bursting(seed: u64, samples: usize) -> Vec<f64> {
     let (calm, lively) = (noise(seed, samples), noise(!seed, samples));
     let is_burst = |n: usize| n % 1103 < 300 || n % 1777 < 250;
@@ -75,7 +76,7 @@ pub(super) fn trace(samples: &[f64], order: usize) -> Trace {
     trace_of_rate(samples, order, 5000.0)
 }
 
-/// The node of a texture that was recorded once.
+/// Returns the node of a texture that was recorded once.
 pub(super) fn node_of(samples: &[f64], order: usize) -> NodeSpec {
     let lags = corrected(Autocorrelation::of(samples, order).lags);
     let model = Model::new(
@@ -97,7 +98,7 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
     Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
 
-/// The choice for a grid of these speeds and forces.
+/// Returns the choice for a grid of these speeds and forces.
 fn choice<'a>(speeds_mm_s: &'a [f32], forces_n: &'a [f32], options: &'a Options) -> Choice<'a> {
     Choice {
         name: "test",
@@ -114,7 +115,7 @@ pub(super) fn chosen(trace: Trace, options: &Options) -> Chosen {
     choice(&[100.0], &[1.0], options).made(&[trace])
 }
 
-/// Returns whether automatic choice takes a codebook, and a track.
+/// Returns whether the automatic choice uses a codebook, and a track.
 fn automatic(samples: &[f64]) -> (bool, bool) {
     let Chosen { parts, .. } = chosen(trace(samples, 40), &Options::default());
     (parts.excitation.is_some(), parts.modulation.is_some())
@@ -123,14 +124,14 @@ fn automatic(samples: &[f64]) -> (bool, bool) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
-    /// Recordings of 2 to 5 s, with one resonance or another.
+    /// Recordings of 2 to 5 s with one resonance at different frequencies.
     #[test]
     fn gaussian_textures_get_neither(seed: u64, samples in 10_000usize..25_000, hz in 40.0f64..600.0) {
         let signal = filtered(&noise(seed, samples), hz);
         prop_assert_eq!(automatic(&signal), (false, false));
     }
 
-    /// Of a white signal the residual is no louder than the signal, so that no bound of loudness finds the event.
+    /// The residual of a white signal is no louder than the signal, so the bound on loudness does not find the event.
     #[test]
     fn one_event_in_white_noise_is_not_what_a_texture_does(
         seed: u64,
@@ -171,7 +172,8 @@ proptest! {
     }
 }
 
-/// 3200 and 1600 Hz are usual accelerometers': the residual above half the rate is the filter's, and no texture's.
+/// 3200 and 1600 Hz are common rates of accelerometers. The residual above half the rate comes from the conversion's
+/// filter and not from the texture.
 #[test]
 fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
     for rate_hz in [1000, 2000, 3200] {
@@ -189,7 +191,8 @@ fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
                 of(filtered(&swelling(seed, 20_000, 6.0), 150.0)),
             ];
             assert_eq!(found[0], (false, false), "{rate_hz} {seed}");
-            // A band of 425 Hz makes nearly Gaussian noise of these impulses, which four seconds may not tell from it.
+            // In a band of 425 Hz, these impulses become nearly Gaussian noise, which four seconds may not distinguish
+            // from noise.
             let is_told = found[1].0 || rate_hz == 1000;
             assert!(is_told && !found[1].1, "{rate_hz} {seed}");
             assert!(found[2].0 != found[2].1, "{rate_hz} {seed}");
@@ -223,8 +226,7 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
     }
 }
 
-/// Peaks of codebook and level together, which the device multiplies, stay in the excitation's range even where two
-/// pieces meet.
+/// The device multiplies codebook and level. Their peaks stay in the excitation's range even where two pieces meet.
 #[test]
 fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
     let mut lively = swelling(2, 24_000, 12.0);
@@ -277,7 +279,7 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
     assert_eq!(report.codebooks[0].speeds_mm_s, [50.0, 80.0]);
 }
 
-/// A trial of these axes, written to a folder.
+/// Writes these axes to a folder and returns the trial.
 pub(super) fn written(
     folder: &Path,
     name: &str,
@@ -298,7 +300,7 @@ fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
     fitted_to(vec![trial], options)
 }
 
-/// A fit to these trials, and its library.
+/// Returns a fit to these trials, and its library.
 pub(super) fn fitted_to(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
     let set = RecordingSet {
         trials,
@@ -309,7 +311,7 @@ pub(super) fn fitted_to(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>)
     (fit, bytes)
 }
 
-/// RMS of 60 s of the first texture, over that of its node; 0 for silence.
+/// Returns the RMS of 60 s of the first texture, relative to that of its node; 0 for silence.
 fn relative_level(bytes: &[u8]) -> f64 {
     let library = Library::decode(bytes).unwrap();
     let texture = library.textures().next().unwrap();
@@ -339,8 +341,8 @@ fn account(fit: &Fit) -> &ExcitationReport {
     fit.textures[0].excitation.as_ref().unwrap()
 }
 
-/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its
-/// model, or silent.
+/// Bad input of all kinds, with no parts and with all parts asked for, gives a library that decodes and is silent or at
+/// the level of its model.
 #[test]
 fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
     let mut impulse = vec![0.0; 12_000];
@@ -374,7 +376,7 @@ fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
             let (fit, bytes) = fitted(excitation, modulation);
             let level_db = 20.0 * (relative_level(&bytes) / plain).log10();
             let is_silent = fit.textures[0].nodes[0].output_power <= 0.0;
-            // A minute of bursts of a tenth of a second scatters by a decibel and more.
+            // The level of a minute of bursts of a tenth of a second scatters by a decibel and more.
             let lively = fit.textures[0].grid.parts.modulation.is_some();
             let bound = if lively { 2.5 } else { 1.0 };
             assert!(
@@ -436,12 +438,13 @@ fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     let (fit, _) = fitted("held", &held, &options);
     assert!(fit.textures[0].grid.parts.excitation.is_some());
     assert!(account(&fit).kurtosis.is_significant());
-    // No window counts twice.
+    // No window is counted twice.
     let windows = account(&fit).kurtosis.windows;
     assert!(windows < sound.len() / KURTOSIS_SAMPLES, "{windows}");
 }
 
-/// The library of a texture that needs nothing is that of a plain fit, bit for bit; one that needs all keeps it.
+/// The library of a texture that needs no parts is that of a plain fit, bit for bit; one that needs all parts keeps
+/// them.
 #[test]
 fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_they_are() {
     let plain = forced(ExcitationChoice::Gaussian, ModulationChoice::None);

@@ -19,28 +19,31 @@ use super::trace::Trace;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 use crate::support::warning::Warning;
 
-/// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
-/// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
+/// Highest product of a codebook's peak and a track's level, standard deviations. If two pieces both peak where they
+/// are joined, they reach 1.41 times this, which is still below the excitation's full scale of 64.
 const HIGHEST_PEAK: f64 = 45.0;
 
-/// Highest peak of moments, standard deviations: what coding takes of their power raises it, to 40 at most.
+/// Highest peak of recorded snippets before coding, standard deviations. Compensation for the power lost in coding
+/// raises it to at most 40.
 const HIGHEST_PEAK_OF_MOMENTS: f64 = 36.0;
 
-/// Least gain for which moments are divided by speed, dB: less is chance, and each region has less material.
+/// Least gain for which recorded snippets are divided by speed, dB. A smaller one is chance, and each region has less
+/// material.
 const LEAST_HEARD_GAIN_DB: f64 = 0.05;
 
-/// Bytes of a part beside its codes, entries and nodes; and of a codebook beside its codes. Not fewer than they are.
+/// Upper bound of the bytes of a part in addition to its codes, entries and nodes, and of a codebook in addition to its
+/// codes.
 const HEADER_BYTES: usize = 16;
 
-/// Excitation and level of a texture, with the account of them.
+/// Excitation and level of a texture, and the report on them.
 #[derive(Clone, Debug)]
 pub(in crate::fit) struct Chosen {
-    /// Excitation and modulation alone.
+    /// Only the excitation and the modulation are set.
     pub parts: PartsSpec,
     pub report: ExcitationReport,
     /// Notes for the user.
     pub notes: Vec<Warning>,
-    /// Nodes, by their indices of speed and force, that play too loud all the same, with the factor of that.
+    /// Nodes, by their indices of speed and force, that are still too loud, with the factor by which they are.
     pub excess: Vec<((usize, usize), f64)>,
 }
 
@@ -51,14 +54,14 @@ pub(in crate::fit) struct Axes<'a> {
     pub forces_n: &'a [f32],
 }
 
-/// The texture and the room that an excitation is chosen for.
+/// The texture for which an excitation is chosen, and the bytes that the excitation may take.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::fit) struct Choice<'a> {
     /// Name of the texture.
     pub name: &'a str,
     pub axes: Axes<'a>,
     pub options: &'a Options,
-    /// Bytes of the library that it may take.
+    /// Bytes of the library that the excitation may take.
     pub room: usize,
 }
 
@@ -72,8 +75,8 @@ struct OfRegion {
 }
 
 impl Choice<'_> {
-    /// Chooses the excitation by `traces`: of moments where these are nearer to blocks that were left out, with its
-    /// level apart elsewhere.
+    /// Chooses the excitation by `traces`: recorded snippets if these are nearer to blocks that were not fitted, and
+    /// otherwise an excitation with a separate level.
     pub(super) fn made(&self, traces: &[Trace]) -> Chosen {
         let apart = |reach: &Reach| Some(self.apart(traces, reach));
         let is_free = self.options.modulation == ModulationChoice::Auto
@@ -88,7 +91,7 @@ impl Choice<'_> {
         chosen
     }
 
-    /// The nearer one of moments and an excitation whose level is apart.
+    /// Returns the nearer one of recorded snippets and an excitation with a separate level.
     fn nearer(&self, traces: &[Trace]) -> Option<Chosen> {
         let half = choice::fitted(traces);
         let division = self.division(traces, &half);
@@ -112,7 +115,7 @@ impl Choice<'_> {
         let mut found = judged(&Reach::FIRST);
         let mut chosen = None;
         if !is_for_moments(&found) {
-            // What is near because it is louder than the recordings is judged again without that.
+            // An excitation that is near only because it is louder than the recordings is judged again after the bound.
             let (bounded, reach) = self.bounded(traces, apart)?;
             if reach != Reach::FIRST {
                 found = judged(&reach);
@@ -128,14 +131,14 @@ impl Choice<'_> {
         Some(chosen)
     }
 
-    /// The excitation that `made` makes of `traces` with the first reach, or with one that is less, until its nodes
+    /// Returns the excitation that `made` makes of `traces`. Its reach is lowered from the first one until its nodes
     /// play no louder than their recordings.
     fn bounded(
         &self,
         traces: &[Trace],
         made: impl Fn(&Reach) -> Option<Chosen>,
     ) -> Option<(Chosen, Reach)> {
-        /// Most times that the reach is made less.
+        /// Most times that the reach is lowered.
         const ROUNDS: usize = 4;
         let mut reach = Reach::FIRST;
         let mut chosen = made(&reach)?;
@@ -151,7 +154,7 @@ impl Choice<'_> {
         Some((chosen, reach))
     }
 
-    /// The excitation whose level is a track, if it is not steady.
+    /// Returns the excitation with a separate level: a track, or a steady one.
     fn apart(&self, traces: &[Trace], reach: &Reach) -> Chosen {
         let all: Vec<&Trace> = traces.iter().collect();
         let loudest = bound::most(traces, reach.track);
@@ -167,7 +170,7 @@ impl Choice<'_> {
                 .flatten();
             found.filter(|(spec, _)| bytes_of(spec) <= self.room)
         };
-        // A codebook has its level taken out only if a track puts it back.
+        // The level is divided out of a codebook only if a track restores it.
         let beside = track(BESIDE_CODEBOOK);
         let (codebooks, source) = self.codebooks_beside(
             beside.as_ref().map(|(spec, _)| spec),
@@ -189,8 +192,8 @@ impl Choice<'_> {
         self.chosen(traces, codebooks, chosen, None, source, level)
     }
 
-    /// The codebooks that are played at the level of a `track`, or at a steady one, and the reason for them; `kurtosis`
-    /// is that of all `traces`.
+    /// Returns the codebooks that are played at the level of a `track`, or at a steady one, and the reason for the
+    /// choice; `kurtosis` is that of all `traces`.
     fn codebooks_beside(
         &self,
         track: Option<&ModulationSpec>,
@@ -219,9 +222,10 @@ impl Choice<'_> {
         (found, reason)
     }
 
-    /// Regions for moments: those whose residuals differ; or more regions, of nearby speeds, if their moments of `half`
-    /// of the `traces` are heard nearer to the other blocks. A click lasts as long as the tip takes over a groove, so
-    /// that the moments of a slow trial are too long and too low at a fast node.
+    /// Returns the regions for recorded snippets. They are those whose residuals differ; or more regions, of nearby
+    /// speeds, if the output with snippets of `half` of the `traces` is then nearer to the other blocks. The reason is
+    /// that a click lasts as long as the tip takes to cross a groove, so snippets of a slow trial are too long and too
+    /// low in frequency at a fast node.
     fn division(&self, traces: &[Trace], half: &[Trace]) -> Vec<Region> {
         let shape = (self.axes.speeds_mm_s.len(), self.axes.forces_n.len());
         let most = self.budget(self.room).codebooks(Level::OfMoments);
@@ -244,11 +248,11 @@ impl Choice<'_> {
         nearer.map_or(tested, |(_, division)| division)
     }
 
-    /// The excitation of a codebook for each region of `division`, whose residual keeps its level, if there is material
-    /// enough.
+    /// Returns an excitation of recorded snippets, with a codebook for each region of `division`, whose residual keeps
+    /// its level; `None` if there is too little material.
     fn moments(&self, traces: &[Trace], reach: &Reach, division: &[Region]) -> Option<Chosen> {
         let wanted = Wanted {
-            // A region without impulses has its level in its codebook.
+            // A region without impulses also needs a codebook, because it holds the level.
             is_forced: true,
             level: Level::OfMoments,
             highest_peak: HIGHEST_PEAK_OF_MOMENTS,
@@ -270,7 +274,7 @@ impl Choice<'_> {
         Some(self.chosen(traces, found, None, Some(moment_samples), source, level))
     }
 
-    /// The excitation of these codebooks and of this track of so many trials, with the account of it.
+    /// Returns the excitation with these codebooks and this track, and the report on it.
     fn chosen(
         &self,
         traces: &[Trace],
@@ -308,7 +312,7 @@ impl Choice<'_> {
         }
     }
 
-    /// Room for codebooks in so many bytes.
+    /// Returns the budget of codebooks in `bytes` bytes.
     fn budget(&self, bytes: usize) -> Budget {
         Budget {
             bytes: bytes.min(limits::MAX_EXCITATION_BYTES),
@@ -317,12 +321,12 @@ impl Choice<'_> {
     }
 }
 
-/// Bytes of a track in a library, at most.
+/// Returns an upper bound of a track's bytes in a library.
 fn bytes_of(track: &ModulationSpec) -> usize {
     HEADER_BYTES + track.entries.len()
 }
 
-/// Spread of the levels of all trials.
+/// Tests the spread of the levels of all trials.
 fn spread_of(traces: &[Trace]) -> Evidence {
     spread(
         &traces
@@ -332,9 +336,9 @@ fn spread_of(traces: &[Trace]) -> Evidence {
     )
 }
 
-/// Mean length of moments of codebooks whose shortest has so many samples: as many as a second has, if at least five of
-/// them make the codebook, so that they do not repeat soon. With several codebooks a moment of one region may still
-/// play in another, so that it is shorter.
+/// Returns the mean length of recorded snippets for codebooks of which the shortest has `shortest` samples. It is a
+/// fifth of that, so that they do not repeat soon, and at most the format's limit. With several codebooks it is
+/// shorter, because a snippet of one region may still be playing in another.
 fn moment_samples(shortest: usize, codebooks: usize) -> u16 {
     const SEVERAL: u16 = 1500;
     let longest = if codebooks > 1 {
@@ -346,7 +350,7 @@ fn moment_samples(shortest: usize, codebooks: usize) -> u16 {
     fifth.clamp(limits::MIN_MOMENT_SAMPLES, longest)
 }
 
-/// Bytes for codebooks, of a grid of so many nodes.
+/// Bytes for the codebooks of a grid with `nodes` nodes.
 #[derive(Clone, Copy)]
 struct Budget {
     bytes: usize,
@@ -354,7 +358,7 @@ struct Budget {
 }
 
 impl Budget {
-    /// Stretches that each of `count` codebooks may have.
+    /// Returns the number of stretches that each of `count` codebooks may have.
     fn stretches(self, count: usize, level: Level) -> usize {
         let codes = self.bytes.saturating_sub(HEADER_BYTES + self.nodes) / count.max(1);
         let bytes = codes.saturating_sub(HEADER_BYTES);
@@ -366,7 +370,7 @@ impl Budget {
         }
     }
 
-    /// Most codebooks that all are long enough.
+    /// Returns the largest number of codebooks with which all are long enough.
     fn codebooks(self, level: Level) -> usize {
         let long_enough = |&count: &usize| self.stretches(count, level) >= LEAST_STRETCHES;
         (1..=limits::MAX_CODEBOOKS)
@@ -376,20 +380,20 @@ impl Budget {
     }
 }
 
-/// Demands on codebooks.
+/// Requirements on codebooks.
 #[derive(Clone, Copy)]
 struct Wanted {
-    /// True if no test is asked.
+    /// True if codebooks are made without a test.
     is_forced: bool,
-    /// The level of the material.
+    /// What is done with the level of the material.
     level: Level,
     /// Highest peak, standard deviations.
     highest_peak: f64,
-    /// Loudness of each codebook, in units of the recordings'.
+    /// Expected loudness of each codebook, relative to that of the recordings.
     reach: [f64; limits::MAX_CODEBOOKS],
 }
 
-/// Codebooks of those of `regions` that want one, and have the material for it.
+/// Returns the codebooks of those of `regions` that need one and have enough material.
 fn codebooks(
     traces: &[Trace],
     regions: Vec<Region>,
@@ -436,7 +440,7 @@ fn kurtosis_of<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Evidence {
     kurtosis(windows.fold(Sums::default(), Sums::plus), KURTOSIS_SAMPLES)
 }
 
-/// Highest amplitude of a track.
+/// Returns the highest amplitude of a track.
 fn highest(spec: &ModulationSpec) -> f64 {
     spec.entries.iter().copied().max().map_or(1.0, amplitude)
 }
@@ -490,7 +494,7 @@ fn track_report(spec: &ModulationSpec, trials: usize) -> TrackReport {
     }
 }
 
-/// Says a test's result: `8.91 where 3.4 is significant at 1 %`.
+/// Returns a test's result as text: `8.91 where 3.4 is significant at 1 %`.
 fn said(evidence: Evidence, unit: &str) -> String {
     if evidence.windows == 0 {
         return "not known, because no recording has a residual to judge".to_owned();
@@ -554,15 +558,15 @@ pub struct CodebookReport {
     pub speeds_mm_s: [f32; 2],
     /// Lowest and highest force of its nodes, N.
     pub forces_n: [f32; 2],
-    /// Local kurtosis of the trials there, in data that was not fitted.
+    /// Local kurtosis of the region's trials, in data that was not fitted.
     pub kurtosis: Evidence,
-    /// Number of trials that its material is of.
+    /// Number of trials that its material comes from.
     pub trials: usize,
     /// Duration, s.
     pub seconds: f64,
     /// Highest peak, standard deviations.
     pub peak: f32,
-    /// Samples whose peak was cut, because the excitation has no room for it.
+    /// Number of samples that were clipped, because the excitation's range does not hold their peaks.
     pub cut_samples: usize,
     /// Ratio of its power to that of the error of its codes, dB.
     pub snr_db: f64,
@@ -573,9 +577,9 @@ pub struct CodebookReport {
 pub struct TrackReport {
     /// Number of trials that it is joined from.
     pub trials: usize,
-    /// Number of entries.
+    /// Number of levels in the track.
     pub entries: usize,
-    /// Time from one entry to the next, s.
+    /// Time between two levels, s.
     pub step_s: f64,
     /// Lowest and highest level, dB.
     pub range_db: [f64; 2],
@@ -586,26 +590,26 @@ pub struct TrackReport {
 pub struct ExcitationReport {
     /// The texture.
     pub texture: String,
-    /// Local kurtosis of all trials, in data that was not fitted; 2.9 of Gaussian noise.
+    /// Local kurtosis of all trials, in data that was not fitted. It is 2.9 for Gaussian noise.
     pub kurtosis: Evidence,
-    /// Spread of levels of all trials, in data that was not fitted, dB; 0.4 of steady Gaussian noise.
+    /// Spread of levels of all trials, in data that was not fitted, dB. It is 0.4 for steady Gaussian noise.
     pub spread_db: Evidence,
-    /// The codebooks, none for Gaussian noise.
+    /// The codebooks; empty for Gaussian noise.
     pub codebooks: Vec<CodebookReport>,
-    /// Mean length of the moments that are played with the level that they had, s; none if there are none.
+    /// Mean length of the recorded snippets, s; `None` if there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment_s: Option<f64>,
-    /// Distances by which moments were chosen or not; none if there was no choice.
+    /// Distances by which recorded snippets were chosen or rejected; `None` if there was no choice.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moments: Option<Distances>,
-    /// Change of the loudness that it was limited to, because it played louder than its recordings, dB.
+    /// Change of the loudness to which the excitation was limited, because it was louder than its recordings, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lowered_db: Option<f64>,
-    /// The level track, none for a steady level.
+    /// The level track; `None` for a steady level.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track: Option<TrackReport>,
-    /// Reason for the source.
+    /// Reason for the choice of the source.
     pub source: String,
-    /// Reason for the level.
+    /// Reason for the choice of the level.
     pub level: String,
 }

@@ -1,4 +1,4 @@
-//! The residual of one trial: by the model of its node, and in data that was not fitted.
+//! The residual of one trial: computed with the model of its node, and tested in data that was not fitted.
 
 use std::fmt;
 use std::ops::Range;
@@ -16,33 +16,33 @@ use crate::fit::trial::Signal;
 use crate::recording::triage::{Kind, Verdict};
 use crate::texture::quantise::stored_reflection;
 
-/// Longest part of a trial that is looked at, samples: a minute, thirty times what a codebook holds.
+/// Longest part of a trial that is used, samples: a minute, thirty times the length of a codebook of 2 s.
 const LONGEST: usize = 60 * SAMPLE_RATE_HZ as usize;
 
-/// Samples after a flaw in which its residual is not the surface's: 20 ms. The predictor remembers longer, but little.
+/// Samples after a flaw in which the residual is not the surface's: 20 ms. The predictor's memory is longer, but weak.
 const AFTER_FLAW: usize = 100;
 
-/// A residual whose share of the signal's power is below this is round-off.
+/// Power of a residual relative to the signal's below which the residual is round-off.
 const ROUND_OFF: f64 = 1e-12;
 
-/// Loudness that a residual may be heard with, in units of its signal's. The expected power of impulses is theirs, and
-/// what is above it by less than this is chance.
+/// Largest ratio of a residual's expected loudness at the output to its signal's. The expected power of impulses equals
+/// their actual power; an excess smaller than this is chance.
 const MOST: f64 = 1.3;
 
-/// Ratio of a limited level to the level before, below which it is worth a word: 6 dB.
+/// Ratio of a limited level to the level before, below which there is a note: 6 dB.
 const EVENT: f64 = 0.5;
 
 /// A moment of a trial whose residual was limited.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Event {
-    /// Sample of the signal.
+    /// Index of the sample in the signal.
     at: usize,
-    /// Gain there, the least of the trial.
+    /// Gain at that sample, the smallest of the trial.
     gain: f64,
 }
 
 impl Event {
-    /// Level that was taken off, dB.
+    /// Returns by how much the level was lowered, dB.
     pub fn limited_db(&self) -> f64 {
         -20.0 * self.gain.log10()
     }
@@ -61,7 +61,7 @@ impl fmt::Display for Event {
     }
 }
 
-/// A trial's residual, and what tests found in it.
+/// A trial's residual, and the results of tests on it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     /// Indices of its speed and force on the grid.
@@ -70,24 +70,25 @@ pub(super) struct Trace {
     pub reflection: Vec<f64>,
     /// Loudest windows of the signal.
     pub loudest: Loudest,
-    /// The moment that was limited most, if it is worth a word.
+    /// The moment that was limited most, if it deserves a note.
     pub event: Option<Event>,
-    /// Residual of the node's stored coefficients, limited to the loudness of the signal, with a mean square of 1.
+    /// Residual computed with the node's stored coefficients, limited to the loudness of the signal, with a mean square
+    /// of 1.
     pub residual: Vec<f64>,
-    /// Stretches of the residual that are no surface's.
+    /// Stretches of the residual that do not come from the surface.
     pub flaws: Vec<Range<usize>>,
-    /// Number of the signal's samples, and of the predictor's: the residual begins at the sample of this index.
+    /// Number of the signal's samples.
     pub samples: usize,
-    /// See [`Trace::samples`].
+    /// Order of the predictor: the residual begins at the signal's sample with this index.
     pub order: usize,
     /// Statistics in data that was not fitted.
     pub judged: Judged,
 }
 
 impl Trace {
-    /// The trace of a trial `at` a node with these `codes`, of which no moment is heard louder than the signal is.
-    /// `None` if it has no residual that a surface made: by one of its `verdicts`, or because it is too short, silent,
-    /// or predicted to its round-off.
+    /// Returns the trace of a trial `at` a node with these `codes`. It is limited so that no moment of it is louder at
+    /// the output than the signal. `None` if its residual does not come from the surface according to one of its
+    /// `verdicts`, or if the trial is too short, silent, or predicted down to its round-off.
     pub fn of(
         signal: &Signal,
         at: (usize, usize),
@@ -145,12 +146,13 @@ impl Trace {
         })
     }
 
-    /// The division of the signal into blocks.
+    /// Returns the division of the signal into blocks.
     pub fn blocks(&self) -> Blocks {
         Blocks::of(self.samples)
     }
 
-    /// The part of the residual that is of samples within one of the signal's `blocks` alone, for each that has one.
+    /// Returns, for each of the signal's `blocks` that has one, the part of the residual that depends only on samples
+    /// of the block.
     pub fn inside(
         &self,
         blocks: impl Iterator<Item = Range<usize>>,
@@ -168,7 +170,7 @@ impl Trace {
     }
 }
 
-/// The moment that `gains` of a residual of a predictor of this `order` limit most, outside `flaws`.
+/// Returns the moment outside `flaws` at which `gains` limit the residual most; `order` is that of its predictor.
 fn event(gains: &[f64], order: usize, flaws: &[Range<usize>]) -> Option<Event> {
     let clean = (0..gains.len()).filter(|n| !flaws.iter().any(|flaw| flaw.contains(n)));
     let least = clean.min_by(|a, b| gains[*a].total_cmp(&gains[*b]))?;
@@ -176,9 +178,9 @@ fn event(gains: &[f64], order: usize, flaws: &[Range<usize>]) -> Option<Event> {
     (gain < EVENT).then_some(Event { at, gain })
 }
 
-/// Returns whether the residual of a trial with this verdict is the surface's, apart from the verdict's spans and from
-/// clipped peaks: not that of a copy, or of a converter's steps. Values that were repeated are read once each, at their
-/// own rate.
+/// Returns whether the residual of a trial with this verdict comes from the surface, apart from the verdict's spans and
+/// from clipped peaks. That of a silent trial, a copy, or one with a converter's visible steps does not. Values that
+/// were repeated are read once each, at their own rate.
 fn leaves_the_residual(verdict: &Verdict) -> bool {
     !matches!(
         verdict.kind(),
@@ -192,7 +194,7 @@ mod tests {
     use crate::texture::grid::Grid;
     use crate::texture::quantise::nodes;
 
-    /// The residual of what the model's filter makes of an excitation is that excitation.
+    /// The residual of a model's output for an excitation is that excitation.
     #[test]
     fn the_residual_of_a_synthesis_is_its_excitation() {
         let model = crate::dsp::model::Model::new(vec![-0.7, 0.5, -0.3], 1.0);

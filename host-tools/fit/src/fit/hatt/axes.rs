@@ -1,12 +1,13 @@
-//! Choice of a grid's speeds and forces among those of a file's models and others between them.
+//! Choice of a grid's speeds and forces from those of a file's models and from others between them.
 //!
-//! A file's models are scattered: each has a speed and a force that few others share, so that a grid of all of them has
-//! some ten times as many nodes as models. It holds every model at its own place. Between them the file interpolates
-//! over triangles, the grid over rectangles. So the search begins with lines of nodes, speeds and forces, also in the
-//! middle of wide gaps and below the lowest model. It takes away the line whose loss costs least per byte: first of
-//! those that are not the models' own, while the error between models is tolerable, and then of all, until the grid is
-//! small enough. The cost is the error against the file's definition at the models' own places, and with less weight
-//! within triangles.
+//! A file's models are scattered. Each has a speed and a force that few others share, so a grid of all these speeds and
+//! forces has some ten times as many nodes as models. That grid would hold every model at its own position. Between the
+//! models the file interpolates over triangles, and the grid over rectangles. So the search begins with all speeds and
+//! forces of the models, the middles of wide gaps, and values below the lowest model. It then removes speeds and forces
+//! (lines of nodes) one by one, always the one whose loss costs least per byte. Lines that are not the models' own go
+//! first, as long as the error between models is tolerable; then any line goes, until the grid is small enough. The
+//! cost is the error against the file's definition at the models' own positions and, with less weight, within
+//! triangles.
 
 use model_format::limits;
 use rayon::prelude::*;
@@ -17,33 +18,34 @@ use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_edges_hz;
 
-/// Places within a triangle, by the weights of its corners: the rule of three points that is exact for squares (Strang
-/// and Fix, 1973).
+/// Positions within a triangle, as the weights of its corners: the rule of three points that is exact for quadratic
+/// functions (Strang and Fix, 1973).
 const INSIDE: [[f64; 3]; 3] = {
     const NEAR: f64 = 2.0 / 3.0;
     const FAR: f64 = 1.0 / 6.0;
     [[NEAR, FAR, FAR], [FAR, NEAR, FAR], [FAR, FAR, NEAR]]
 };
 
-/// Weight of a place within a triangle relative to that of a model's own place.
+/// Weight of a position within a triangle relative to that of a model's own position.
 const INSIDE_WEIGHT: f64 = 0.1;
 
-/// Mean cost of places within triangles up to which lines that are not the models' own go, dB².
+/// Mean cost of positions within triangles up to which lines that are not the models' own are removed, dB².
 const TOLERABLE: f64 = 0.15;
 
-/// Narrowest gap that has a line in its middle, as a share of the highest model.
+/// Narrowest gap that gets a line in its middle, relative to the highest model.
 const NARROWEST_GAP: f64 = 0.02;
 
-/// Errors beyond this one, dB, count as it: a place that is lost is not worth more than several that are kept.
+/// Largest error that counts, dB; larger ones count as this. A lost position then does not outweigh several that are
+/// preserved.
 const MOST_DB: f64 = 6.0;
 
 /// Most third octaves of a file: from 20 Hz to 4 kHz.
 pub(super) const MOST_BANDS: usize = 24;
 
-/// Frequencies per third octave at which the cost is computed.
+/// Number of frequencies per third octave at which the cost is computed.
 const PER_BAND: usize = 5;
 
-/// Bytes of a node's record in a library, without its coefficients of two bytes each.
+/// Bytes of a node's record in a library, without its coefficients, which take two bytes each.
 const NODE_RECORD_BYTES: usize = 16;
 
 /// Bounds of a grid.
@@ -65,7 +67,7 @@ pub struct Candidates(pub [Vec<Line>; 2]);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     value: f32,
-    /// True for the place of a model.
+    /// True if a model has this speed or force.
     is_own: bool,
 }
 
@@ -77,8 +79,8 @@ pub(super) struct Chosen {
 }
 
 impl Candidates {
-    /// Returns the places of the models of `toolkit` and lines between them, at most as many per axis as a library can
-    /// hold.
+    /// Returns the speeds and forces of the models of `toolkit` and others between them, at most as many per axis as a
+    /// library can hold.
     pub fn of(toolkit: &Toolkit) -> Self {
         let models = || toolkit.models.iter();
         let (speeds, forces) = (models().map(|m| m.speed_mm_s), models().map(|m| m.force_n));
@@ -88,15 +90,15 @@ impl Candidates {
         ])
     }
 
-    /// Number of speeds and forces that are the models' own.
+    /// Returns the number of speeds and forces that are the models' own.
     pub fn own(&self) -> usize {
         let lines = self.0.iter().flatten();
         lines.filter(|line| line.is_own).count()
     }
 }
 
-/// The `places` of models above zero, and others: half the lowest, and the middles of the gaps from zero on, the widest
-/// first.
+/// Returns the `places` of models above zero, and others: half the lowest, and the middles of the gaps from zero on,
+/// those of the widest gaps first.
 fn lines(places: impl Iterator<Item = f64>) -> Vec<Line> {
     let mut own: Vec<f32> = places
         .map(|place| place as f32)
@@ -128,7 +130,7 @@ fn lines(places: impl Iterator<Item = f64>) -> Vec<Line> {
     all
 }
 
-/// Bytes of a node in a library.
+/// Returns the bytes of a node in a library.
 fn node_bytes(model: &Model) -> usize {
     NODE_RECORD_BYTES + 2 * model.reflection.len()
 }
@@ -152,7 +154,7 @@ pub(super) fn choose(toolkit: &Toolkit, candidates: &Candidates, bounds: Bounds)
     search.chosen()
 }
 
-/// A frequency of the cost, with the width that it stands for and its band; none at both ends of the spectrum.
+/// A frequency at which the cost is computed, its bandwidth, and its band; the ends of the spectrum belong to no band.
 struct Probe {
     frequency_hz: f64,
     width_hz: f64,
@@ -161,40 +163,40 @@ struct Probe {
     sin: f64,
 }
 
-/// A place at which the cost is computed.
+/// A position at which the cost is computed.
 struct Spot {
     place: [f64; 2],
-    /// Levels of the bands and of all frequencies together, dB.
+    /// Wanted levels of the bands, and of all frequencies together, dB.
     wanted_db: [f64; MOST_BANDS + 1],
     weight: f64,
 }
 
 struct Search<'a> {
     candidates: &'a Candidates,
-    /// Samples per second that are played.
+    /// Sample rate of the playback, Hz.
     rate_hz: f64,
-    /// Models of the grid of all candidates, as angles θ with the power.
+    /// Models of the grid of all candidates: angles θ and power.
     thetas: Vec<(Vec<f64>, f64)>,
     models: Vec<Model>,
     probes: Vec<Probe>,
     spots: Vec<Spot>,
-    /// Indices of the speeds and forces that are left.
+    /// Indices of the speeds and forces that remain.
     left: [Vec<usize>; 2],
     /// Cost of each spot.
     costs: Vec<f64>,
 }
 
-/// Axes from which a line may be taken: speeds, forces.
+/// Axes from which a line may be removed: speeds, forces.
 type Axes = [bool; 2];
 
-/// The loss of a line.
+/// The effect of removing a line.
 struct Loss {
     axis: usize,
-    /// Index among the lines that are left.
+    /// Index among the remaining lines.
     line: usize,
-    /// Costs that change, by spot.
+    /// New costs of the spots whose cost changes.
     changed: Vec<(usize, f64)>,
-    /// Sum of the changes.
+    /// Sum of the changes of cost.
     rise: f64,
 }
 
@@ -235,7 +237,7 @@ impl<'a> Search<'a> {
         f64::from(self.candidates.0[axis][index].value)
     }
 
-    /// Spots within triangles with their costs.
+    /// Returns the spots within triangles, with their costs.
     fn inside(&self) -> impl Iterator<Item = (&Spot, f64)> {
         let all = self.spots.iter().zip(self.costs.iter().copied());
         all.filter(|(spot, _)| spot.weight < 1.0)
@@ -264,7 +266,7 @@ impl<'a> Search<'a> {
         nodes + size_of::<f32>() * (speeds.len() + forces.len())
     }
 
-    /// Axes that must lose a line; none if the grid is within its bounds.
+    /// Returns the axes that must lose a line; `None` if the grid is within its bounds.
     fn excess(&self, bounds: Bounds) -> Option<Axes> {
         let over = [
             self.left[0].len() > bounds.speeds,
@@ -276,7 +278,8 @@ impl<'a> Search<'a> {
         (self.bytes() > bounds.bytes).then_some([true, true])
     }
 
-    /// The loss that costs least per byte of the lines of the `axes` that `may` go; none if an axis has no other.
+    /// Returns the loss with the least cost per byte, among the lines of the `axes` that `may` be removed; `None` if
+    /// there is none. The last line of an axis stays.
     fn cheapest(&self, axes: Axes, may: impl Fn(&Line) -> bool) -> Option<Loss> {
         let lines: Vec<(usize, usize)> = (0..2)
             .filter(|&axis| axes[axis] && self.left[axis].len() > 1)
@@ -285,7 +288,7 @@ impl<'a> Search<'a> {
             .collect();
         let tried = lines.into_par_iter().map(|(axis, line)| {
             let loss = self.without(axis, line);
-            // A line that costs nothing, or less, goes whatever its size.
+            // A line whose removal costs nothing, or lowers the cost, is removed whatever its size.
             let price = if loss.rise > 0.0 {
                 loss.rise / self.line_bytes(axis, line) as f64
             } else {
@@ -347,7 +350,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Mean square error of the bands plus square error of the level, dB², times the spot's weight.
+    /// Returns the mean squared error of the bands plus the squared error of the level, dB², times the spot's weight.
     fn cost(&self, spot: &Spot, left: &[Vec<usize>; 2]) -> f64 {
         let played = self.played_db(spot.place, left);
         let square = |band: usize| {
@@ -362,7 +365,8 @@ impl<'a> Search<'a> {
         spot.weight * (mean + square(MOST_BANDS))
     }
 
-    /// Levels that a grid plays, by the device's rule: means of θ and of power, and power in proportion below the grid.
+    /// Returns the levels that a grid plays, by the device's rule: means of θ and of power, and proportional power
+    /// below the grid.
     fn played_db(&self, place: [f64; 2], left: &[Vec<usize>; 2]) -> [f64; MOST_BANDS + 1] {
         let [speeds, forces] = [0, 1].map(|axis| self.position(axis, &left[axis], place[axis]));
         let mut thetas = Vec::new();
@@ -498,9 +502,9 @@ fn levels_db(probes: &[Probe], mut density: impl FnMut(&Probe) -> f64) -> [f64; 
 }
 
 impl Probe {
-    /// |A|² of the model with these reflection coefficients, by the recursion of its order.
+    /// Returns |A|² of the model with these reflection coefficients, by the recursion over its order.
     fn inverse_gain(&self, reflection: &[f64]) -> f64 {
-        // A of the order so far, and e^(-jω) times its reversed conjugate, the backward polynomial.
+        // A of the order so far, and the backward polynomial: e^(-jω) times its reversed conjugate.
         let (mut a, mut b) = ((1.0, 0.0), (1.0, 0.0));
         for &k in reflection {
             let delayed = (

@@ -1,4 +1,4 @@
-//! Spectra between the models of a file, as their makers interpolate them.
+//! Spectra between the models of a file, interpolated in the way of the file's authors.
 
 use model_format::NodeFlags;
 
@@ -8,24 +8,24 @@ use crate::dsp::log_spectrum::{BINS, LogSpectrum};
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_edges_hz;
 
-/// Slope of the spectrum where the models say nothing.
+/// Slope of the spectrum above the band of the models.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
 
 /// Models with their weights, which add up to one.
 type Corners = Vec<(usize, f64)>;
 
-/// A place between models.
+/// The interpolated model at a position between models.
 pub(super) struct Between {
-    /// Spectrum of unit excitation at the stylus's rate; `None` if no model around has a shape.
+    /// Spectrum for unit excitation at the stylus's rate; `None` if none of the surrounding models has a shape.
     pub shape: Option<LogSpectrum>,
     /// Variance of the excitation, (m/s²)².
     pub variance: f64,
-    /// True for a place outside of all triangles, which takes over the nearest place within.
+    /// True for a position outside of all triangles. It gets the values of the nearest position within one.
     pub is_extrapolated: bool,
 }
 
-/// Returns the spectrum at a speed, mm/s, and a force, N: the means of variance, gain and line spectral frequencies
-/// over the corners of the triangle, with barycentric weights. Corners without a shape count for the variance alone.
+/// Returns the model at a speed, mm/s, and a force, N: the means of variance, gain and line spectral frequencies over
+/// the corners of the triangle, with barycentric weights. Corners without a shape count only for the variance.
 pub(super) fn at(toolkit: &Toolkit, place: (f64, f64)) -> Between {
     let (corners, is_extrapolated) = corners(toolkit, place);
     let models: Vec<(&ArmaModel, f64)> = corners
@@ -42,9 +42,9 @@ pub(super) fn at(toolkit: &Toolkit, place: (f64, f64)) -> Between {
     }
 }
 
-/// Returns the density on one side of the spectrum, (m/s²)²/Hz, that the file defines at a speed, mm/s, and a force, N,
-/// at these frequencies, at most half the file's rate. Gives nothing outside of all triangles and where the file is
-/// silent. Speeds and forces above the highest count as the highest.
+/// Returns the one-sided density, (m/s²)²/Hz, that the file defines at a speed, mm/s, and a force, N, at these
+/// frequencies, which are at most half the file's rate. Returns `None` outside of all triangles and where the file is
+/// silent. Speeds and forces above the highest are treated as the highest.
 pub(super) fn density(
     toolkit: &Toolkit,
     place: (f64, f64),
@@ -53,7 +53,7 @@ pub(super) fn density(
     let highest = (toolkit.max_speed_mm_s, toolkit.max_force_n);
     let place = (place.0.min(highest.0), place.1.min(highest.1));
     let between = at(toolkit, place);
-    // Edges of silence are not silent by more than the weights' rounding.
+    // The weights' rounding leaves a tiny variance at the edges of silence.
     let is_silent = between.variance <= 1e-15;
     let shape = between
         .shape
@@ -67,8 +67,9 @@ pub(super) fn density(
     )
 }
 
-/// The corners of the triangle at `place`, with barycentric weights, or of the nearest place on any triangle, and
-/// whether it was that. Places are measured by the highest speed and force. Without triangles it is the nearest model.
+/// Returns the corners of the triangle at `place` with barycentric weights, and false. Outside of all triangles,
+/// returns those of the nearest position on any triangle, and true. Distances are relative to the highest speed and
+/// force. If there are no triangles, the nearest model is returned.
 fn corners(toolkit: &Toolkit, place: (f64, f64)) -> (Corners, bool) {
     let scale = (toolkit.max_speed_mm_s, toolkit.max_force_n);
     let scaled = |(speed, force): (f64, f64)| (speed / scale.0, force / scale.1);
@@ -109,11 +110,11 @@ fn corners(toolkit: &Toolkit, place: (f64, f64)) -> (Corners, bool) {
         }
     }
     let (distance, corners) = best.expect("there is a model");
-    // Axes are stored in 32 bits, which may move the highest speed just beyond the triangles.
+    // Axes are stored in 32 bits; the rounding may move the highest speed just beyond the triangles.
     (corners, distance > 1e-6)
 }
 
-/// Barycentric coordinates, or none of a triangle without area.
+/// Returns the barycentric coordinates of `p`; `None` if the triangle has no area.
 fn barycentric(p: (f64, f64), [a, b, c]: [(f64, f64); 3]) -> Option<[f64; 3]> {
     let area = (b.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (b.1 - a.1);
     if area.abs() < 1e-12 {
@@ -124,7 +125,7 @@ fn barycentric(p: (f64, f64), [a, b, c]: [(f64, f64); 3]) -> Option<[f64; 3]> {
     Some([1.0 - second - third, second, third])
 }
 
-/// Distance of a place from an edge, and how far along the edge the nearest point is.
+/// Returns the distance of a position from an edge, and how far along the edge the nearest point is.
 fn nearest_on_edge(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     let square = dx * dx + dy * dy;
@@ -164,10 +165,11 @@ fn shape(toolkit: &Toolkit, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum>
     Some(at_play_rate(toolkit, &poles, &zeros, gain)).filter(|_| gain > 0.0)
 }
 
-/// Spectrum, at the played rate, of the file's ARMA filter driven by noise of unit variance at the file's rate. Density
-/// per sample grows with the ratio of the rates. Above the file's half rate it rolls off by [`ROLL_OFF_DB_PER_OCTAVE`].
+/// Returns the spectrum, at the played rate, of the file's ARMA filter driven by noise of unit variance at the file's
+/// rate. The density per sample grows with the ratio of the rates. Above half the file's rate the spectrum rolls off by
+/// [`ROLL_OFF_DB_PER_OCTAVE`].
 fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> LogSpectrum {
-    // A zero on the circle itself is a floor 200 dB down.
+    // A zero on the unit circle is limited to a floor of -200 dB.
     const FLOOR: f64 = 1e-20;
     let (rate_hz, step_hz) = (toolkit.sample_rate_hz, toolkit.step_hz());
     let own_bins = (0.5 * rate_hz / step_hz).ceil() as usize * 2 + 1;
@@ -199,18 +201,18 @@ fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> L
     LogSpectrum::from_values(values.collect())
 }
 
-/// Worst error of a third octave that the order of a node may leave, dB.
+/// Largest error of a third octave that the chosen order of a node may leave, dB.
 pub const ORDER_TOLERANCE_DB: f64 = 0.4;
 
-/// Orders that are tried. The last one is taken if none is within the tolerance.
+/// Orders that are tried. The last one is used if none is within the tolerance.
 const ORDERS: [usize; 17] = [
     6, 8, 10, 12, 14, 16, 18, 20, 23, 26, 30, 35, 42, 50, 65, 80, 100,
 ];
 
 /// Returns the model at a speed, mm/s, and a force, N.
 ///
-/// Up to half the lower of the file's rate and the played one, the model has exactly the power of the spectrum there. A
-/// silent node keeps its shape, because shapes are interpolated towards it.
+/// The model has exactly the power of the spectrum up to half the lower of the file's rate and the played one. A silent
+/// node keeps its shape, because shapes are interpolated towards it.
 pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
     let Between {
         shape,
@@ -268,7 +270,7 @@ fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
     last.expect("there are orders")
 }
 
-/// Sum of the values up to the `last`, which are proportional to power.
+/// Returns the sum of the spectrum's values up to the `last`, which is proportional to power.
 fn power_below(spectrum: &LogSpectrum, last: usize) -> f64 {
     let inner: f64 = spectrum.values()[1..last]
         .iter()
@@ -291,7 +293,7 @@ mod tests {
         read(Path::new("felt.xml"), &fixture::whole()).unwrap()
     }
 
-    /// The densities in closed form tell the reading of the file and the interpolation, too.
+    /// The densities in closed form check the reading of the file and the interpolation too.
     #[test]
     fn densities_are_those_in_closed_form_at_models_and_between_them_and_fall_above() {
         let toolkit = toolkit();
@@ -318,8 +320,8 @@ mod tests {
         assert!((10.0 / std::f64::consts::LN_10 * fall - ROLL_OFF_DB_PER_OCTAVE).abs() < 1e-6);
     }
 
-    /// Models of the fixture at ten times its rate, on ten times the frequencies: Penn's models of 10 kHz have no
-    /// zeros.
+    /// Models of the fixture at ten times its rate, with all frequencies ten times as high: Penn's models of 10 kHz
+    /// have no zeros.
     #[test]
     fn models_of_10_khz_have_their_spectrum_up_to_half_the_rate_that_is_played() {
         let text = fixture::whole().replace("<SampleRate>1000", "<SampleRate>10000");
@@ -372,7 +374,7 @@ mod tests {
     #[test]
     fn towards_a_silent_corner_the_variance_falls_and_the_shape_is_the_mean_of_both() {
         let toolkit = toolkit();
-        // Half way to a silent corner with the same shape, and to one with another.
+        // Halfway to a silent corner with the same shape, and to one with another shape.
         let half = at(&toolkit, (30.0, 0.25));
         assert!((half.variance - 0.002).abs() < 1e-12);
         let (here, there) = (

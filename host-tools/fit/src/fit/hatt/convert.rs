@@ -1,9 +1,9 @@
-//! From scattered ARMA models at 1 or 10 kHz to AR models at 5 or 10 kHz over a rectangle.
+//! Conversion of scattered ARMA models at 1 or 10 kHz to AR models at 5 or 10 kHz over a rectangle.
 //!
-//! Up to half the lower rate the models' spectrum is kept. Above that of models at 1 kHz, where they say nothing, it
-//! goes on from its mean level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of,
-//! and no edge that a model would ring at. Every node has the lowest order that keeps all third octaves within
-//! [`ORDER_TOLERANCE_DB`].
+//! Up to half the lower rate the models' spectrum is preserved. Models at 1 kHz say nothing above 500 Hz. There the
+//! spectrum continues from its mean level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`], which leaves
+//! little power and no edge at which a model would ring. Every node has the lowest order that preserves all third
+//! octaves within [`ORDER_TOLERANCE_DB`].
 
 use model_format::{
     FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, OutputSample,
@@ -29,20 +29,21 @@ use crate::texture::quantise::coarse;
 pub use super::axes::Bounds;
 pub use super::between::{ORDER_TOLERANCE_DB, ROLL_OFF_DB_PER_OCTAVE};
 
-/// Nominal frequencies of the third octaves above those of [`BAND_LABELS_HZ`], Hz.
+/// Nominal frequencies of the third octaves that follow those of [`BAND_LABELS_HZ`], Hz.
 const HIGH_LABELS_HZ: [&str; MOST_BANDS - BAND_LABELS_HZ.len()] =
     ["1250", "1600", "2000", "2500", "3150", "4000"];
 
-/// Weights of the places within triangles at which a conversion is judged; the choice of the axes sees none of them.
+/// Weights of the corners for the positions within triangles at which a conversion is judged. The choice of the axes
+/// does not use these positions.
 const JUDGED_WEIGHTS: [f64; 3] = [0.5, 0.3, 0.2];
 
-/// Laws of the level of HaTT's files: variance is interpolated, also towards silence at rest.
+/// Laws of the level of HaTT's files: variance is interpolated, even towards silence at rest.
 const LAWS: Laws = Laws {
     level: LevelLaw::Power,
     fade: FadeLaw::Power,
 };
 
-/// A node, and what the conversion did to it.
+/// A node, and the errors of its conversion.
 #[derive(Clone, Debug, Serialize)]
 pub struct ConvertedNode {
     /// Tangential speed, mm/s.
@@ -53,31 +54,31 @@ pub struct ConvertedNode {
     pub rms_m_s2: f64,
     /// Order of the model.
     pub order: usize,
-    /// Largest error of a third octave within the models' own band, dB; none where the file has no sound.
+    /// Largest error of a third octave within the models' own band, dB; `None` where the file is silent.
     pub worst_band_db: Option<f64>,
-    /// Error of the level within the models' own band, dB; none where the file has no sound.
+    /// Error of the level within the models' own band, dB; `None` where the file is silent.
     pub level_db: Option<f64>,
-    /// True for a place outside of all triangles, which takes over the nearest place within.
+    /// True for a position outside of all triangles. It gets the values of the nearest position within one.
     pub is_extrapolated: bool,
 }
 
-/// A texture and what the conversion did.
+/// A texture, and the errors of its conversion.
 #[derive(Clone, Debug)]
 pub struct Converted {
     /// The texture, ready to be encoded.
     pub spec: TextureSpec,
     /// Nodes of the texture, speed-major.
     pub nodes: Vec<ConvertedNode>,
-    /// Errors at the places of the file's models that sound.
+    /// Errors at the positions of the file's models that are not silent.
     pub own: Vec<PlaceError>,
-    /// Errors at a place within each triangle, which the choice of the axes did not see.
+    /// Errors at a position within each triangle, which the choice of the axes did not use.
     pub between: Vec<PlaceError>,
 }
 
-/// Error of a node that is worth a warning, dB.
+/// Error of a node above which there is a warning, dB.
 const WARN_DB: f64 = 1.0;
 
-/// A warning of nodes that are not what the file says.
+/// Returns a warning about nodes that differ from the file.
 pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
     let error = |node: &ConvertedNode| {
         let (band, level) = (
@@ -100,8 +101,8 @@ pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
     })
 }
 
-/// Makes the models of `toolkit` a texture named `name`, whose grid keeps `bounds`. Errors are of the bytes that
-/// the texture becomes.
+/// Converts the models of `toolkit` to a texture named `name`, whose grid is within `bounds`. The errors are those of
+/// the encoded texture.
 ///
 /// # Errors
 /// No speed or no force above zero, or a level that the library cannot hold.
@@ -116,12 +117,12 @@ pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converte
         forces_n,
         models,
     } = choose(toolkit, &candidates, bounds);
-    // Published models hold neither a residual nor a place.
+    // Published models come without a residual and without lines tied to position.
     let mut grid = Grid::new(speeds_mm_s, forces_n, models);
     grid.laws = LAWS;
     let mut spec = texture_spec(name, Provenance::Recorded, &grid)?;
     spec.sample_rate_hz = toolkit.play_rate.hz();
-    // Published models have no line so narrow that it needs 24 bits of θ, and the slot holds more nodes without.
+    // Published models have no line so narrow that it needs 24 bits of θ, and the slot holds more nodes without them.
     spec.nodes = coarse(spec.nodes);
     let refused = |failure| Error::Model(format!("the texture makes no library: {failure}"));
     let bytes = encode(std::slice::from_ref(&spec)).map_err(refused)?;
@@ -161,38 +162,38 @@ pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converte
     })
 }
 
-/// Error at a place.
+/// Error at a position.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlaceError {
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Error of the level up to half the lower rate, dB.
+    /// Error of the level in the band up to half the lower rate, dB.
     pub level_db: f64,
-    /// Errors of the third octaves up to there, by their nominal frequencies, dB.
+    /// Errors of the third octaves in this band, by their nominal frequencies, dB.
     pub bands_db: Vec<(&'static str, f64)>,
 }
 
-/// Errors at several places together.
+/// Summary of the errors at several positions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Number of places.
+    /// Number of positions.
     pub places: usize,
-    /// Median of the level's magnitude of error, dB.
+    /// Median magnitude of the levels' errors, dB.
     pub level_median_db: f64,
-    /// Magnitude of error that 95 % of the levels keep, dB.
+    /// Magnitude of error that 95 % of the levels do not exceed, dB.
     pub level_95_db: f64,
-    /// Largest magnitude of error of a level, dB.
+    /// Largest magnitude of the levels' errors, dB.
     pub level_worst_db: f64,
-    /// Share of all third octaves whose error is not felt (at most 2.2 dB), %.
+    /// Fraction of all third octaves whose error is not felt (at most 2.2 dB), %.
     pub unfelt_bands_percent: f64,
-    /// Largest magnitude of error of a third octave, dB.
+    /// Largest magnitude of the third octaves' errors, dB.
     pub band_worst_db: f64,
 }
 
 impl PlaceError {
-    /// Returns the largest magnitude of error of a third octave, dB.
+    /// Returns the largest magnitude of the third octaves' errors, dB.
     pub fn worst_band_db(&self) -> f64 {
         self.bands_db
             .iter()
@@ -201,7 +202,7 @@ impl PlaceError {
 }
 
 impl Summary {
-    /// Returns the summary of `errors`; nothing if there are none.
+    /// Returns the summary of `errors`; `None` if there are none.
     pub fn of(errors: &[PlaceError]) -> Option<Self> {
         let mut levels: Vec<f64> = errors.iter().map(|error| error.level_db.abs()).collect();
         levels.sort_by(f64::total_cmp);
@@ -224,8 +225,8 @@ impl Summary {
     }
 }
 
-/// Compares `texture` with `toolkit` at speeds, mm/s, and forces, N. Places at which the file has no sound give
-/// nothing.
+/// Compares `texture` with `toolkit` at speeds, mm/s, and forces, N. Positions at which the file is silent are left
+/// out.
 pub fn errors(
     toolkit: &Toolkit,
     texture: &Texture<'_>,
@@ -264,7 +265,8 @@ fn error(toolkit: &Toolkit, texture: &Texture<'_>, place: (f64, f64)) -> Option<
     })
 }
 
-/// Power between two frequencies of densities 1 Hz apart, each of which stands for half a step to both sides.
+/// Returns the power between two frequencies, from densities 1 Hz apart, each of which represents half a step to both
+/// sides.
 fn power_between(density: &[f64], low_hz: f64, high_hz: f64) -> f64 {
     let share = |bin: usize| {
         let at = bin as f64;
@@ -280,8 +282,8 @@ fn power_between(density: &[f64], low_hz: f64, high_hz: f64) -> f64 {
 /// Height of the impulse in standard deviations of the excitation, as a power of two: half of full scale.
 const HEIGHT_BITS: u32 = 2;
 
-/// Returns the density on one side of the spectrum, (m/s²)²/Hz, at 0 Hz, 1 Hz and so on to half the sample rate, of
-/// `texture`, a lattice, at a speed, mm/s, and a force, N, both finite.
+/// Returns the one-sided density, (m/s²)²/Hz, of `texture`, a lattice, at a speed, mm/s, and a force, N, both finite.
+/// The frequencies are 0 Hz, 1 Hz and so on to half the sample rate.
 pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64, f64)) -> Vec<f64> {
     let motion = Motion::new(
         MillimetresPerSecond(speed_mm_s as f32),
@@ -297,7 +299,7 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
     );
     let mut state = LatticeState::new();
     let step = f64::from(1u32 << HEIGHT_BITS) * f64::from(1u32 << OutputSample::FRACTION_BITS);
-    // A response of 1 s has densities 1 Hz apart.
+    // A response of 1 s gives densities 1 Hz apart.
     let rate_hz = texture.sample_rate_hz();
     let mut response: Vec<f64> = (0..rate_hz)
         .map(|sample| {
@@ -337,7 +339,7 @@ mod tests {
         convert("felt", &toolkit, bounds).unwrap()
     }
 
-    /// Errors of a converted texture at these places.
+    /// Returns the errors of a converted texture at these positions.
     fn errors_at(converted: &Converted, text: &str, places: &[(f64, f64)]) -> Vec<PlaceError> {
         let bytes = encode(std::slice::from_ref(&converted.spec)).unwrap();
         let library = Library::decode(&bytes).unwrap();
@@ -393,7 +395,8 @@ mod tests {
         );
         assert!(size(&tight) <= 1000 + 80, "{}", size(&tight));
         assert!(size(&tight) < size(&whole));
-        // Shapes of these models glide with the speed, so that every other of them tells the others.
+        // The shapes of these models change gradually with the speed, so that every second one is enough to predict the
+        // others.
         let worst = |errors: &[PlaceError]| {
             errors
                 .iter()
@@ -415,7 +418,7 @@ mod tests {
         let errors = errors_at(&converted, &text, &places);
         assert_eq!(errors.len(), places.len());
         for error in errors {
-            // The axis of speeds also turns the shape towards that at 200 mm/s, which is silent without force.
+            // Along the axis of speeds, the shape also changes towards that at 200 mm/s, which is silent without force.
             assert!(error.level_db.abs() < 0.6, "{error:?}");
         }
     }
@@ -423,7 +426,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(12))]
 
-        /// A grid of the models' own lines alone is off by more than 4 dB in some third octave.
+        /// A grid of only the models' own lines has an error of more than 4 dB in some third octave.
         #[test]
         fn between_models_the_grid_follows_the_file(
             low in (20.0..90.0, 0.2..0.9, 0.002..0.02),
@@ -445,7 +448,7 @@ mod tests {
         let louder = converted(&text.replace("<var>0.004", "<var>0.016"), ROOM);
         let error = &errors_at(&louder, &text, &[(60.0, 0.5)])[0];
         near(error.level_db, 20.0 * 2f64.log10(), 0.02);
-        // One triangle of six, the misreading that an error against one's own reading does not see.
+        // One triangle out of six: an error of reading that a comparison with one's own reading does not show.
         let one = fixture::file(&fixture::PLACES, &fixture::TRIANGLES[..1]);
         let misread = converted(&one, ROOM);
         let errors = errors_at(&misread, &text, &[(140.0, 1.3), (200.0, 2.0)]);

@@ -1,4 +1,4 @@
-//! Elements of HaTT's XML and the numbers in them, with their places in the file.
+//! Elements of HaTT's XML and the numbers in them, with their positions in the file.
 
 use std::path::Path;
 
@@ -7,16 +7,17 @@ use roxmltree::{Document, Node, ParsingOptions};
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
-/// A model file. The published ones take some hundred kilobytes.
+/// Largest model file that is read. The published ones take some hundred kilobytes.
 pub const MODEL_FILE: Limit = Limit {
     of: "a HaTT model file",
     bytes: 16 * MIB,
 };
 
-/// Most attributes of an element and declarations of namespaces in a file: the parser compares each with all others.
+/// Most attributes of an element, and most declarations of namespaces in a file, because the parser compares each with
+/// all others.
 const MOST_ATTRIBUTES: usize = 16;
 
-/// Most elements in one another, because the numbers of each are looked for in all around them.
+/// Deepest nesting of elements, because the numbers of each are searched in all elements around them.
 const MOST_DEPTH: usize = 32;
 
 /// Most elements, texts and comments.
@@ -25,7 +26,8 @@ const MOST_NODES: u32 = 1_000_000;
 /// Parses `text`; `path` is only named in errors.
 ///
 /// # Errors
-/// Text that is not XML, or of a shape that no model file has and that takes more time than its length, with the line.
+/// Text that is not XML, or whose structure occurs in no model file and would take the parser disproportionately long.
+/// The error names the line.
 pub fn document<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
     if let Some(line) = costly_line(text) {
         let problem = format!(
@@ -44,8 +46,8 @@ pub fn document<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
     })
 }
 
-/// The line, from 1, of the first tag that breaks a bound. Comments and quoted signs count like tags, which no model
-/// file comes near to.
+/// Returns the line, from 1, of the first tag that exceeds a bound. Tag signs in comments and quotes count as tags; no
+/// model file comes near the bounds.
 fn costly_line(text: &str) -> Option<u64> {
     let (mut depth, mut namespaces, mut line) = (0usize, 0, 1);
     for tag in text.split_inclusive('>') {
@@ -86,12 +88,12 @@ impl<'a> File<'a> {
         Error::line(self.path, self.line(node), problem)
     }
 
-    /// The error of a file with more than `most` models, of which `model` is the first too many.
+    /// Returns the error of a file with more than `most` models; `model` is the first one too many.
     pub fn too_many(&self, model: Node<'_, '_>, most: usize) -> Error {
         self.wrong(model, format!("more than {most} models: leave some out"))
     }
 
-    /// The only number of the first element of that name.
+    /// Returns the only number of the first element of that name.
     pub fn one(&self, name: &str) -> Result<Option<f64>> {
         match self.element(name) {
             Some(node) => Ok(self.numbers(node)?.first().copied()),
@@ -99,7 +101,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// The numbers of the first element of that name.
+    /// Returns the numbers of the first element of that name.
     pub fn list(&self, name: &str) -> Result<Vec<f64>> {
         self.element(name)
             .map_or(Ok(Vec::new()), |node| self.numbers(node))
@@ -111,7 +113,7 @@ impl<'a> File<'a> {
             .find(|node| is_named(*node, name))
     }
 
-    /// Elements that are models.
+    /// Returns the elements that are models.
     pub fn models(&self) -> impl Iterator<Item = Node<'a, 'a>> {
         let has = |node: Node<'_, '_>, name| child(node, name).is_some();
         self.document
@@ -119,7 +121,7 @@ impl<'a> File<'a> {
             .filter(move |node| has(*node, "ARcoeff") || has(*node, "ARlsf"))
     }
 
-    /// The numbers of the child `name` of `model`; none if there is no such child.
+    /// Returns the numbers of the child `name` of `model`; empty if there is no such child.
     pub fn list_in(&self, model: Node<'_, '_>, name: &str) -> Result<Vec<f64>> {
         child(model, name).map_or(Ok(Vec::new()), |node| self.numbers(node))
     }
@@ -142,7 +144,7 @@ impl<'a> File<'a> {
         Ok(numbers)
     }
 
-    /// Triangles as indices from 0, where the file counts from 1.
+    /// Returns the triangles as indices from 0; the file counts from 1.
     ///
     /// # Errors
     /// Corners that are not three per triangle, or that name no model.
@@ -176,7 +178,7 @@ impl<'a> File<'a> {
         Ok(triangles)
     }
 
-    /// Compares a count that the file states with what it has.
+    /// Compares a count that the file states with the actual `count`.
     ///
     /// # Errors
     /// Another number than stated.

@@ -1,13 +1,14 @@
-//! Made-up model files of `HaTT`'s shape, and their spectra in closed form.
+//! Invented model files in `HaTT`'s format, and their spectra in closed form.
 //!
-//! The models are chosen by their line spectral frequencies; coefficients follow by multiplying out. Nothing here uses
-//! the code under test.
+//! The models are defined by their line spectral frequencies, and the coefficients are computed by multiplying out.
+//! Nothing here uses the code under test.
 
 #![allow(dead_code, reason = "each test uses a part of it")]
 
 use std::f64::consts::{PI, TAU};
 
-/// Places of [`whole`], mm/s and N, with the variance of each: three silent corners, a corner and two models within.
+/// Positions of [`whole`], mm/s and N, with the variance of each: three silent corners, one corner that is not silent,
+/// and two models within.
 pub const PLACES: [(f64, f64, f64); 6] = [
     (0.0, 0.0, 0.0),
     (200.0, 0.0, 0.0),
@@ -17,7 +18,7 @@ pub const PLACES: [(f64, f64, f64); 6] = [
     (140.0, 1.3, 0.01),
 ];
 
-/// Triangles of [`whole`], from 1. They cover all speeds to 200 mm/s and forces to 2 N.
+/// Triangles of [`whole`], from 1. They cover all speeds up to 200 mm/s and forces up to 2 N.
 pub const TRIANGLES: [[usize; 3]; 6] = [
     [1, 2, 5],
     [2, 6, 5],
@@ -27,12 +28,12 @@ pub const TRIANGLES: [[usize; 3]; 6] = [
     [1, 5, 3],
 ];
 
-/// A file of [`PLACES`] and [`TRIANGLES`].
+/// Returns a file of [`PLACES`] and [`TRIANGLES`].
 pub fn whole() -> String {
     file(&PLACES, &TRIANGLES)
 }
 
-/// A file of `count` models with as many speeds and as many forces, in a band of triangles.
+/// Returns a file of `count` models, all with different speeds and forces, in a band of triangles.
 pub fn scattered(count: usize) -> String {
     let places: Vec<(f64, f64, f64)> = (1..=count)
         .map(|i| {
@@ -44,7 +45,8 @@ pub fn scattered(count: usize) -> String {
     file(&places, &triangles)
 }
 
-/// Line spectral frequencies of A and B of the model at a speed, rad. Silent models at rest have those of 60 mm/s.
+/// Returns the line spectral frequencies of A and B of the model at a speed, rad. Silent models at rest have those of
+/// 60 mm/s.
 pub fn lines(speed: f64) -> [Vec<f64>; 2] {
     let moved = if speed <= 0.0 { 60.0 } else { speed } / 1000.0;
     let own = |lines: &[f64]| {
@@ -56,15 +58,16 @@ pub fn lines(speed: f64) -> [Vec<f64>; 2] {
     [own(&[0.25, 0.4, 1.1, 1.5]), own(&[0.5, 1.9])]
 }
 
-/// The gain of the model at a speed.
+/// Returns the gain of the model at a speed.
 pub fn gain(speed: f64) -> f64 {
     4.0 + if speed <= 0.0 { 60.0 } else { speed } / 100.0
 }
 
-/// Density on one side of the spectrum, (m/s²)²/Hz, of models, as places of [`PLACES`] with weights that add up to one.
+/// Returns the one-sided density, (m/s²)²/Hz, of a mean of models, given as indices of [`PLACES`] with weights that add
+/// up to one.
 ///
-/// |A|² = 2ⁿ (cos² ω/2 Π (cos ω - cos l)² + sin² ω/2 Π (cos ω - cos l)²), the first product over the first, third ...
-/// line spectral frequency l, the second over the others, for an even order n.
+/// |A|² = 2ⁿ (cos² ω/2 Π (cos ω - cos l)² + sin² ω/2 Π (cos ω - cos l)²) for an even order n. The first product is over
+/// the first, third ... line spectral frequency l, the second over the others.
 pub fn density(models: &[(usize, f64)], frequency_hz: f64) -> f64 {
     let mean = |of: &dyn Fn((f64, f64, f64)) -> f64| {
         models.iter().map(|&(i, w)| w * of(PLACES[i])).sum::<f64>()
@@ -83,7 +86,7 @@ pub fn density(models: &[(usize, f64)], frequency_hz: f64) -> f64 {
     2.0 / 1000.0 * variance * gain * gain * power(1) / power(0)
 }
 
-/// Coefficients with their leading one of a filter with an even number of line spectral frequencies.
+/// Returns the coefficients, including the leading one, of a filter with an even number of line spectral frequencies.
 pub fn coefficients(lines: &[f64]) -> Vec<f64> {
     let times = |a: &[f64], b: &[f64]| {
         let mut product = vec![0.0; a.len() + b.len() - 1];
@@ -110,7 +113,7 @@ fn list(values: &[f64]) -> String {
     elements.concat()
 }
 
-/// A file of models at `places` (mm/s, N, variance) with `triangles` over them, from 1.
+/// Returns a file of models at `places` (mm/s, N, variance) with `triangles` over them, counted from 1.
 pub fn file(places: &[(f64, f64, f64)], triangles: &[[usize; 3]]) -> String {
     let column = |of: fn(&(f64, f64, f64)) -> f64| places.iter().map(of).collect::<Vec<f64>>();
     let (speeds, forces) = (column(|p| p.0), column(|p| p.1));

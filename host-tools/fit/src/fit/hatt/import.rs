@@ -16,7 +16,7 @@ use crate::fit::encoded;
 use crate::fit::options::play_rate;
 use crate::support::error::{Error, Result};
 
-/// Bytes of a library without its textures, and of a texture without its name, axes and nodes; not fewer than these.
+/// Upper bounds of the bytes of a library without its textures, and of a texture without its name, axes and nodes.
 const LIBRARY_BYTES: usize = 32;
 const TEXTURE_BYTES: usize = 48;
 
@@ -58,7 +58,7 @@ impl Default for Options {
     }
 }
 
-/// Lists the files of `paths`: folders stand for all XML files in them, by name.
+/// Lists the files of `paths`. A folder is replaced by all XML files in it, sorted by name.
 ///
 /// # Errors
 /// A folder without XML files; the same file twice; more files than a library can hold textures.
@@ -108,11 +108,11 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads all `files`, to be played at the rate of the `options`.
+/// Reads all `files`, to be played at the sample rate in `options`.
 ///
 /// # Errors
-/// A rate that no stylus plays; the first file that cannot be used, with the number of them; two files whose textures
-/// would have one name.
+/// A rate that the stylus does not play; the first file that cannot be used, with the number of such files; two files
+/// whose textures would have the same name.
 pub fn read_all(files: &[PathBuf], options: &Options) -> Result<Vec<Source>> {
     let rate = play_rate(options.sample_rate_hz)?;
     let read = files.par_iter().map(|path| source(path, rate));
@@ -179,8 +179,8 @@ fn source(path: &Path, rate: PlayRate) -> Result<Source> {
     })
 }
 
-/// Decides what the grid of every texture may take: the slot is shared in proportion to the files' numbers of different
-/// speeds and forces.
+/// Decides how many bytes the grid of every texture may take. The slot is shared in proportion to the numbers of
+/// different speeds and forces in the files.
 ///
 /// # Errors
 /// Sizes that no grid can have.
@@ -207,12 +207,12 @@ pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     Ok(bounds.collect())
 }
 
-/// Bytes in words: KB of 1024 bytes, rounded up.
+/// Returns a number of bytes in KB of 1024 bytes, rounded up.
 fn kilobytes(bytes: usize) -> usize {
     bytes.div_ceil(1024)
 }
 
-/// The account of one texture.
+/// The report on one texture.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImportReport {
     /// Name of the texture.
@@ -225,14 +225,14 @@ pub struct ImportReport {
     pub forces_n: Vec<f32>,
     /// Nodes of the texture.
     pub nodes: Vec<ConvertedNode>,
-    /// Errors at the models' own places.
+    /// Errors at the models' own positions.
     pub own_places: Vec<PlaceError>,
-    /// Errors between them.
+    /// Errors between the models.
     pub between: Vec<PlaceError>,
 }
 
 impl ImportReport {
-    /// The account of what was `converted` from `source`.
+    /// Returns the report on the texture that was `converted` from `source`.
     pub fn of((source, converted): (Source, Converted)) -> Self {
         Self {
             texture: source.name,

@@ -1,18 +1,18 @@
-//! Models of the Penn Haptic Texture Toolkit (HaTT; Culbertson, Lopez Delgado, Kuchenbecker, IEEE Haptics Symposium
-//! 2014) as textures: its XML files are the user's own, nothing of them is here.
+//! Import of models of the Penn Haptic Texture Toolkit (HaTT; Culbertson, Lopez Delgado, Kuchenbecker, IEEE Haptics
+//! Symposium 2014) as textures. Its XML files are supplied by the user; this repository holds nothing of them.
 //!
-//! A file has ARMA models at scattered speeds and forces, y(n) = -Σ a(i) y(n-i) + g Σ b(j) e(n-j) with e white of
-//! variance var, at 1 kHz, and triangles over them. Within a triangle line spectral frequencies, variances and gains
+//! A file has ARMA models at scattered speeds and forces, y(n) = -Σ a(i) y(n-i) + g Σ b(j) e(n-j), at 1 kHz, where e is
+//! white with variance var; and triangles over them. Within a triangle, line spectral frequencies, variances and gains
 //! are interpolated. The stylus plays AR models at 5 kHz over a rectangle of speeds and forces. So the models are
-//! interpolated as their makers do, at every node of a rectangle, and refitted from their own spectrum ([`convert`]).
-//! What the library plays is compared with the file's definition.
+//! interpolated at every node of a rectangle in the way of their authors, and an AR model is fitted to each
+//! interpolated spectrum ([`convert`]). What the library plays is compared with the file's definition.
 //!
 //! | in the file | what becomes of it |
 //! |---|---|
-//! | not XML, a number that is none, other units, no models | refused, with the place |
-//! | another number of models or triangles than stated, triangles of models that are not there | refused |
-//! | models that sound with different orders | refused |
-//! | a model that is unstable, or whose variance or gain is negative or not finite | left out with triangles; said |
+//! | not XML, text in place of a number, other units, no models | refused, with the line |
+//! | another number of models or triangles than stated, triangles of missing models | refused |
+//! | models with power but different orders | refused |
+//! | an unstable model, or one with a negative or not finite variance or gain | left out with triangles; reported |
 //! | a model of variance zero | silence; its shape counts, as in HaTT, if it has the others' order |
 //! | line spectral frequencies that are not those of the coefficients | they count, as in HaTT's renderer |
 //! | a first coefficient of MA that is not 1 | b(0), a factor of the gain |

@@ -10,17 +10,18 @@ use super::toolkit::{ArmaModel, Toolkit, found};
 use crate::recording::RATES_HZ;
 use crate::support::error::{Error, Result};
 
-/// Most models of a file. The published files have some hundred; the choice of a grid visits them all for each place.
+/// Most models of a file. The published files have some hundred. The choice of a grid visits all of them for each
+/// position.
 const MOST_MODELS: usize = 1000;
 
-/// Most triangles per model. Those of a plane that do not overlap are fewer than two for each corner.
+/// Most triangles per model. Triangles in a plane that do not overlap are fewer than two per corner.
 const TRIANGLES_PER_MODEL: usize = 2;
 
 /// Reads `text`; `path` is only named in errors.
 ///
-/// Elements are found by their names wherever they stand, in any case of letters. Lists are numbers in an element's
-/// text, or in that of its children, separated by blanks or commas. An element with a child `ARcoeff` or `ARlsf` is a
-/// model. Every `tri` counts, each with one triangle or more.
+/// Elements are found by their names at any depth, in upper or lower case. Lists are numbers in an element's text, or
+/// in that of its children, separated by blanks or commas. An element with a child `ARcoeff` or `ARlsf` is a model.
+/// Every `tri` element is read; each holds one triangle or more.
 ///
 /// # Errors
 /// A fault that makes the file unusable, with its line.
@@ -75,15 +76,15 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     Ok(toolkit)
 }
 
-/// Highest rate of models, Hz.
+/// Highest sample rate of models, Hz.
 const MOST_RATE_HZ: f64 = 10_000.0;
 
-/// Returns whether models may have this rate, Hz.
+/// Returns whether models may have this sample rate, Hz.
 fn is_models_rate(rate_hz: f64) -> bool {
     RATES_HZ.contains(&rate_hz) && rate_hz <= MOST_RATE_HZ
 }
 
-/// All models in the file's order; `None` for one that is left out.
+/// Returns all models in the file's order; `None` for each that is left out.
 fn models(file: &File<'_>, remarks: &mut Remarks) -> Result<Vec<Option<ArmaModel>>> {
     let (speeds, forces) = (file.list("speedList")?, file.list("forceList")?);
     let mut read = Vec::new();
@@ -104,7 +105,7 @@ fn models(file: &File<'_>, remarks: &mut Remarks) -> Result<Vec<Option<ArmaModel
     Ok(read)
 }
 
-/// Leaves out what is missing, and every triangle with it.
+/// Leaves out the missing models, and every triangle that uses one.
 fn without_missing(
     read: Vec<Option<ArmaModel>>,
     triangles: &[[usize; 3]],
@@ -126,7 +127,7 @@ fn without_missing(
     (read.into_iter().flatten().collect(), triangles)
 }
 
-/// Models, from 1, by what is wrong with them.
+/// Faults, each with the numbers of the models that have it, from 1.
 type Remarks = BTreeMap<String, Vec<usize>>;
 
 fn warnings(remarks: &Remarks) -> Vec<String> {
@@ -145,8 +146,8 @@ pub(super) mod tests {
     use proptest::prelude::*;
     use test_helpers::holds;
 
-    /// A file of one triangle and a silent model, without line spectral frequencies; `var` and `ar` are of its second
-    /// model.
+    /// Returns a file of one triangle and a silent model outside of it, without line spectral frequencies; `var` and
+    /// `ar` are those of its second model.
     fn small(ar: &str, var: &str, tri: &str) -> String {
         let model = |ar: &str, var: &str, speed: f64, force: f64| {
             format!(
@@ -192,7 +193,7 @@ pub(super) mod tests {
         let whole = fixture::whole();
         let mut text = String::new();
         for piece in whole.split_inclusive("lsf>") {
-            // A list of lines ends where its closing tag does.
+            // A list of line spectral frequencies ends at its closing tag.
             if !piece.ends_with("</ARlsf>") && !piece.ends_with("</MAlsf>") {
                 text.push_str(
                     piece

@@ -16,9 +16,9 @@ use crate::support::error::{Error, Result};
 /// A file's models.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Toolkit {
-    /// Samples per second at which the models hold.
+    /// Sample rate of the models, Hz.
     pub sample_rate_hz: f64,
-    /// Rate at which a stylus plays what is made of them.
+    /// Rate at which the stylus plays the converted models.
     pub play_rate: PlayRate,
     /// Highest speed of the recordings, mm/s.
     pub max_speed_mm_s: f64,
@@ -28,24 +28,24 @@ pub struct Toolkit {
     pub models: Vec<ArmaModel>,
     /// Corners of triangles, as indices of `models`.
     pub triangles: Vec<[usize; 3]>,
-    /// Faults that leave the file usable, and parts that were left out.
+    /// Notes on faults with which the file can still be used, and on parts that were left out.
     pub warnings: Vec<String>,
 }
 
-/// One model at its place.
+/// One model with its speed and force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArmaModel {
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Variance of the excitation, (m/s²)²; zero is silence.
+    /// Variance of the excitation, (m/s²)²; zero means silence.
     pub variance: f64,
     /// Shape of the spectrum; a silent model may have none.
     pub timbre: Option<Timbre>,
 }
 
-/// Shape of an ARMA model's spectrum. Models of one file have equal numbers of line spectral frequencies.
+/// Shape of an ARMA model's spectrum. All models of a file have the same number of line spectral frequencies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timbre {
     /// Line spectral frequencies of the autoregressive part, rad, ascending.
@@ -57,43 +57,44 @@ pub struct Timbre {
 }
 
 impl ArmaModel {
-    /// Returns true if the model has power.
+    /// Returns true if the model is not silent.
     pub fn sounds(&self) -> bool {
         self.variance > 0.0 && self.timbre.as_ref().is_some_and(|timbre| timbre.gain > 0.0)
     }
 }
 
 impl Toolkit {
-    /// The highest frequency that both the file and the stylus have, Hz: half of the lower of their sample rates.
+    /// Returns the highest frequency that both the file and the stylus have, Hz: half of the lower of their sample
+    /// rates.
     pub fn highest_hz(&self) -> f64 {
         0.5 * self.sample_rate_hz.min(self.play_rate_hz())
     }
 
-    /// Samples per second that a stylus plays.
+    /// Returns the sample rate of the playback, Hz.
     pub(super) fn play_rate_hz(&self) -> f64 {
         f64::from(self.play_rate.hz())
     }
 
-    /// Step between the frequencies of spectra at the rate that is played, Hz.
+    /// Returns the spacing of the frequencies of spectra at the played rate, Hz.
     pub(super) fn step_hz(&self) -> f64 {
         STEP_HZ * self.play_rate_hz() / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// The third octaves from 20 Hz to [`Self::highest_hz`], counted as in
-    /// [`BAND_LABELS_HZ`](crate::dsp::spectrum::BAND_LABELS_HZ) and on from there.
+    /// Returns the third octaves from 20 Hz to [`Self::highest_hz`], numbered like
+    /// [`BAND_LABELS_HZ`](crate::dsp::spectrum::BAND_LABELS_HZ) and beyond.
     pub(super) fn bands(&self) -> impl Iterator<Item = usize> + use<> {
         let highest_hz = self.highest_hz();
         (0..).take_while(move |&band| band_edges_hz(band).1 <= highest_hz)
     }
 
-    /// Speeds, mm/s, and forces, N, of all models, those of silent ones included.
+    /// Returns the speeds, mm/s, and forces, N, of all models, including silent ones.
     pub fn model_places(&self) -> impl Iterator<Item = (f64, f64)> {
         self.models
             .iter()
             .map(|model| (model.speed_mm_s, model.force_n))
     }
 
-    /// Places in all triangles, with these barycentric weights of their corners.
+    /// Returns the position in each triangle with these barycentric weights of its corners.
     pub fn inside_triangles(&self, weights: [f64; 3]) -> impl Iterator<Item = (f64, f64)> {
         self.triangles.iter().map(move |triangle| {
             let corners = triangle.map(|corner| &self.models[corner]);
@@ -108,10 +109,10 @@ impl Toolkit {
         })
     }
 
-    /// Removes the shape of silent models whose order is not that of the models that sound.
+    /// Removes the shape of silent models whose order differs from that of the models that are not silent.
     ///
     /// # Errors
-    /// Models that sound with different orders.
+    /// Models with power but different orders.
     pub(super) fn check_orders(&mut self, path: &Path) -> Result<()> {
         let orders = |timbre: &Timbre| (timbre.poles.len(), timbre.zeros.len());
         let of_model = |model: &ArmaModel| model.timbre.as_ref().map(orders);
@@ -144,10 +145,10 @@ impl Toolkit {
 /// Most coefficients of AR and of MA, without those of lag 0. The published models have some ten.
 const MOST_COEFFICIENTS: usize = 100;
 
-/// A model, or why it cannot be used.
+/// A model, or the reason why it cannot be used.
 type Read<T> = std::result::Result<T, String>;
 
-/// Reads the model at `node`. `place` is the speed and force that the file's lists have for it.
+/// Reads the model at `node`. `place` is its speed and force according to the file's lists.
 ///
 /// # Errors
 /// Text that is not a number.
@@ -250,13 +251,13 @@ impl Lists {
                 "{name}lsf do not ascend between 0 and π, so that it is unstable"
             ));
         }
-        // They count whatever the coefficients are, as in HaTT's renderer.
+        // They are used whatever the coefficients are, like in HaTT's renderer.
         let lines = self.lines.clone();
         Ok(Half { first, lines })
     }
 
-    /// The coefficient of lag 0 and those after it. As many coefficients as line spectral frequencies are without the
-    /// first, which is 1.
+    /// Returns the coefficient of lag 0 and those after it. If there are only as many coefficients as line spectral
+    /// frequencies, the first one, which is 1, is missing.
     fn split(&self) -> Read<(f64, &[f64])> {
         let (name, count) = (self.name, self.coefficients.len());
         let lines = Some(self.lines.len()).filter(|&lines| lines > 0);

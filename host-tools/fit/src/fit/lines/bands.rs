@@ -1,16 +1,16 @@
 //! Bands of one recording whose amplitude is steadier than that of Gaussian noise.
 //!
-//! The threads of a weave are not evenly spaced, so that its line is no narrow one: it is a band of a few per cent, in
-//! which a spectrum cannot tell it from noise. Its envelope can. The intensity of Gaussian noise in a band is
-//! exponentially distributed, that of a line is nearly constant whatever its phase does.
+//! The threads of a weave are not evenly spaced, so its line is not narrow. It is a band a few per cent wide, which a
+//! spectrum cannot distinguish from noise. The band's envelope can: the intensity of Gaussian noise in a band is
+//! exponentially distributed, while that of a line is nearly constant whatever its phase does.
 //!
-//! The statistic is the arithmetic over the geometric mean of the intensity, e^γ = 1.78 for noise. With N independent
-//! intensities Iₖ and their shares Dₖ = Iₖ / Σ I,
+//! The statistic is the ratio of the arithmetic to the geometric mean of the intensity. It is e^γ = 1.78 for noise.
+//! With N independent intensities Iₖ and their fractions Dₖ = Iₖ / Σ I,
 //!
 //! ```text
 //! E ∏ (N Dₖ)ˢ = N^(N s) Γ(N) Γ(1 + s)^N / Γ(N (1 + s))
 //! ```
-//! because the shares are uniform on the simplex, and Chernoff's bound of that moment bounds the p-value.
+//! because the fractions are uniform on the simplex. Chernoff's bound on that moment bounds the p-value.
 
 use std::f64::consts::TAU;
 
@@ -20,25 +20,26 @@ use super::peaks::tells_lines;
 use super::search::{HIGHEST_HZ, LOWEST_HZ};
 use crate::dsp::fourier::{self, Complex};
 
-/// Widths by which a spectrum is smoothed to find bands in it, Hz: standard deviations of a Gaussian kernel.
+/// Widths of the Gaussian kernels that smooth a spectrum to find bands in it, Hz: standard deviations.
 const WIDTHS_HZ: [f64; 4] = [1.0, 3.0, 9.0, 24.0];
 
-/// Power of a band's edge over its peak's.
+/// Ratio of the power at a band's edge to that at its peak.
 const EDGE: f64 = 0.1;
 
-/// Power of a valley over a peak's, at and above which the peak is none, and below which it ends a band.
+/// Ratio of a valley's power to a peak's. A shallower valley before a higher peak means that there is no peak; a deeper
+/// one ends the peak's band.
 const VALLEY: f64 = 0.25;
 
-/// Share of an envelope that is left out at each of its ends, where the transform joins them.
+/// Fraction of an envelope that is left out at each of its ends, because the transform joins them.
 const ENDS: f64 = 0.02;
 
-/// Logarithm of the ratio of means beyond which a band is as good as noise, whose is 0.577.
+/// Logarithm of the ratio of means above which a band counts as noise. That of noise is 0.577.
 const MOST_LN_RATIO: f64 = 0.45;
 
-/// Samples of an envelope per line of the spectrum in its band.
+/// Number of samples of an envelope per bin of the spectrum in its band.
 const OVERSAMPLING: usize = 4;
 
-/// Largest width of a band over its frequency: a wider one does not tell a wavelength.
+/// Largest ratio of a band's width to its frequency. A wider band does not determine a wavelength.
 const MOST_WIDTH: f64 = 0.6;
 
 /// A band around a peak of the spectrum.
@@ -48,12 +49,12 @@ pub(super) struct Band {
     pub frequency_hz: f64,
     /// Lowest and highest frequency, Hz.
     pub edges_hz: [f64; 2],
-    /// Natural logarithm of a bound of the probability that noise has so steady an envelope there.
+    /// Natural logarithm of an upper bound on the probability that noise has so steady an envelope there.
     pub ln_chance: f64,
 }
 
 impl Band {
-    /// Distance of its edges, Hz.
+    /// Distance between the band's edges, Hz.
     pub(super) fn width_hz(&self) -> f64 {
         self.edges_hz[1] - self.edges_hz[0]
     }
@@ -65,11 +66,11 @@ pub(super) struct WholeSpectrum {
     samples: usize,
 }
 
-/// Envelope of a band: its complex amplitude about the band's lowest frequency, at even times.
+/// Envelope of a band: its complex amplitude relative to the band's lowest frequency, at even times.
 pub(super) struct Envelope {
     values: Vec<Complex<f64>>,
     lowest_hz: f64,
-    /// Samples of the recording from one value to the next.
+    /// Number of the recording's samples between two values.
     step: f64,
 }
 
@@ -89,7 +90,7 @@ impl WholeSpectrum {
         f64::from(SAMPLE_RATE_HZ) / self.samples as f64
     }
 
-    /// Bands around all peaks, each with the probability of its envelope in noise.
+    /// Returns the bands around all peaks, each with the probability of its envelope in noise.
     pub(super) fn bands(&self) -> Vec<Band> {
         let powers: Vec<f64> = self.bins.iter().map(Complex::norm_sqr).collect();
         let mut bands: Vec<Band> = Vec::new();
@@ -112,7 +113,7 @@ impl WholeSpectrum {
         bands
     }
 
-    /// Envelope of what lies from `edges_hz[0]` to `edges_hz[1]`.
+    /// Returns the envelope of the band from `edges_hz[0]` to `edges_hz[1]`.
     pub(super) fn envelope(&self, edges_hz: [f64; 2]) -> Envelope {
         let last = self.bins.len() - 1;
         let [low, high] =
@@ -123,11 +124,12 @@ impl WholeSpectrum {
     fn envelope_of(&self, [low, high]: [usize; 2]) -> Envelope {
         let count = high - low + 1;
         let length = (OVERSAMPLING * count).next_power_of_two();
-        // Bins without their negative frequencies make an analytic signal, and the band's lowest comes to 0 Hz.
+        // Bins without their negative frequencies give an analytic signal. The band's lowest frequency is shifted to 0
+        // Hz.
         let mut values = vec![Complex::default(); length];
         values[..count].copy_from_slice(&self.bins[low..=high]);
         fourier::inverse_complex(&mut values);
-        // The amplitude of a sine of amplitude 1 is 1.
+        // Scaled so that a sine of amplitude 1 has an envelope of amplitude 1.
         let scale = 2.0 / self.samples as f64;
         values.iter_mut().for_each(|value| *value *= scale);
         Envelope {
@@ -137,12 +139,13 @@ impl WholeSpectrum {
         }
     }
 
-    /// Logarithm of a bound of the probability of so steady an envelope in noise.
+    /// Returns the logarithm of an upper bound on the probability that noise has so steady an envelope.
     fn ln_chance(&self, [low, high]: [usize; 2]) -> f64 {
         let powers = || self.bins[low..=high].iter().map(Complex::norm_sqr);
         let (sum, squares) = powers().fold((0.0, 0.0), |(a, b), p| (a + p, b + p * p));
-        // The equivalent number of independent intensities, bandwidth times duration; a periodogram's values have twice
-        // the mean square of their expectation. One less, because few values tell too many.
+        // The equivalent number of independent intensities is bandwidth times duration; the mean square of a
+        // periodogram's values is twice the square of their expectation. One is subtracted, because few values give too
+        // high a number.
         let count = (2.0 * sum * sum / squares.max(f64::MIN_POSITIVE) - 1.0).max(1.0);
         let envelope = self.envelope_of([low, high]);
         let intensities = || envelope.middle().map(|(_, value)| value.norm_sqr());
@@ -162,7 +165,7 @@ impl WholeSpectrum {
 }
 
 impl Envelope {
-    /// Values without those at the ends, each with its time, samples.
+    /// Returns the values without those at the ends, each with its time in samples.
     pub(super) fn middle(&self) -> impl Iterator<Item = (f64, Complex<f64>)> {
         let ends = (ENDS * self.values.len() as f64).ceil() as usize;
         let values = self.values.iter().enumerate();
@@ -170,7 +173,7 @@ impl Envelope {
         kept.map(|(index, value)| (index as f64 * self.step, *value))
     }
 
-    /// Phase at each of `samples` samples, turns; continuous.
+    /// Returns the phase at each of `samples` samples, turns; it is continuous.
     pub(super) fn turns(&self, samples: usize) -> Vec<f64> {
         let (mut turns, mut last) = (Vec::with_capacity(self.values.len()), None);
         let mut phase = 0.0;
@@ -196,15 +199,15 @@ impl Envelope {
     }
 }
 
-/// Chernoff's bound of the logarithm of the probability that the logarithm of the arithmetic over the geometric mean of
-/// `count` exponential values is at most `ln_ratio`.
+/// Chernoff's bound on the logarithm of a probability: that the logarithm of the ratio of the arithmetic to the
+/// geometric mean of `count` exponential values is at most `ln_ratio`.
 fn ln_bound(count: f64, ln_ratio: f64) -> f64 {
     let bound = |ln_s: f64| {
         let s = ln_s.exp();
         count * (s * count.ln() + libm::lgamma(1.0 + s) + s * ln_ratio) + libm::lgamma(count)
             - libm::lgamma(count * (1.0 + s))
     };
-    // The logarithm of a moment is convex in s, so that thirds leave out no minimum.
+    // The logarithm of a moment is convex in s, so a search by thirds misses no minimum.
     let (mut low, mut high) = (-3.0, 6.0);
     for _ in 0..30 {
         let third = (high - low) / 3.0;
@@ -217,12 +220,12 @@ fn ln_bound(count: f64, ln_ratio: f64) -> f64 {
     bound(f64::midpoint(low, high)).min(0.0)
 }
 
-/// `values`, smoothed by three running means, which together have a standard deviation of about `width` values.
+/// Returns `values` smoothed by three running means, which together have a standard deviation of about `width` values.
 fn smoothed(values: &[f64], width: f64) -> Vec<f64> {
     // A mean of 2 r + 1 values has a variance of r (r + 1) / 3.
     let reach = (0.5 * ((1.0 + 4.0 * width * width).sqrt() - 1.0)).round() as usize;
     let (mut smooth, count) = (values.to_vec(), values.len());
-    // Differences of running sums: the work does not depend on the width.
+    // Differences of running sums, so that the work does not depend on the width.
     let mut sums = vec![0.0; count + 1];
     let whole = 2 * reach + 1;
     for _ in 0..3 {
@@ -245,10 +248,11 @@ fn smoothed(values: &[f64], width: f64) -> Vec<f64> {
     smooth
 }
 
-/// Peaks of `levels`, each with the range down to [`EDGE`] of it, or to the valley before another peak.
+/// Returns the peaks of `levels`, each with the range down to [`EDGE`] times its level, or to the valley before another
+/// peak.
 fn ranges(levels: &[f64]) -> Vec<(usize, [usize; 2])> {
     let last = levels.len() - 1;
-    // The end of a peak's range in one direction; none if a higher peak comes first.
+    // Returns the end of a peak's range in one direction; `None` if a higher peak comes first without a deep valley.
     let end = |peak: usize, step: isize| -> Option<usize> {
         let (mut at, mut least) = (peak, peak);
         loop {

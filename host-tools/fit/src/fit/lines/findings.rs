@@ -1,4 +1,4 @@
-//! Lines of a texture and of its trials, and the reasons for having none.
+//! The lines of a texture and of its trials, and the reasons for finding none.
 
 use crate::support::number::counted;
 use std::fmt;
@@ -12,17 +12,18 @@ use crate::texture::grid::Grid;
 /// The lines of a texture, or the reason that there are none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Findings {
-    /// Lines tied to position, the strongest first.
+    /// Lines tied to position: narrow ones by falling wavelength, wandering ones grouped by fundamental.
     pub lines: Vec<Line>,
-    /// Frequencies that stay while the speed changes, Hz: hum and motors, which are no part of a surface.
+    /// Frequencies that stay the same while the speed changes, Hz: hum and motors, which are no part of a surface.
     pub time_locked_hz: Vec<f64>,
-    /// Scatter of the trials' speeds about those listed, as the lines tell it: standard deviation over the speed.
+    /// Scatter of the trials' actual speeds, as the lines give them, about the listed ones: standard deviation relative
+    /// to the speed.
     pub speed_scatter: Option<f64>,
-    /// Trials whose speed was followed through its changes.
+    /// Number of trials in which the lines' phase was followed through changes of speed.
     pub followed_trials: usize,
-    /// Reason for having no lines.
+    /// Reason for finding no lines.
     pub none_because: Option<NoLines>,
-    /// Wanders that lines share.
+    /// Wanders. Several lines can share one.
     #[serde(default)]
     pub wanders: Vec<Wander>,
 }
@@ -32,17 +33,18 @@ pub struct Findings {
 pub struct Line {
     /// Wavelength, mm.
     pub wavelength_mm: f64,
-    /// Phase at place 0 of a sine, turns: relative to the fundamental for a harmonic, 0 for others.
+    /// Phase of the line's sine at position 0, turns. For a harmonic it is relative to the fundamental; for others it
+    /// is 0.
     pub phase_turns: f64,
-    /// Index of the fundamental among the lines, and the number of the harmonic.
+    /// Index of the fundamental among the lines, and the number of the harmonic. `None` if the line is no harmonic.
     pub harmonic_of: Option<(usize, u32)>,
-    /// Agreement of the trials on a harmonic's phase, 0 to 1; 1 for others.
+    /// Agreement of the trials on a harmonic's phase, 0 to 1. It is 1 for lines that are no harmonics.
     pub phase_agreement: f64,
-    /// Speeds at which the line shows, and at which it could.
+    /// Number of speeds at which the line shows, and at which it could show.
     pub shown_at_speeds: (usize, usize),
-    /// Lowest and highest amplitude of a trial that shows it, m/s².
+    /// Lowest and highest amplitude among the trials that show the line, m/s².
     pub amplitude_range_m_s2: (f64, f64),
-    /// Index of the line's wander among those of the findings; none if the line's place does not wander.
+    /// Index of the line's wander among those of the findings; `None` if the line does not wander.
     #[serde(default)]
     pub wander: Option<usize>,
 }
@@ -51,9 +53,9 @@ pub struct Line {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoLines {
-    /// Recordings at one speed cannot tell place from time.
+    /// The recordings are at one speed, so position cannot be distinguished from time.
     OneSpeed,
-    /// Nothing stands out at one wavelength.
+    /// No wavelength stands out.
     NothingStandsOut,
 }
 
@@ -128,7 +130,7 @@ impl Findings {
     }
 }
 
-/// Writes what is said of a `wander`, by the wavelength of the longest of its lines, mm.
+/// Writes a description of `wander`; `longest` is the longest wavelength of its lines, mm.
 fn fmt_wander(wander: &Wander, longest: f64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let rad = std::f64::consts::TAU * f64::from(wander.rms_mm) / longest;
     let held = if wander.clock_mm_s > 0.0 {
@@ -144,17 +146,17 @@ fn fmt_wander(wander: &Wander, longest: f64, f: &mut fmt::Formatter<'_>) -> fmt:
     )
 }
 
-/// A trial's share of its texture's lines.
+/// What one trial has of its texture's lines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialLines {
-    /// Amplitude of each line in the trial, m/s², without what noise adds to it; none where the trial cannot hold the
-    /// line or was not looked at.
+    /// Amplitude of each line in the trial, m/s², without the contribution of noise; `None` if the trial cannot hold
+    /// the line or was not searched.
     pub amplitudes_m_s2: Vec<Option<f64>>,
-    /// The trial's speed over the one listed, as the lines tell it.
+    /// Ratio of the trial's actual speed, as the lines give it, to the listed one.
     pub speed_ratio: Option<f64>,
 }
 
-/// A trial of a grid, as far as its lines need it.
+/// What the lines of a grid need to know of one trial.
 pub struct LineMember<'a> {
     /// Speed of the trial's node, mm/s.
     pub speed_mm_s: f64,
@@ -162,15 +164,17 @@ pub struct LineMember<'a> {
     pub force_n: f64,
     /// True if the trial was found silent.
     pub is_silent: bool,
-    /// The trial's share of the texture's lines.
+    /// What the trial has of the texture's lines.
     pub lines: &'a TrialLines,
 }
 
-/// The lines of `findings` with an amplitude per node of `grid`, from the trials that made it; `None` without lines.
+/// Returns the lines of `findings` with their amplitudes at the nodes of `grid`, from the trials at each node; `None`
+/// if there are no lines.
 ///
-/// A node that no trial tells of, because none was recorded or because the line is above the frequencies that can be
-/// recorded there, has what lies between its neighbours of the same force, or the nearest of them, or that of the
-/// nearest force. Above those frequencies the device fades a line out by itself.
+/// A node may have no amplitude of its own, because nothing was recorded there or because the line's frequency is too
+/// high to be recorded. Its amplitude is then interpolated between the nearest speeds of the same force (beyond the
+/// outermost, the nearest counts), or else in the same way between forces. Above the frequencies that can be recorded,
+/// the device itself fades a line out.
 pub fn lines_on(grid: &Grid, findings: &Findings, members: &[LineMember<'_>]) -> Option<LinesSpec> {
     let lines: Vec<LineSpec> = findings
         .lines
@@ -201,7 +205,7 @@ pub fn lines_on(grid: &Grid, findings: &Findings, members: &[LineMember<'_>]) ->
     (!lines.is_empty()).then(|| LinesSpec::with_wanders(lines, &findings.wanders))
 }
 
-/// RMS of the amplitudes of line `index` in a node's trials; `None` if none of them tells.
+/// RMS of the amplitudes of line `index` in a node's trials; `None` if none of them has an amplitude.
 fn mean_amplitude<'m>(
     trials: impl Iterator<Item = &'m LineMember<'m>>,
     index: usize,
@@ -240,7 +244,8 @@ fn filled(grid: &Grid, known: &[Option<f64>]) -> Vec<f32> {
         .collect()
 }
 
-/// Value at position `at` of an axis: what is known, or linear between the known ones on both sides, or the nearest.
+/// Returns the value at index `at` of an axis: the known one, or one interpolated between known ones on both sides, or
+/// the nearest known one.
 fn between(axis: &[f32], known: &[Option<f64>], at: usize) -> Option<f64> {
     let before = (0..=at).rev().find_map(|i| Some((i, known[i]?)));
     let after = (at..axis.len()).find_map(|i| Some((i, known[i]?)));

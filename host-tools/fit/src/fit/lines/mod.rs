@@ -1,13 +1,17 @@
-//! Lines that are tied to position: what a surface with a period, such as a weave or a grating, sounds at speed over
-//! wavelength, apart from everything else that it sounds.
+//! Lines that are tied to position. A surface with a period, such as a weave or a grating, sounds at the frequency
+//! speed / wavelength. This module separates that sound from everything else that the surface sounds.
 //!
-//! A texture's lines are sought in all its trials together (`search`); each trial's share of them is then fitted by
-//! least squares on the place of the surface under the tool (`track`), and removed, so that the stochastic model is
-//! fitted to the rest. What is removed leaves as much as noise would have there, so that the rest has neither a line
-//! nor a hole.
+//! Lines are sought jointly in all trials of a texture (`search`), except those that are silent, idle, dropped or cut
+//! by triage. In each trial they are then fitted by least squares over the position of the surface under the tool
+//! (`track`) and subtracted, so that the stochastic model is fitted to the remainder. As much of each line stays in the
+//! signal as noise would have there, so that the remainder has neither a line nor a hole.
 //!
-//! Threads that are not evenly spaced make a band instead of a line. If there is no narrow line, bands of a steady
-//! amplitude are sought (`bands`), whose phase tells the place with its wander (`wander`).
+//! A line whose frequency is the same at all speeds, such as mains hum, is only reported. It stays in the signal; the
+//! search removes it from its own copy, so that it is not taken for a line of the surface.
+//!
+//! Threads that are not evenly spaced make a band instead of a narrow line. Bands of a steady amplitude (`bands`) are
+//! therefore always sought too. The phase of such a band gives the position with its wander (`wander`). The bands are
+//! used if there is no narrow line, or if their lines have more than 1.1 times the power of the narrow ones.
 
 mod bands;
 mod findings;

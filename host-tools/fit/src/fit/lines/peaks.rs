@@ -1,9 +1,10 @@
-//! Narrow peaks of one recording's spectrum, and how unlikely each is in noise.
+//! Narrow peaks of one recording's spectrum, and how improbable each is in noise.
 //!
-//! The periodogram with a Hann window of Gaussian noise has independent, exponentially distributed values at distances
-//! of about 1/T, whose mean follows the spectral density. A line stands in one such cell. Its power is compared with
-//! the medians of the cells to the left and to the right, the larger of which counts, so that the flank of a resonance
-//! or of a band of noise is no line; a median is not raised by another line among the cells.
+//! The periodogram of Gaussian noise with a Hann window has independent, exponentially distributed values at distances
+//! of about 1/T, called cells. Their mean follows the spectral density. A line stands in one such cell. Its power is
+//! compared with the medians of the cells to its left and to its right, and the larger median counts, so that the flank
+//! of a resonance or of a band of noise is not taken for a line. A median is not raised by another line among the
+//! cells.
 
 use std::cell::RefCell;
 use std::f64::consts::{LN_2, TAU};
@@ -17,23 +18,25 @@ use crate::dsp::sums::upper_median;
 /// Cells left out on each side of a peak: the main lobe of the window, and its skirt.
 const GUARD_CELLS: f64 = 3.0;
 
-/// Cells on each side of a peak that tell its background.
+/// Cells on each side of a peak from which its background is estimated.
 const BACKGROUND_CELLS: f64 = 24.0;
 
-/// Cells on each side that tell the background close by, of which a band of noise has its own share.
+/// Cells on each side from which the background close by is estimated. A narrow band of noise raises only this
+/// estimate.
 const CLOSE_CELLS: f64 = 5.0;
 
-/// Independent exponential values whose mean is known as well as the background: 48 cells, of which a Hann window
-/// leaves about half independent, by their median, which is half as exact as their mean.
+/// Number of independent exponential values whose mean is known as exactly as the background. The background has 48
+/// cells; a Hann window leaves about half of them independent, and a median is half as exact as a mean.
 const BACKGROUND_DEGREES: f64 = 12.0;
 
-/// Least background as a share of the strongest line's power: 70 dB below it.
+/// Least background relative to the strongest line's power: 70 dB below it.
 const FLOOR_SHARE: f64 = 1e-7;
 
-/// Least ratio of a peak to its background that is kept.
+/// Least ratio of a kept peak to its background.
 const LEAST_RATIO: f64 = 6.0;
 
-/// Least number of samples that is looked at: four backgrounds between 0 Hz and half the sample rate.
+/// Least number of samples of a signal that is searched. It gives 500 cells between 0 Hz and half the sample rate,
+/// which is about nine times the width of a background.
 const LEAST_SAMPLES: usize = 1000;
 
 /// A peak of a spectrum.
@@ -41,7 +44,7 @@ const LEAST_SAMPLES: usize = 1000;
 pub(super) struct Peak {
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Natural logarithm of the probability that a cell of noise is at least as far above its background.
+    /// Natural logarithm of the probability that a cell of noise exceeds its background at least as much.
     pub ln_chance: f64,
 }
 
@@ -58,7 +61,7 @@ pub(super) struct LineSpectrum {
     pub cell_hz: f64,
     /// Sum of the window's squares.
     window_energy: f64,
-    /// Least background, below which the skirts of the strongest line would be lines.
+    /// Least background. Without it, the skirts of the strongest line would count as lines.
     pub floor: f64,
 }
 
@@ -68,7 +71,7 @@ impl LineSpectrum {
         if !tells_lines(signal) {
             return None;
         }
-        // Steps of half a cell at most: between bins a cell apart, a Hann window loses up to 1.4 dB of a peak (Harris,
+        // Steps of at most half a cell: between bins a cell apart, a Hann window loses up to 1.4 dB of a peak (Harris,
         // Proc. IEEE 66, 1978, 51, table 1).
         let length = (2 * signal.len()).next_power_of_two();
         let mut padded = vec![0.0; length];
@@ -112,15 +115,16 @@ impl LineSpectrum {
             .collect()
     }
 
-    /// Mean square amplitude, (m/s²)², that noise alone gives a line measured at `frequency_hz` in `samples` samples.
+    /// Mean squared amplitude that noise alone produces in a line fitted at `frequency_hz` to `samples` samples,
+    /// (m/s²)².
     pub(super) fn noise_amplitude_squared(&self, frequency_hz: f64, samples: usize) -> f64 {
         let bin = ((frequency_hz / self.step_hz).round() as usize).clamp(1, self.power.len() - 2);
-        // White noise of this density has a variance of background / window energy per sample, and least squares over N
-        // samples give cosine and sine of a line in it a variance of 2/N of that each.
+        // White noise of this density has a variance of background / window energy per sample. Fitted by least squares
+        // to N samples, the cosine and the sine of a line each get a variance of 2/N times that.
         4.0 * self.background(bin) / (self.window_energy * samples as f64)
     }
 
-    /// Returns false for most bins that [`LEAST_RATIO`] leaves out: by counting, which is quicker than a median.
+    /// Returns false for most bins that [`LEAST_RATIO`] excludes. It counts, which is faster than a median.
     fn may_stand_out(&self, bin: usize) -> bool {
         let least = self.power[bin] * LN_2 / LEAST_RATIO * (1.0 + 1e-9);
         let is_above = |powers: &[f64]| {
@@ -130,7 +134,7 @@ impl LineSpectrum {
         self.beside(bin, BACKGROUND_CELLS).into_iter().all(is_above)
     }
 
-    /// Cells to the left and to the right of a bin, so many on each side.
+    /// Returns the bins to the left and to the right of `bin`, `cells` cells on each side.
     fn beside(&self, bin: usize, cells: f64) -> [&[f64]; 2] {
         let per_cell = self.cell_hz / self.step_hz;
         let bins = |cells: f64| (cells * per_cell).round() as usize;
@@ -141,7 +145,8 @@ impl LineSpectrum {
         [&self.power[left], &self.power[right]]
     }
 
-    /// Mean power of noise around a bin: the largest of the cells to the left, to the right and close by.
+    /// Returns the mean power of noise around a bin: the largest of the estimates to the left, to the right and close
+    /// by.
     fn background(&self, bin: usize) -> f64 {
         let [left, right] = self.beside(bin, BACKGROUND_CELLS);
         let close = self.beside(bin, CLOSE_CELLS).concat();
@@ -151,7 +156,7 @@ impl LineSpectrum {
         background.max(self.floor).max(f64::MIN_POSITIVE)
     }
 
-    /// Place of the maximum of a parabola through three levels, in steps from `bin`.
+    /// Returns the position of the maximum of a parabola through three levels, in steps from `bin`.
     fn vertex(&self, bin: usize) -> f64 {
         // In logarithms, in which a window's main lobe is nearly a parabola.
         let level = |bin: usize| self.power[bin].max(f64::MIN_POSITIVE).ln();
@@ -171,7 +176,7 @@ pub(super) fn hann(n: usize, length: usize) -> f64 {
 }
 
 thread_local! {
-    /// The last window, because the recordings of a set are mostly of one length.
+    /// The last window. It is kept because the recordings of a set mostly have the same length.
     static WINDOW: RefCell<Rc<[f64]>> = RefCell::new(Rc::new([]));
 }
 

@@ -1,19 +1,21 @@
-//! The search for what moves with speed: narrow peaks at one wavelength over several speeds.
+//! The search for lines that move with speed: narrow peaks at one wavelength over several speeds.
 //!
-//! A peak at the frequency f of a trial at the speed v may belong to a wavelength v/f, which predicts peaks at other
-//! frequencies at other speeds, or to the frequency f, which predicts peaks at the same one: hum, a motor, a resonance.
-//! The hypothesis that explains its trials best is taken first, what it explains is removed from the recordings, and
-//! the search goes on in what is left. So a line explains its own peaks before they can be taken for something else,
-//! and a harmonic of the mains that happens to lie at v/λ is gone before λ is asked for.
+//! A peak at the frequency f of a trial at the speed v has two explanations. It may belong to a wavelength v/f, which
+//! predicts peaks at other frequencies at other speeds. Or it may belong to the frequency f itself, as with hum, a
+//! motor or a resonance, which predicts peaks at the same frequency at every speed. The hypothesis that explains its
+//! trials best is accepted first. The peaks that it explains are removed from the recordings, and the search continues
+//! in the remainder. So a line explains its own peaks before they can be attributed to another hypothesis, and a
+//! harmonic of the mains that happens to lie at v/λ is removed before λ is tested.
 //!
 //! # The test's level
 //!
-//! A speed shows a hypothesis if the chance of the highest peak within its window is below a bound b, corrected for the
-//! window's cells and for the number of trials at that speed. A wavelength is taken if at least half of the speeds at
-//! which it could be seen, and two, show it. In noise the expected share of speeds that do is at most b, so by Markov's
-//! inequality half of them do with a chance of at most 2b, *however the trials depend on each other*: they are strokes
-//! over one surface, whose irregularities return. With M wavelengths that can be told apart, b = level / 2M holds the
-//! level for a search, and half of it that of a texture, which is searched twice.
+//! A speed shows a hypothesis if the probability of the highest peak within its window is below a bound b, corrected
+//! for the window's cells and for the number of trials at that speed. A wavelength is accepted if at least two speeds
+//! show it, and at least half of the speeds at which it could be seen. In noise, at most a fraction b of the speeds is
+//! expected to show it. By Markov's inequality, half of them do so with a probability of at most 2b, *however the
+//! trials depend on each other*: they are strokes over one surface, whose irregularities return. With M distinguishable
+//! wavelengths, b = level / 2M holds the level of one search. A texture is searched twice, so half of this bound is
+//! used.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -24,49 +26,49 @@ use super::peaks::{LineSpectrum, Peak};
 use super::track::{amplitudes, at_even_places, followed, refined, steady_turns, subtract, wave};
 use crate::dsp::sums::upper_median;
 
-/// Chance of any line in a texture that has none.
+/// Probability of finding any line in a texture that has none.
 pub(super) const LEVEL: f64 = 1e-3;
 
-/// Searches of one texture, with different errors of the listed speeds, which share the level.
+/// Searches of each texture, with different assumed errors of the listed speeds. They share the level.
 const SEARCHES: f64 = 2.0;
 
-/// Frequencies of lines, Hz: from above the hand's motion to where the device fades them out.
+/// Range of lines' frequencies, Hz: from above the hand's motion to where the device fades lines out.
 pub(super) const LOWEST_HZ: f64 = 12.0;
 pub(super) const HIGHEST_HZ: f64 = 2200.0;
 
-/// Error of a peak's place in noise, cells.
+/// Error of a peak's frequency due to noise, cells.
 const PLACE_CELLS: f64 = 1.0;
 
-/// Chance above which a peak makes no hypothesis of its own.
+/// Natural logarithm of the probability above which a peak suggests no hypothesis.
 const LN_HYPOTHESIS_CHANCE: f64 = -14.0;
 
-/// Evidence of one speed, as minus the logarithm of its chance, beyond which more says nothing: a hypothesis is judged
-/// by how many speeds show it.
+/// Largest evidence that one speed can contribute to the score, as minus the logarithm of its probability. A hypothesis
+/// is judged by how many speeds show it, not by one very strong peak.
 const MOST_EVIDENCE: f64 = 60.0;
 
-/// Lines that are removed at most before the search ends: those of place, and those of time.
+/// Most lines that a search removes, counting both those tied to position and those of constant frequency.
 const MOST_REMOVED: usize = 40;
 
-/// Harmonics of a line that are looked for by name.
+/// Number of the highest harmonic of a known line that is tested.
 pub(super) const HARMONICS: u32 = 8;
 
-/// One trial as the search hears it.
+/// One trial as the search sees it.
 #[derive(Clone)]
 pub(super) struct Heard<'s> {
     /// Speed of the trial as listed, mm/s.
     pub speed_mm_s: f64,
-    /// Actual speed of the trial over the listed one, as far as lines have told it.
+    /// Ratio of the trial's actual speed to the listed one, once a line has given it.
     pub speed_ratio: Option<f64>,
-    /// Samples of the trial without the lines that were removed.
+    /// Samples of the trial, without the lines that were removed.
     signal: Cow<'s, [f64]>,
     peaks: Vec<Peak>,
     cell_hz: f64,
-    /// Least background, by the spectrum before anything was removed.
+    /// Least background. It comes from the spectrum before anything was removed.
     floor: f64,
 }
 
 impl<'s> Heard<'s> {
-    /// Hears `signal`; `None` if it is too short or silent.
+    /// Analyses `signal`; `None` if it is too short or silent.
     pub(super) fn of(speed_mm_s: f64, signal: &'s [f64]) -> Option<Self> {
         let spectrum = LineSpectrum::of(signal)?;
         Some(Self {
@@ -87,7 +89,7 @@ impl<'s> Heard<'s> {
         });
     }
 
-    /// Highest peak over its background within `within_hz` of `frequency_hz`, and the logarithm of its p-value,
+    /// Returns the peak that stands out most within `within_hz` of `frequency_hz`, and the logarithm of its p-value,
     /// corrected for the window's cells (Bonferroni).
     fn peak_near(&self, frequency_hz: f64, within_hz: f64) -> Option<(Peak, f64)> {
         let first = self
@@ -115,11 +117,12 @@ impl<'s> Heard<'s> {
         exact_hz
     }
 
-    /// Brings the samples to even places, if the phase of the sine at `frequency_hz` tells that the speed wandered. So
-    /// other lines of the surface are as narrow as their first one, and none of them leaves a residue for a line.
+    /// Resamples the signal at even positions if the phase of the sine at `frequency_hz` shows that the speed wandered.
+    /// The other lines of the surface then become as narrow as this one, and none leaves a residue that looks like a
+    /// line.
     fn straighten(&mut self, frequency_hz: f64) {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
-        // Places in wavelengths.
+        // Positions, in wavelengths.
         let mut places = steady_turns(exact_hz, self.signal.len());
         if followed(&self.signal, &mut places, 1.0) {
             let last = places.len() - 1;
@@ -142,30 +145,30 @@ enum Hypothesis {
     Time(f64),
 }
 
-/// A line that is tied to position, as found.
+/// A line tied to position, as the search found it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Found {
-    /// Wavelength, mm, as the trials' median.
+    /// Wavelength, mm: the median over the trials.
     pub wavelength_mm: f64,
     /// Index of each trial that shows the line, and the line's frequency there, Hz.
     pub shown_by: Vec<(usize, f64)>,
-    /// Numbers of the speeds that show the line, and of those at which it could be seen.
+    /// Number of speeds that show the line, and number of speeds at which it could be seen.
     pub speeds: (usize, usize),
 }
 
 /// The outcome of a search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Outcome {
-    /// Lines tied to position, those first that explain most.
+    /// Lines tied to position, those that explain most first.
     pub lines: Vec<Found>,
-    /// Frequencies that stay while the speed changes, Hz.
+    /// Frequencies that stay the same while the speed changes, Hz.
     pub time_locked_hz: Vec<f64>,
 }
 
-/// Support of a hypothesis.
+/// How well the trials support a hypothesis.
 struct Support {
     hypothesis: Hypothesis,
-    /// Mean evidence of a speed, none of which counts beyond [`MOST_EVIDENCE`].
+    /// Mean evidence over the speeds. That of one speed counts up to [`MOST_EVIDENCE`].
     score: f64,
     /// Sum of all evidence.
     evidence: f64,
@@ -174,8 +177,8 @@ struct Support {
 }
 
 impl Support {
-    /// Returns whether this support is better than `other`: by its score; of equal ones, that of time, and then the one
-    /// with more evidence.
+    /// Returns whether this support is better than `other`. The higher score wins. If the scores are equal, constant
+    /// frequency wins over position, and then the higher sum of evidence.
     fn is_better(&self, other: &Self) -> bool {
         let is_of_time = |own: &Self| matches!(own.hypothesis, Hypothesis::Time(_));
         let key = |own: &Self| (own.score, is_of_time(own), own.evidence);
@@ -188,7 +191,7 @@ pub(super) struct Search<'s> {
     pub trials: Vec<Heard<'s>>,
     /// Relative error of a listed speed.
     pub speed_tolerance: f64,
-    /// Most lines that are wanted.
+    /// Number of lines after which the search ends.
     pub most_lines: usize,
 }
 
@@ -242,7 +245,7 @@ impl Search<'_> {
             let trial = &mut self.trials[*index];
             trial.straighten(peak.frequency_hz);
             let exact_hz = trial.remove(peak.frequency_hz);
-            // The first line tells the speed for those after it.
+            // The first line gives the actual speed, which the search for later lines uses.
             let listed_hz = trial.speed_mm_s / wavelength_mm;
             trial.speed_ratio.get_or_insert(exact_hz / listed_hz);
             shown_by.push((*index, exact_hz));
@@ -250,13 +253,13 @@ impl Search<'_> {
         shown_by
     }
 
-    /// The support of the best acceptable hypothesis.
+    /// Returns the support of the best acceptable hypothesis.
     fn best(&self, known_mm: &[f64]) -> Option<Support> {
         let longest = self.trials.iter().map(|trial| trial.signal.len()).max()?;
         let longest_s = longest as f64 / f64::from(SAMPLE_RATE_HZ);
-        // Wavelengths that can be told apart: M = 2 f T, two per cell up to the highest frequency.
+        // Distinguishable wavelengths: M = 2 f T, two per cell up to the highest frequency.
         let ln_bound = (LEVEL / SEARCHES / (2.0 * 2.0 * HIGHEST_HZ * longest_s)).ln();
-        // Harmonics of what is known are few, those of at most eight lines, and so need less evidence.
+        // Harmonics of known lines are few (there are at most eight lines), and so need less evidence.
         let ln_harmonic_bound = (LEVEL / SEARCHES / (2.0 * f64::from(HARMONICS) * 8.0)).ln();
         let unknown = self.hypotheses().into_iter().map(|h| (h, ln_bound));
         let harmonics = known_mm.iter().flat_map(|wavelength| {
@@ -269,7 +272,7 @@ impl Search<'_> {
         supported.reduce(|best, next| if next.is_better(&best) { next } else { best })
     }
 
-    /// The hypotheses that single peaks suggest, each about once.
+    /// Returns the hypotheses that single peaks suggest. One line may suggest several.
     fn hypotheses(&self) -> Vec<Hypothesis> {
         let mut all: Vec<Hypothesis> = Vec::new();
         for trial in &self.trials {
@@ -285,7 +288,7 @@ impl Search<'_> {
         all
     }
 
-    /// Support of the trials for `hypothesis`; `None` if it is not acceptable.
+    /// Returns the support of the trials for `hypothesis`; `None` if it is not acceptable.
     fn support(&self, hypothesis: Hypothesis, ln_bound: f64, known_mm: &[f64]) -> Option<Support> {
         let seen = self.trials.iter().enumerate().filter_map(|(index, trial)| {
             let (frequency_hz, tolerance) = match hypothesis {
@@ -297,7 +300,7 @@ impl Search<'_> {
                         .map_or(self.speed_tolerance, |_| EXACT_SPEED),
                 ),
             };
-            // What is left of a known line close to its place tells of no other one.
+            // A peak close to a known line is what was left of that line, and is no evidence of another.
             let near_hz = RESIDUE_CELLS * trial.cell_hz + SAME_LINE * frequency_hz;
             let is_residue = known_mm
                 .iter()
@@ -312,7 +315,7 @@ impl Search<'_> {
         let speeds = by_speed(seen);
         let shown = || speeds.iter().filter(|speed| speed.ln_chance() < ln_bound);
         let count = shown().count();
-        // Half of the speeds, by which Markov's inequality holds the level; see the head of this module.
+        // At least half of the speeds, by which Markov's inequality holds the level; see the module's documentation.
         if count < 2 || 2 * count < speeds.len() {
             return None;
         }
@@ -323,7 +326,7 @@ impl Search<'_> {
         }
         let evidence = || shown().map(|speed| -speed.ln_chance());
         let score = evidence().map(|e| e.min(MOST_EVIDENCE)).sum::<f64>() / speeds.len() as f64;
-        // A trial shows a line that others have established by less than it takes to establish one.
+        // Once the speeds have established a line, a trial needs less evidence to count as showing it.
         let shown_by = shown().flat_map(|speed| &speed.shown);
         let shown_by = shown_by.filter(|(_, ln)| *ln < LN_SHOWN_CHANCE);
         Some(Support {
@@ -336,39 +339,41 @@ impl Search<'_> {
     }
 }
 
-/// Distance from a known line within which its residue lies, cells, and relative to its frequency.
+/// Distance from a known line within which its residue lies: a number of cells, plus a fraction of the frequency.
 const RESIDUE_CELLS: f64 = 3.0;
 const SAME_LINE: f64 = 3e-3;
 
-/// Relative error of a speed that was measured by lines found before.
+/// Relative error of a trial's speed once a line has given it.
 const EXACT_SPEED: f64 = 2e-4;
 
-/// Least ratio of the fastest to the slowest speed that show a line: at closer ones, place is not told from time.
+/// Least ratio of the fastest to the slowest speed at which a line shows. If they are closer, a line tied to position
+/// cannot be distinguished from one of constant frequency.
 pub(super) const LEAST_SPEED_RATIO: f64 = 1.05;
 
-/// Chance below which a trial counts among those that show an established line.
+/// Natural logarithm of the probability below which a trial counts as showing an established line.
 const LN_SHOWN_CHANCE: f64 = -7.0;
 
-/// Difference of the logarithms of two speeds that count as one: repeats that were measured do not agree to the digit.
+/// Difference of the logarithms of two speeds below which they count as the same speed: the measured speeds of repeated
+/// trials differ slightly.
 const SAME_SPEED: f64 = 0.02;
 
-/// The trials at one speed, with what they show, each with the logarithm of its chance.
+/// The trials at one speed, and what they show, each with the logarithm of its probability.
 pub(super) struct AtSpeed<T> {
-    /// The speed of the first of them, mm/s.
+    /// Speed of the first of these trials, mm/s.
     pub speed_mm_s: f64,
     trials: usize,
     shown: Vec<(T, f64)>,
 }
 
 impl<T> AtSpeed<T> {
-    /// Logarithm of the Bonferroni-corrected p-value of the least chance among the trials.
+    /// Returns the logarithm of the smallest p-value of these trials, corrected for their number (Bonferroni).
     pub(super) fn ln_chance(&self) -> f64 {
         let least = self.shown.iter().map(|(_, ln)| *ln).fold(0.0, f64::min);
         (least + (self.trials as f64).ln()).min(0.0)
     }
 }
 
-/// Trials, each with its speed and what it shows, by their speed.
+/// Groups trials by speed. Each has its speed and, if it shows something, that with the logarithm of its probability.
 pub(super) fn by_speed<T>(
     trials: impl Iterator<Item = (f64, Option<(T, f64)>)>,
 ) -> Vec<AtSpeed<T>> {

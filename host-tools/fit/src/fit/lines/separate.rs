@@ -1,4 +1,4 @@
-//! Separation of a texture's trials into lines and the rest.
+//! Separation of a texture's trials into lines and the remainder.
 
 use std::borrow::Cow;
 use std::f64::consts::TAU;
@@ -21,37 +21,37 @@ const EXACT_LIST: f64 = 1e-3;
 /// Relative error of the speeds in a list that was not made by a rig.
 const ROUGH_LIST: f64 = 2e-2;
 
-/// Distance of two lines in a spectrum from which least squares tell their amplitudes, cells.
+/// Least distance of two lines in a spectrum at which least squares can determine both amplitudes, cells.
 const TOLD_APART_CELLS: f64 = 1.5;
 
-/// Power that lines whose place wanders must have over that of narrow ones, to be taken in their place.
+/// Ratio of the power of the wandering lines to that of the narrow lines above which the wandering ones are used.
 const WANDERING_OVER_NARROW: f64 = 1.1;
 
-/// Times that the course of a trial's place is corrected at most.
+/// Most corrections of a trial's course of positions.
 const FOLLOWED_TIMES: usize = 3;
 
-/// Relative difference of a ratio of wavelengths from a whole number for a harmonic.
+/// Largest relative deviation of a ratio of wavelengths from a whole number for a line to count as a harmonic.
 const HARMONIC_TOLERANCE: f64 = 2e-3;
 
-/// A line that was found, with its frequencies: trial and Hz.
+/// A narrow line that was found, and, for a harmonic, the index of its fundamental and its number.
 struct Known {
     found: Found,
     harmonic_of: Option<(usize, u32)>,
 }
 
-/// The trials of a texture, separated into its lines and the rest.
+/// The trials of a texture, separated into its lines and the remainder.
 #[derive(Debug)]
 pub struct Separated {
     /// The lines.
     pub findings: Findings,
-    /// Each trial's share of the lines.
+    /// What each trial has of the lines.
     pub shares: Vec<TrialLines>,
     /// The signals without the lines, m/s².
     pub rest: Vec<Vec<f64>>,
 }
 
 impl Separated {
-    /// `signals` that have no lines.
+    /// Returns the result for `signals` without lines.
     fn nothing(signals: Vec<Vec<f64>>, time_locked_hz: Vec<f64>, reason: NoLines) -> Self {
         Self {
             findings: Findings {
@@ -64,7 +64,7 @@ impl Separated {
         }
     }
 
-    /// Power of all lines in all trials, as of amplitudes, (m/s²)².
+    /// Power of all lines in all trials: the sum of their squared amplitudes, (m/s²)².
     fn power(&self) -> f64 {
         let amplitudes = self.shares.iter().flat_map(|share| &share.amplitudes_m_s2);
         amplitudes
@@ -74,10 +74,11 @@ impl Separated {
     }
 }
 
-/// Finds the lines of one texture and takes them out of its trials.
+/// Finds the lines of one texture and subtracts them from its trials.
 ///
-/// `signals` are m/s² at the models' rate, `speeds_mm_s` their listed speeds. What has no listed speed, or gaps, is to
-/// be left out by an empty signal. Amplitudes and phases are those of the samples in the `ranges` of each trial.
+/// `signals` are m/s² at the models' rate, and `speeds_mm_s` their listed speeds. The caller passes an empty signal for
+/// a trial with gaps or without a listed speed. Amplitudes and phases are estimated from the samples in the `ranges` of
+/// each trial.
 pub fn separate(
     speeds_mm_s: &[f64],
     signals: Vec<Vec<f64>>,
@@ -102,7 +103,7 @@ pub fn separate(
         });
     }
     let narrow = removed(speeds_mm_s, signals, ranges, &known, time_locked_hz);
-    // A narrow line holds but a part of one that wanders.
+    // A narrow line holds only a part of a line that wanders.
     let least = WANDERING_OVER_NARROW * narrow.power();
     wandering
         .ok()
@@ -110,12 +111,12 @@ pub fn separate(
         .unwrap_or(narrow)
 }
 
-/// Narrow lines, and the frequencies that stay while the speed changes.
+/// Returns the narrow lines, and the frequencies that stay the same while the speed changes.
 fn narrow(speeds_mm_s: &[f64], signals: &[Vec<f64>]) -> (Vec<Known>, Vec<f64>) {
     let heard = heard(speeds_mm_s, signals);
     let again = heard.clone();
     let (exact, rough) = rayon::join(|| search(heard, EXACT_LIST), || search(again, ROUGH_LIST));
-    // Wider windows for a line's place are taken if more speeds show it there.
+    // The search with wider windows for a line's frequency is used if more speeds show a line there.
     let speeds = |known: &[Known]| known.iter().map(|line| line.found.speeds.0).max();
     if speeds(&rough.0) > speeds(&exact.0) {
         rough
@@ -124,8 +125,8 @@ fn narrow(speeds_mm_s: &[f64], signals: &[Vec<f64>]) -> (Vec<Known>, Vec<f64>) {
     }
 }
 
-/// Finds lines whose place wanders and takes them out of `signals`. Returns the frequencies that stay while the speed
-/// changes if there are none.
+/// Finds lines that wander and subtracts them from `signals`. If there are none, returns the frequencies that stay the
+/// same while the speed changes.
 fn wandering(
     speeds_mm_s: &[f64],
     signals: &[Vec<f64>],
@@ -174,8 +175,8 @@ fn wandering(
     })
 }
 
-/// Adds the harmonics of `weave`, whose wander has the index `wander`, to `lines`; `amplitudes` are those of all lines
-/// in each trial.
+/// Adds the harmonics of `weave` to `lines`. `wander` is the index of its wander, and `amplitudes` holds the amplitudes
+/// of all lines in each trial.
 fn add_lines_of(
     weave: &Weave,
     wander: usize,
@@ -207,7 +208,7 @@ fn add_lines_of(
     }
 }
 
-/// The lowest and the highest of `amplitudes`; 0 of none.
+/// Returns the lowest and the highest of `amplitudes`; 0 if there are none.
 fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = amplitudes.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
         (low.min(a), high.max(a))
@@ -216,7 +217,7 @@ fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 /// Subtracts the harmonics of `weave` from `signal`, along the signal's `course`. Returns the amplitude of each
-/// harmonic: 0 where it is not told from noise and stays in the signal.
+/// harmonic. It is 0 if the harmonic cannot be distinguished from noise, and then it stays in the signal.
 fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Option<f64>> {
     let numbers = weave.harmonics.iter().map(|(number, _)| *number);
     let Some(course) = course else {
@@ -228,7 +229,7 @@ fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Op
         let Some((amplitude, clean, stays)) = course.amplitude(number) else {
             return Some(0.0);
         };
-        // A power of the fundamental's wave takes no sine.
+        // Harmonics are powers of the fundamental's wave, which saves computing sines.
         for _ in power..number {
             wave.iter_mut().zip(&fundamental).for_each(|(w, z)| *w *= z);
         }
@@ -239,7 +240,7 @@ fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Op
     amplitudes.collect()
 }
 
-/// The trials that lines are sought in, with their indices.
+/// Returns the trials that are searched for lines, with their indices.
 fn heard<'s>(speeds_mm_s: &[f64], signals: &'s [Vec<f64>]) -> Vec<(usize, Heard<'s>)> {
     let pairs: Vec<_> = speeds_mm_s.iter().zip(signals).enumerate().collect();
     pairs
@@ -249,7 +250,7 @@ fn heard<'s>(speeds_mm_s: &[f64], signals: &'s [Vec<f64>]) -> Vec<(usize, Heard<
         .collect()
 }
 
-/// Lines found in the trials, and the frequencies that stay.
+/// Returns the lines found in the trials, and the frequencies that stay the same.
 fn search(heard: Vec<(usize, Heard<'_>)>, speed_tolerance: f64) -> (Vec<Known>, Vec<f64>) {
     let (indices, trials): (Vec<usize>, Vec<Heard>) = heard.into_iter().unzip();
     let search = Search {
@@ -268,7 +269,8 @@ fn search(heard: Vec<(usize, Heard<'_>)>, speed_tolerance: f64) -> (Vec<Known>, 
     (with_harmonics(lines.collect()), outcome.time_locked_hz)
 }
 
-/// Orders lines by falling wavelength and names the harmonics, whose wavelengths become exact fractions.
+/// Orders lines by falling wavelength and identifies the harmonics. [`measures`] makes their wavelengths exact
+/// fractions.
 fn with_harmonics(mut lines: Vec<Found>) -> Vec<Known> {
     lines.sort_by(|a, b| b.wavelength_mm.total_cmp(&a.wavelength_mm));
     let mut known: Vec<Known> = Vec::new();
@@ -284,7 +286,7 @@ fn with_harmonics(mut lines: Vec<Found>) -> Vec<Known> {
     known
 }
 
-/// Wavelengths and speeds, as the trials tell them.
+/// Wavelengths and speeds, as measured by the lines in the trials.
 struct Measures {
     wavelengths_mm: Vec<f64>,
     speed_ratios: Vec<Option<f64>>,
@@ -292,7 +294,7 @@ struct Measures {
 }
 
 fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measures {
-    // Each line speaks for its fundamental.
+    // Each line is evidence of its fundamental's wavelength.
     let fundamental = |index: usize| {
         known[index]
             .harmonic_of
@@ -304,7 +306,7 @@ fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measu
         if known[base].harmonic_of.is_some() {
             continue;
         }
-        // One value per trial, by its highest harmonic, whose cells are the smallest part of it.
+        // One value per trial: from its line with the most cycles, for which a cell is the smallest relative error.
         let mut of_trial: Vec<Option<(f64, f64)>> = vec![None; signals.len()];
         for (index, line) in known.iter().enumerate() {
             let (of, number) = fundamental(index);
@@ -334,8 +336,8 @@ fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measu
     let mut sums = vec![(0.0, 0.0); signals.len()];
     for (line, wavelength_mm) in known.iter().zip(&wavelengths_mm) {
         for &(trial, hz) in &line.found.shown_by {
-            // A frequency is known to a part of a cell, whatever it is, so that the relative variance falls with its
-            // square.
+            // The error of a frequency is a fixed fraction of a cell, so its relative variance falls with the
+            // frequency's square.
             let weight = hz * hz;
             sums[trial].0 += weight * hz * wavelength_mm / speeds_mm_s[trial];
             sums[trial].1 += weight;
@@ -349,18 +351,19 @@ fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measu
     }
 }
 
-/// Mean of values known in proportion to their weight, and their relative scatter.
+/// Returns the weighted mean of (value, cycles) pairs, and the values' relative scatter.
 ///
-/// The speeds have errors of their own, which no length of a recording lessens: the weights are bounded by the scatter.
+/// A longer recording does not reduce the errors of the speeds. The scatter therefore bounds the weights.
 fn weighted_mean(values: &[(f64, f64)]) -> Option<(f64, f64)> {
     let (of_trials, _): (Vec<f64>, Vec<f64>) = values.iter().copied().unzip();
     let middle = upper_median(&of_trials)?;
     let deviations = of_trials.iter().map(|value| (value / middle - 1.0).abs());
-    // The median deviation of a Gaussian variable is 0.6745 of its standard deviation (Hampel, JASA 69, 1974, 383).
+    // The median absolute deviation of a Gaussian variable is 0.6745 times its standard deviation (Hampel, JASA 69,
+    // 1974, 383).
     let spread = 1.48 * upper_median(&deviations.collect::<Vec<_>>())?;
     let most = values.iter().map(|(_, cycles)| *cycles).fold(0.0, f64::max);
-    // The relative variance is that of a frequency, known to a part of a cycle over the recording, and that of a speed;
-    // in units of the longest recording, which cancel.
+    // The relative variance has two terms: that of the frequency, known to a fraction of a cycle over the recording,
+    // and that of the speed. Both are in units of the longest recording, which cancel.
     let weight = |cycles: f64| 1.0 / ((most / cycles).powi(2) + (spread * most).powi(2));
     let total: f64 = values.iter().map(|(_, cycles)| weight(*cycles)).sum();
     let sum: f64 = values
@@ -370,15 +373,15 @@ fn weighted_mean(values: &[(f64, f64)]) -> Option<(f64, f64)> {
     Some((sum / total, spread))
 }
 
-/// A trial's fit.
+/// The lines fitted to one trial.
 struct Fitted {
     amplitudes: Vec<Option<Complex<f64>>>,
-    /// Amplitudes without what noise adds.
+    /// Amplitudes without the contribution of noise.
     clean: Vec<Option<f64>>,
     was_followed: bool,
 }
 
-/// Removes the `known` lines from `signals`.
+/// Subtracts the `known` lines from `signals`.
 fn removed(
     speeds_mm_s: &[f64],
     mut signals: Vec<Vec<f64>>,
@@ -440,8 +443,8 @@ fn removed(
     }
 }
 
-/// Phase of harmonic `number` at the place where its fundamental's sine begins, turns, and how far the trials agree on
-/// it, from the amplitudes of fundamental and harmonic in each.
+/// Returns the phase of harmonic `number` at the position where its fundamental's sine begins, turns, and how well the
+/// trials agree on it. `pairs` holds the amplitudes of fundamental and harmonic in each trial.
 fn relative_phase(
     pairs: impl Iterator<Item = (Complex<f64>, Complex<f64>)>,
     number: u32,
@@ -462,7 +465,8 @@ fn relative_phase(
     ((sum.arg() / TAU).rem_euclid(1.0), sum.norm() / weight)
 }
 
-/// Removes lines of these wavelengths from `signal`, recorded at `speed_mm_s`, as the samples of `ranges` have them.
+/// Subtracts lines of these wavelengths from `signal`, recorded at `speed_mm_s`. They are fitted to the samples in
+/// `ranges`.
 fn removed_from(
     signal: &mut [f64],
     ranges: &[Range<usize>],
@@ -490,7 +494,7 @@ fn removed_from(
         subtract(&mut rest, *amplitude, wave);
     }
     let Some(spectrum) = LineSpectrum::of(&rest) else {
-        // Nothing but lines.
+        // The signal holds nothing but lines.
         for (&line, amplitude) in held.iter().zip(&fit) {
             fitted.amplitudes[line] = Some(*amplitude);
             fitted.clean[line] = Some(amplitude.norm());
@@ -502,7 +506,7 @@ fn removed_from(
     for ((&line, amplitude), wave) in held.iter().zip(&fit).zip(&waves) {
         let noise = spectrum.noise_amplitude_squared(speed_mm_s / wavelengths_mm[line], samples);
         let clean = (amplitude.norm_sqr() - noise).max(0.0).sqrt();
-        // What noise has there stays, so that the rest has no hole.
+        // As much stays as noise would have there, so that the remainder has no hole.
         let stays = (noise.sqrt() / amplitude.norm().max(f64::MIN_POSITIVE)).min(1.0);
         subtract(signal, *amplitude * (1.0 - stays), wave);
         fitted.amplitudes[line] = Some(*amplitude);
@@ -511,17 +515,17 @@ fn removed_from(
     fitted
 }
 
-/// The lines of a signal.
+/// The lines fitted to a signal.
 struct Followed {
     waves: Vec<Vec<Complex<f64>>>,
     amplitudes: Vec<Complex<f64>>,
-    /// True if the signal tells that its speed changed, which the waves follow.
+    /// True if the lines showed that the speed changed. The waves then follow it.
     is_corrected: bool,
 }
 
 impl Followed {
-    /// Fits the lines of `wavelengths_mm` to the samples of `signal` in `ranges`. The signal was recorded at
-    /// `speed_mm_s`. Its waves follow changes of the speed, where the lines show them.
+    /// Fits lines of `wavelengths_mm` to the samples of `signal` in `ranges`. The signal was recorded at `speed_mm_s`.
+    /// The waves follow changes of the speed if the lines show them.
     fn of(
         signal: &[f64],
         ranges: &[Range<usize>],
@@ -534,11 +538,11 @@ impl Followed {
             let waves = wavelengths_mm.iter().map(|mm| wave_at(&place_mm, *mm));
             let waves: Vec<Vec<Complex<f64>>> = waves.collect();
             let amplitudes = amplitudes(signal, ranges, &waves);
-            // The line whose phase tells most about place: the strongest for its wavelength.
+            // The line whose phase determines the position best: the strongest in relation to its wavelength.
             let tells = amplitudes.iter().zip(wavelengths_mm);
             let tells = tells.map(|(amplitude, mm)| (amplitude.norm() / mm, mm));
             let best = tells.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, mm)| *mm);
-            // What was followed once, with its harmonics blurred, is followed more closely from there.
+            // The first correction is made with blurred harmonics; later ones start from it and are closer.
             let best = best.filter(|_| times < FOLLOWED_TIMES);
             if !best.is_some_and(|mm| followed(signal, &mut place_mm, mm)) {
                 return Self {
@@ -552,7 +556,8 @@ impl Followed {
     }
 }
 
-/// Lines that a recording of so many samples at `speed_mm_s` can hold and tell from longer ones, which come first.
+/// Returns the indices of the lines that a recording of `samples` samples at `speed_mm_s` can hold and distinguish from
+/// those earlier in the list, which are longer.
 fn told_apart(speed_mm_s: f64, samples: usize, wavelengths_mm: &[f64]) -> Vec<usize> {
     let least_hz = TOLD_APART_CELLS * f64::from(SAMPLE_RATE_HZ) / samples.max(1) as f64;
     let mut held: Vec<usize> = Vec::new();

@@ -1,4 +1,4 @@
-//! The separation on simulated surfaces: what it finds, with which certainty, and what it must not find.
+//! The separation on simulated surfaces: what it finds, with what certainty, and what it must not find.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +17,8 @@ const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 const SAMPLES: usize = 10_000;
 const SPEEDS_MM_S: [f64; 6] = [40.0, 70.0, 100.0, 150.0, 220.0, 300.0];
 
-/// Noise of a tool's resonance, moving bands included if `band_mm` is given: noise around speed over wavelength.
+/// Noise of a tool's resonance. If `band_mm` is given, a band of noise at speed over wavelength is added, which moves
+/// with the speed.
 fn noise(generator: &mut Pcg64, speed_mm_s: f64, band_mm: Option<f64>) -> Vec<f64> {
     let mut resonator = |hz: f64, radius: f64| {
         let cosine = 2.0 * radius * (TAU * hz / RATE_HZ).cos();
@@ -66,7 +67,7 @@ fn found(speeds: &[f64], signals: &mut [Vec<f64>]) -> (Findings, Vec<TrialLines>
     (separated.findings, separated.shares)
 }
 
-/// Of 1000 surfaces of each kind, 0, 0 and 2 had a line; the level is 1e-3.
+/// Of 1000 surfaces of each kind, 0, 0 and 2 had a line. The test's level is 1e-3.
 #[test]
 fn surfaces_without_a_period_have_no_lines_even_if_bands_of_noise_move_with_the_speed() {
     for band_mm in [None, Some(0.5), Some(2.0)] {
@@ -78,7 +79,7 @@ fn surfaces_without_a_period_have_no_lines_even_if_bands_of_noise_move_with_the_
     }
 }
 
-/// Of 50 surfaces with a line 10 dB below the noise as a whole all were found, at 16 dB 8, at 18 dB none.
+/// Of 50 surfaces, all lines 10 dB below the total noise were found, 8 of those at 16 dB, and none at 18 dB.
 #[test]
 fn a_line_ten_decibels_below_the_noise_is_found() {
     for seed in 0..5 {
@@ -181,8 +182,9 @@ fn add_weave(
     }
 }
 
-/// Of 20 surfaces with a line of the noise's power all were found at 1.5 rad over 1.5 to 6 mm, and 5 dB below it 10, 20
-/// and 20 over 1.5, 3 and 6 mm; at 3 rad over 1.5 mm the line is as wide as its frequency, and 1 was found.
+/// Of 20 surfaces with a line as strong as the noise, all lines were found at 1.5 rad over 1.5 to 6 mm. Of lines 5 dB
+/// weaker, 10, 20 and 20 were found over 1.5, 3 and 6 mm. At 3 rad over 1.5 mm the line is as wide as its frequency,
+/// and 1 was found.
 #[test]
 fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_amplitude() {
     for (seed, rms_rad, length_mm) in [(1, 1.5, 3.0), (2, 1.5, 6.0), (3, 2.5, 8.0), (4, 0.8, 2.0)] {
@@ -217,7 +219,7 @@ fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_ampli
     }
 }
 
-/// Holds that the search names what stays at `frequency_hz` and leaves it in `signals`.
+/// Checks that the search reports what stays at `frequency_hz` and leaves it in `signals`.
 fn named_and_left(signals: &mut [Vec<f64>], frequency_hz: f64, tolerance_hz: f64) {
     let before = signals.to_vec();
     let (findings, _) = found(&SPEEDS_MM_S, signals);
@@ -273,7 +275,7 @@ fn two_lines_a_percent_apart_are_two_lines() {
         near(line.wavelength_mm / wavelength, 1.0, 5e-4);
         assert!(line.harmonic_of.is_none());
     }
-    // Where the recording is long enough to tell them apart by more than four cells.
+    // The trials that are long enough to separate the lines by more than four cells.
     for share in &shares[2..] {
         for amplitude in &share.amplitudes_m_s2 {
             assert!((amplitude.unwrap() / 2.0 - 1.0).abs() < 0.1, "{share:?}");
@@ -333,7 +335,8 @@ fn a_line_is_followed_through_a_speed_that_wanders() {
     }
 }
 
-/// Twelve trials at four nominal speeds, each measured within 6 % of its own: one weave, which the nominal speeds miss.
+/// Twelve trials at four nominal speeds, each measured within 6 % of its nominal one. There is one weave, which the
+/// nominal speeds miss.
 #[test]
 fn measured_speeds_keep_a_weave_that_nominal_ones_lose() {
     let nominal: Vec<f64> = (0..12).map(|n| [40.0, 60.0, 90.0, 135.0][n / 3]).collect();

@@ -1,8 +1,8 @@
-//! Sines in a recording: their exact frequency and their removal by least squares; and the place of the surface under
-//! the tool, sample by sample, as the lines of the recording itself tell it.
+//! Sines in a recording: their exact frequency and their removal by least squares. Also, sample by sample, the position
+//! of the surface under the tool, as the lines of the recording itself give it.
 //!
-//! A list gives one speed per trial. Where the actual one wanders, the phase of the strongest line does, and all lines
-//! of the surface with it.
+//! A list gives one speed per trial. Where the actual speed wanders, the phase of the strongest line wanders too, and
+//! with it all lines of the surface.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -15,43 +15,44 @@ use crate::dsp::fourier::Complex;
 use crate::dsp::sums::rms;
 use crate::dsp::wide;
 
-/// Duration over which a line's phase is averaged, s. Speeds that change faster are not followed.
+/// Duration over which a line's phase is averaged, s. Faster changes of speed are not followed.
 const AVERAGE_S: f64 = 0.2;
 
-/// RMS by which a line's phase leaves a straight course before it is followed, rad; less leaves a residue 34 dB below
-/// the line.
+/// Least RMS deviation of a line's phase from a straight course for the phase to be followed, rad. A smaller one leaves
+/// a residue 34 dB below the line.
 const LEAST_WANDER_RAD: f64 = 0.02;
 
-/// Least RMS of a line's phase about a straight course, over the RMS that noise alone gives it, for the phase to be
-/// followed. To follow noise would take the noise away.
+/// Least ratio of the RMS deviation of a line's phase from a straight course to the RMS that noise alone causes, for
+/// the phase to be followed. Following the noise would remove it.
 const LEAST_WANDER_OVER_NOISE: f64 = 3.0;
 
-/// Least power of a line over the noise beside it, both averaged, for its phase to be followed.
+/// Least ratio of a line's power to that of the noise next to it, both averaged, for the line's phase to be followed.
 const LEAST_RATIO: f64 = 20.0;
 
-/// Relative deviation of a line's amplitude, per rad of its phase's, beyond which it is two lines that beat.
+/// Relative deviation of a line's amplitude, per radian of its phase deviation, beyond which it counts as two lines
+/// that beat.
 const MOST_BEAT: f64 = 0.35;
 
-/// Place at each sample, mm, at a steady speed.
+/// Returns the position at each sample at a steady speed, mm.
 pub(super) fn steady_mm(speed_mm_s: f64, samples: usize) -> Vec<f64> {
     let step = speed_mm_s / f64::from(SAMPLE_RATE_HZ);
     (0..samples).map(|n| step * n as f64).collect()
 }
 
-/// e^{2πi turns(n)} of a sine of these `turns`.
+/// Returns e^{2πi turns(n)} for a sine with these `turns`.
 pub(super) fn wave(turns: impl Iterator<Item = f64>) -> Vec<Complex<f64>> {
     turns
         .map(|turns| Complex::cis(TAU * turns.fract()))
         .collect()
 }
 
-/// The wave of a line at each of these places.
+/// Returns the wave of a line at each of these positions.
 pub(super) fn wave_at(place_mm: &[f64], wavelength_mm: f64) -> Vec<Complex<f64>> {
     wave(place_mm.iter().map(|x| x / wavelength_mm))
 }
 
-/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if that wanders and is clear enough. Returns true
-/// if it was corrected.
+/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if this phase wanders and is clear enough. Returns
+/// true if the positions were corrected.
 pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64) -> bool {
     let window = ((AVERAGE_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(signal.len() / 4);
     if window < 8 {
@@ -72,7 +73,7 @@ pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64)
     true
 }
 
-/// A line that was brought to 0 Hz, averaged by windows that overlap.
+/// A line shifted to 0 Hz, and the overlapping windows over which it is averaged.
 struct Averages {
     down: Vec<Complex<f64>>,
     weights: Vec<f64>,
@@ -90,7 +91,7 @@ impl Averages {
         }
     }
 
-    /// The sample in the middle of each window.
+    /// Returns the sample in the middle of each window.
     fn centres(&self) -> Vec<f64> {
         let half = self.weights.len() / 2;
         self.starts
@@ -99,7 +100,7 @@ impl Averages {
             .collect()
     }
 
-    /// The averages of `turned`.
+    /// Returns the averages of `turned` over the windows.
     fn of_turned(&self, turned: &[Complex<f64>]) -> Vec<Complex<f64>> {
         let sum = self.weights.iter().sum::<f64>();
         let of_window = |&start: &usize| {
@@ -109,7 +110,7 @@ impl Averages {
         self.starts.iter().map(of_window).collect()
     }
 
-    /// Mean power of the averages at a distance of `offset_hz` from the line.
+    /// Returns the mean power of the averages at a distance of `offset_hz` from the line.
     fn power_at(&self, offset_hz: f64) -> f64 {
         let turns = |n: usize| (offset_hz * n as f64 / f64::from(SAMPLE_RATE_HZ)).fract();
         let turned = self.down.iter().enumerate();
@@ -117,12 +118,12 @@ impl Averages {
         mean_power(&self.of_turned(&turned.collect::<Vec<_>>()))
     }
 
-    /// Phase of each average, rad, continuous; `None` if it is not clear, or wanders no more than noise makes it, or is
-    /// that of two lines that beat.
+    /// Returns the phase of each average, rad, continuous. `None` if it is not clear, if it wanders no more than noise
+    /// explains, or if it is that of two lines that beat.
     fn wandering_phases(&self) -> Option<Vec<f64>> {
         let phasors = self.of_turned(&self.down);
         let power = mean_power(&phasors);
-        // Beside the line, as far off as the window separates: the noise in the same average.
+        // The noise in the same averages next to the line, at the distance that the window separates.
         let offset_hz = 6.0 * f64::from(SAMPLE_RATE_HZ) / self.weights.len() as f64;
         let noise = self.power_at(offset_hz).max(self.power_at(-offset_hz));
         let noise = noise.max(f64::MIN_POSITIVE);
@@ -132,13 +133,13 @@ impl Averages {
         let phases = unwrapped(&phasors);
         let wander = rms(&without_straight_line(&self.centres(), &phases));
         // Half of the noise's power is at right angles to the line's phasor, and turns it.
-        // A phase in noise wanders by the noise alone.
+        // A phase that only noise turns has this RMS.
         let by_noise = (0.5 * noise / power).sqrt();
         if wander < LEAST_WANDER_RAD.max(LEAST_WANDER_OVER_NOISE * by_noise) {
             return None;
         }
-        // Two lines close together beat: their phase wanders, and their amplitude as much. A wandering speed leaves the
-        // amplitude alone.
+        // Two lines close together beat: their phase wanders, and their amplitude equally. A wandering speed does not
+        // change the amplitude.
         let lengths: Vec<f64> = phasors.iter().map(|phasor| phasor.norm()).collect();
         let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
         let deviations: Vec<f64> = lengths.iter().map(|length| length / mean - 1.0).collect();
@@ -166,7 +167,7 @@ fn unwrapped(phasors: &[Complex<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// Values of a table at ascending places; straight on beyond its ends.
+/// Interpolates a table at ascending positions linearly, and extrapolates beyond its ends.
 fn interpolated(places: &[f64], values: &[f64], at: f64) -> f64 {
     if places.len() < 2 {
         return values.first().copied().unwrap_or(0.0);
@@ -195,8 +196,8 @@ pub(super) fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Samples of `signal` where its ascending `places` are multiples of `step`, by a cubic through four samples: exact
-/// enough to find a line, which is then fitted to the samples themselves.
+/// Returns the samples of `signal` where its ascending `places` are multiples of `step`, by a cubic through four
+/// samples. This is exact enough to find a line, which is then fitted to the samples themselves.
 pub(super) fn at_even_places(signal: &[f64], places: &[f64], step: f64) -> Vec<f64> {
     let last = signal.len() - 1;
     let at = |index: isize| signal[index.clamp(0, last as isize) as usize];
@@ -219,11 +220,11 @@ pub(super) fn at_even_places(signal: &[f64], places: &[f64], step: f64) -> Vec<f
         .collect()
 }
 
-/// Steps of the search for a sine's frequency; each divides the error by ten or more.
+/// Steps of the search for a sine's frequency. Each divides the error by ten or more.
 const REFINEMENTS: usize = 4;
 
-/// Frequency of the sine in `signal` near `frequency_hz`, known to `within_hz`, about the width of a cell: the maximum
-/// of the windowed spectrum.
+/// Returns the frequency of the sine in `signal` near `frequency_hz`, which is known to `within_hz`, about the width of
+/// a cell. It is the maximum of the windowed spectrum.
 pub(super) fn refined(signal: &[f64], frequency_hz: f64, within_hz: f64) -> f64 {
     let window = hann_window(signal.len());
     let windowed: Vec<f64> = signal.iter().zip(&*window).map(|(x, w)| w * x).collect();
@@ -262,13 +263,13 @@ fn spectrum_at(signal: &[f64], frequency_hz: f64) -> Complex<f64> {
         .fold(Complex::default(), |sum, x| sum * step + x)
 }
 
-/// Values of a vector register with AVX2.
+/// Number of doubles in an AVX2 register.
 const LANES: usize = 4;
 
-/// Complex amplitudes c of the components Re c w(n) that leave the least squares in `ranges` of `signal`, m/s².
+/// Returns the complex amplitudes c of the components Re c w(n) that fit `ranges` of `signal` by least squares, m/s².
 ///
-/// `waves` has the w of each component. Components that cannot be told apart share their amplitude by a ridge of 1e-9
-/// of their power.
+/// `waves` has the w of each component. A ridge of 1e-9 per sample makes components that cannot be distinguished share
+/// their amplitude.
 pub(super) fn amplitudes(
     signal: &[f64],
     ranges: &[Range<usize>],
@@ -276,9 +277,9 @@ pub(super) fn amplitudes(
 ) -> Vec<Complex<f64>> {
     let count = 2 * waves.len();
     let vectors = count.div_ceil(LANES).max(1);
-    // Sums of whole vectors, each in the order of the samples, so that all processors have the same bits.
+    // Sums of whole vectors, each in the order of the samples, so that all processors give the same bits.
     let mut row = vec![[0.0; LANES]; vectors];
-    // Up to the diagonal, in whole vectors: what is beyond it is not read.
+    // Computed up to the diagonal, in whole vectors; values beyond the diagonal are not read.
     let mut products = vec![[0.0; LANES]; count * vectors];
     let mut right = DVector::<f64>::zeros(count);
     wide(

@@ -1,5 +1,5 @@
-//! Lines whose place wanders: the search over a texture's trials, the place that a trial's line itself tells, and the
-//! wander's RMS and correlation length.
+//! Lines that wander: the search over a texture's trials, the position that a line's own phase gives in a trial, and
+//! the wander's RMS and correlation length.
 
 use std::ops::Range;
 
@@ -13,38 +13,39 @@ use crate::dsp::fourier::Complex;
 use crate::dsp::sums::{upper_median, variance};
 use crate::dsp::wide;
 
-/// Logarithm of the chance below which a band makes a hypothesis.
+/// Natural logarithm of the probability below which a band suggests a hypothesis.
 const LN_HYPOTHESIS_CHANCE: f64 = -9.0;
 
-/// Logarithm of the chance below which a speed shows a line, corrected for its trials and bands.
+/// Natural logarithm of the probability below which a speed shows a line, corrected for its trials and bands.
 const LN_SHOWN_CHANCE: f64 = -4.6;
 
-/// Logarithm of the chance below which a trial's band is followed, once its texture has the line.
+/// Natural logarithm of the probability below which a trial's band is followed, once its texture has the line.
 const LN_FOLLOWED_CHANCE: f64 = -4.6;
 
-/// Least ratio of the fastest to the slowest speed that show a line, because a band is wide.
+/// Least ratio of the fastest to the slowest speed at which a line shows. It is large because a band is wide.
 const LEAST_SPEED_RATIO: f64 = 1.2;
 
-/// Change of a held frequency from one quarter of a recording to another, over the frequency.
+/// Largest relative change of a constant frequency between quarters of a recording.
 const HELD_WITHIN: f64 = 0.05;
 
-/// Least amplitude of a harmonic over that of the strongest, each where it is loudest: 40 dB below it is not felt.
+/// Least ratio of a harmonic's amplitude to the strongest harmonic's, each in the trial where it is loudest. What is 40
+/// dB below the strongest is not felt.
 const LEAST_AMPLITUDE: f64 = 0.01;
 
-/// Correlation lengths that are tried, mm, and the number of them and of lags.
+/// Range of the correlation lengths that are tried, mm, and their number. The lags are the same.
 const LENGTHS_MM: [f64; 2] = [0.2, 50.0];
 const LENGTHS: usize = 80;
 
-/// Carrier of a line.
+/// What a line is tied to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Carrier {
-    /// The place: wavelength, mm.
+    /// Position: wavelength, mm.
     Place(f64),
     /// Time: frequency, Hz.
     Time(f64),
 }
 
-/// One trial as the search hears it.
+/// One trial as the search sees it.
 struct Heard {
     index: usize,
     speed_mm_s: f64,
@@ -52,28 +53,29 @@ struct Heard {
     bands: Vec<Band>,
 }
 
-/// A line with harmonics whose place wanders.
+/// A line with harmonics that wanders.
 pub(super) struct Weave {
     /// Wavelength of the fundamental, mm.
     pub wavelength_mm: f64,
     pub wander: Wander,
-    /// Harmonics that show, ascending, each with the speeds that show it and those at which it could be seen.
+    /// Numbers of the harmonics that show, ascending. Each has the number of speeds that show it, and of those at which
+    /// it could be seen.
     pub harmonics: Vec<(u32, (usize, usize))>,
-    /// The course of each trial that follows the line.
+    /// Course of each trial in which the line was followed.
     pub courses: Vec<Option<Course>>,
 }
 
 /// The line and its harmonics in one trial.
 pub(super) struct Course {
-    /// Place at each sample, mm, with its wander.
+    /// Position at each sample, mm, with its wander.
     pub place_mm: Vec<f64>,
-    /// Harmonic whose phase tells the place.
+    /// Number of the harmonic whose phase gives the position.
     reference: u32,
-    /// Complex amplitude of each harmonic from the first, m/s².
+    /// Complex amplitude of each harmonic, m/s², from the first on.
     amplitudes: Vec<Complex<f64>>,
-    /// Mean square of what else is in the band of each, as of an amplitude, (m/s²)².
+    /// Mean square of what else is in each harmonic's band, in the units of a squared amplitude, (m/s²)².
     noises: Vec<f64>,
-    /// Independent values in the band of each.
+    /// Number of independent values in each harmonic's band.
     counts: Vec<f64>,
 }
 
@@ -97,7 +99,8 @@ impl Heard {
         }
     }
 
-    /// The steadiest band around `frequency_hz`, its chance corrected for the number of bands there.
+    /// Returns the steadiest band around `frequency_hz`, and its log probability, corrected for the number of bands
+    /// there.
     fn band_at(&self, frequency_hz: f64) -> Option<(Band, f64)> {
         let near = || {
             self.bands
@@ -109,7 +112,8 @@ impl Heard {
     }
 }
 
-/// The speeds that show a line and all at which it could be seen, if they are at least `least` and half of all.
+/// Returns the number of speeds that show a line and the number of all `speeds`, if the first is at least `least` and
+/// at least half of all.
 fn shown(speeds: &[AtSpeed<()>], least: usize) -> Option<(usize, usize)> {
     let count = shows(speeds).count();
     (count >= least && 2 * count >= speeds.len()).then_some((count, speeds.len()))
@@ -128,8 +132,9 @@ struct Search {
 }
 
 impl Search {
-    /// Minus the logarithm of the joint chance of the speeds that show `carrier`, corrected for the choice among speeds
-    /// and hypotheses. `None` if it is not significant, or if the speeds are too few or too near each other.
+    /// Returns minus the logarithm of the joint probability at the speeds that show `carrier`, corrected for the choice
+    /// among speeds and hypotheses. `None` if this is not significant, or if these speeds are too few or too close
+    /// together.
     fn evidence(&self, carrier: Carrier) -> Option<f64> {
         let chances = self.heard.iter().filter_map(|heard| {
             let hz = heard.frequency_hz(carrier);
@@ -146,15 +151,15 @@ impl Search {
         if matches!(carrier, Carrier::Place(_)) && !tells_place {
             return None;
         }
-        // The speeds that show it were chosen among all of them.
+        // Correction: the speeds that show the line were chosen among all of them.
         let evidence = -shows(&speeds).map(AtSpeed::ln_chance).sum::<f64>()
             - speeds.len() as f64 * std::f64::consts::LN_2
             - self.ln_hypotheses;
         (evidence > -LEVEL.ln()).then_some(evidence)
     }
 
-    /// Returns the carrier with most evidence, or the acceptable longer wavelength of which it is a harmonic. Neither
-    /// is a harmonic of a line at `known_mm`.
+    /// Returns the carrier with the most evidence, or, if it may be a harmonic of a longer wavelength (lower frequency)
+    /// that is acceptable too, that one. Harmonics of a line at `known_mm` are excluded.
     fn best(&self, known_mm: &[f64]) -> Option<Carrier> {
         let strong = |heard: &Heard| {
             let speed = heard.speed_mm_s;
@@ -190,14 +195,15 @@ impl Search {
     }
 }
 
-/// Finds the strongest line in `signals` with a steady amplitude and irregular spacing (wander) that is no harmonic of
-/// a line at `known_mm`. Amplitudes are measured within `ranges`.
+/// Finds the line in `signals` with the most evidence that has a steady amplitude and irregular spacing (wander) and is
+/// no harmonic of a line at `known_mm`. Amplitudes are measured within `ranges`.
 ///
-/// Recordings at one speed cannot tell position from time, so a line that holds its frequency is then returned too,
-/// with the speed at which it does.
+/// Recordings at one speed cannot distinguish position from time. A line of constant frequency is therefore returned
+/// too, with the speed at which it was recorded.
 ///
 /// # Errors
-/// The frequency, Hz, of a steady band that stays while the speed changes; `None` if there is no such band and no line.
+/// The frequency of a steady band that stays the same while the speed changes, Hz; `None` if there is no such band and
+/// no line.
 pub(super) fn find(
     speeds_mm_s: &[f64],
     signals: &[Vec<f64>],
@@ -243,8 +249,8 @@ pub(super) fn find(
     })
 }
 
-/// The course of each trial that follows `carrier`, and the wavelength of its fundamental, mm: the median of what they
-/// tell. `None` if no trial follows it.
+/// Returns the course of each trial that follows `carrier`, and the wavelength of its fundamental, mm: the median over
+/// these trials. `None` if no trial follows it.
 fn courses(
     heard: &[Heard],
     carrier: Carrier,
@@ -261,7 +267,7 @@ fn courses(
     let wavelength_mm = upper_median(&wavelengths)?;
     let mut courses: Vec<Option<Course>> = signals.iter().map(|_| None).collect();
     for (index, mut course, own_mm) in followed {
-        // Each course was told in its own wavelengths.
+        // Each course was measured in wavelengths of its own trial.
         let scale = wavelength_mm / own_mm;
         course.place_mm.iter_mut().for_each(|place| *place *= scale);
         courses[index] = Some(course);
@@ -269,8 +275,8 @@ fn courses(
     Some((courses, wavelength_mm))
 }
 
-/// The harmonics that at least `least` speeds show, ascending, each with the speeds that show it and those at which it
-/// could be seen.
+/// Returns the harmonics that at least `least` speeds show, ascending. Each has the number of speeds that show it, and
+/// of those at which it could be seen.
 fn harmonics(
     courses: &[Option<Course>],
     speeds_mm_s: &[f64],
@@ -294,9 +300,10 @@ fn harmonics(
         .collect()
 }
 
-/// The course of a trial, and the wavelength of the fundamental by it, mm: by the steadiest band at that of the first
-/// harmonics of `carrier` which leaves most in step with the place, because a phase that slips leaves little. `None` if
-/// none is steady, or a line of time does not hold its frequency.
+/// Returns the course of a trial, and the wavelength of its fundamental, mm. The position comes from the steady band at
+/// one of the first four harmonics of `carrier`; of these bands, the one that leaves the most power in step with its
+/// position is used, because a phase that slips leaves little. `None` if no band is steady, or if a carrier of constant
+/// frequency does not hold it.
 fn course_of(
     heard: &Heard,
     carrier: Carrier,
@@ -327,7 +334,7 @@ fn course_of(
     Some(course_by(heard, &told, signal, ranges))
 }
 
-/// The fundamental of a line, as a band at one of its harmonics tells it.
+/// The fundamental of a line, derived from a band at one of its harmonics.
 struct Told {
     /// Number of the harmonic.
     reference: u32,
@@ -338,11 +345,11 @@ struct Told {
     wave: Vec<Complex<f64>>,
 }
 
-/// Samples whose harmonics are summed side by side.
+/// Number of samples that are processed side by side.
 const LANES: usize = 4;
 
-/// Power of the harmonics in step with a fundamental of this `wave`, as of amplitudes, (m/s²)², if they are taken one
-/// by one.
+/// Power of the harmonics in step with a fundamental of this `wave`, in the units of a squared amplitude, (m/s²)². Each
+/// harmonic is measured independently of the others.
 fn power_in_step(signal: &[f64], ranges: &[Range<usize>], wave: &[Complex<f64>]) -> f64 {
     let mut sums = [[Complex::<f64>::default(); LANES]; HARMONICS as usize];
     wide(
@@ -352,7 +359,7 @@ fn power_in_step(signal: &[f64], ranges: &[Range<usize>], wave: &[Complex<f64>])
                 let samples = signal[range.clone()].chunks(LANES);
                 let waves = wave[range.clone()].chunks(LANES);
                 for (samples, waves) in samples.zip(waves) {
-                    // What the last samples of a range leave over is zero.
+                    // Lanes beyond the last samples of a range stay zero.
                     let mut turned = [Complex::default(); LANES];
                     let mut steps = [Complex::default(); LANES];
                     for (lane, (sample, wave)) in samples.iter().zip(waves).enumerate() {
@@ -374,7 +381,7 @@ fn power_in_step(signal: &[f64], ranges: &[Range<usize>], wave: &[Complex<f64>])
     sums.iter().map(|sums| amplitude(sums).norm_sqr()).sum()
 }
 
-/// Returns whether the frequency is the same in all quarters of a recording.
+/// Returns whether the frequency is nearly the same in all quarters of a recording.
 fn holds(turns: &[f64]) -> bool {
     let quarters = turns.chunks_exact((turns.len() / 4).max(1)).take(4);
     let ways = quarters.map(|part| part[part.len() - 1] - part[0]);
@@ -384,7 +391,7 @@ fn holds(turns: &[f64]) -> bool {
     high < (1.0 + HELD_WITHIN) * low
 }
 
-/// The course of a trial by its line's fundamental as it was `told`.
+/// Returns the course of a trial from its line's fundamental `told`, and the fundamental's wavelength, mm.
 fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]) -> (Course, f64) {
     let Told {
         reference,
@@ -397,14 +404,14 @@ fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]
     let straight = without_straight_line(&times, turns);
     let last = turns.len() - 1;
     let per_sample = ((turns[last] - straight[last]) - (turns[0] - straight[0])) / last as f64;
-    // The listed speed holds on average; what the phase does about it is wander.
+    // The listed speed is taken to be right on average; the phase's deviations from it are wander.
     let speed = heard.speed_mm_s / f64::from(SAMPLE_RATE_HZ);
     let wavelength_mm = speed / per_sample;
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
     let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
     let mut of_harmonics: Vec<Vec<Complex<f64>>> = Vec::new();
     for _ in 1..=count {
-        // A power of the fundamental's wave takes no sine.
+        // Harmonics are powers of the fundamental's wave, which saves computing sines.
         of_harmonics.push(match of_harmonics.last() {
             Some(last) => last.iter().zip(fundamental).map(|(a, b)| a * b).collect(),
             None => fundamental.clone(),
@@ -421,13 +428,15 @@ fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]
         let values = envelope.middle().filter(|(at, _)| is_fitted(*at));
         let (sum, lengths, values) =
             values.fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
-                // Far from the ends of a double's range, for which the norm's own method takes ten times as long.
+                // The values are far from the limits of a double's range; the norm's own method would take ten times as
+                // long.
                 let power = z.norm_sqr();
                 (sum + power, lengths + power.sqrt(), values + 1.0)
             });
         let mean_square = sum / f64::max(values, 1.0);
         noises.push(if n == f64::from(reference) {
-            // Its phase follows the noise across the line, so that half of the noise shows.
+            // The position follows this harmonic's phase, and so the noise at right angles to it. Only half of the
+            // noise shows.
             2.0 * (mean_square - (lengths / f64::max(values, 1.0)).powi(2)).max(0.0)
         } else {
             (mean_square - amplitude.norm_sqr()).max(0.0)
@@ -446,13 +455,13 @@ fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]
 }
 
 impl Course {
-    /// Logarithm of the probability that noise in the band of `harmonic` has so much of its power in step with the
-    /// place; `None` if the trial cannot hold it.
+    /// Returns the logarithm of the probability that noise in the band of `harmonic` has so much of its power in step
+    /// with the position; `None` if the trial cannot hold the harmonic.
     fn ln_chance(&self, harmonic: u32) -> Option<f64> {
         let at = harmonic as usize - 1;
         let power = self.amplitudes.get(at)?.norm_sqr();
         let rest = self.noises[at] / (power + self.noises[at]).max(f64::MIN_POSITIVE);
-        // Of independent complex values; the reference is in step by its making, and was tested by its envelope.
+        // For independent complex values. The reference is in step by construction; its envelope was tested instead.
         Some(if harmonic == self.reference {
             f64::NEG_INFINITY
         } else {
@@ -460,8 +469,9 @@ impl Course {
         })
     }
 
-    /// Complex amplitude of `harmonic` as fitted, its magnitude without what noise adds, and the share of the fitted
-    /// one that stays, so that the rest has no hole in its noise; `None` if the trial cannot hold it.
+    /// Returns the fitted complex amplitude of `harmonic`, its magnitude without the contribution of noise, and the
+    /// fraction of the fitted amplitude that stays in the signal, so that the remainder has no hole in its noise.
+    /// `None` if the trial cannot hold the harmonic.
     pub(super) fn amplitude(&self, harmonic: u32) -> Option<(Complex<f64>, f64, f64)> {
         let at = harmonic as usize - 1;
         let amplitude = *self.amplitudes.get(at)?;
@@ -476,8 +486,8 @@ impl Course {
     }
 }
 
-/// RMS and correlation length of the wander of these `paths`, mm, about their straight courses: the structure function
-/// 2 σ² (1 - exp(-Δ² / 2ℓ²)) with the least relative errors.
+/// Returns the RMS σ and the correlation length ℓ of the wander of these `paths` about straight courses, mm: those
+/// whose structure function 2 σ² (1 - exp(-Δ² / 2ℓ²)) has the least relative errors.
 fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
     let [shortest, longest] = LENGTHS_MM;
     let step = (longest / shortest).ln() / (LENGTHS - 1) as f64;
@@ -487,7 +497,7 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
     let functions: Vec<Vec<Option<f64>>> = paths
         .par_iter()
         .map(|path| {
-            // A lag is one of place. At a nearly even speed it is one of samples, which needs no search.
+            // A lag is a distance. At a nearly even speed it corresponds to a number of samples, which needs no search.
             let per_sample = (path[path.len() - 1] - path[0]) / (path.len() - 1) as f64;
             let of_lag = |lag_mm: &f64| {
                 let lag = (lag_mm / per_sample).round() as usize;
@@ -505,13 +515,13 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
         .enumerate()
         .filter_map(|(at, lag_mm)| {
             let values: Vec<f64> = functions.iter().filter_map(|f| f[at]).collect();
-            // Most of the trials, because few long paths would tell of another mean.
+            // At least half of the trials must reach this lag, because the few longest paths would have another mean.
             let is_known = 2 * values.len() > functions.len();
             let middle = upper_median(&values).filter(|_| is_known)?;
             Some((*lag_mm, middle.max(f64::MIN_POSITIVE)))
         })
         .collect();
-    // For each length the best power follows in closed form, so that only lengths are searched.
+    // For each length the best power has a closed form, so that only lengths are searched.
     let fits = lengths.iter().map(|length_mm| {
         let shape = |lag_mm: f64| 2.0 * (1.0 - (-0.5 * (lag_mm / length_mm).powi(2)).exp());
         let ratios = || points.iter().map(|(lag, value)| shape(*lag) / value);

@@ -1,4 +1,4 @@
-//! The reduce: the files of all units, and the fit of their textures one after the other.
+//! The reduce step: joins the files of all units, and fits their textures one after the other.
 
 use std::path::{Path, PathBuf};
 
@@ -14,11 +14,11 @@ use crate::fit::reports::{TrialReport, reports};
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 
-/// The units of a fit, joined: the trials' accounts, and the place of everything else.
+/// The joined units of a fit: the trials' reports, and where the remaining data is.
 pub struct Merged<'s> {
     set: &'s RecordingSet,
     options: Options,
-    /// The account of every trial, in the order of the set.
+    /// The report on every trial, in the order of the set.
     pub trials: Vec<TrialReport>,
     /// Hash of each recording's bytes, in the order of the set.
     contents: Vec<u64>,
@@ -32,11 +32,11 @@ struct Partial {
 }
 
 impl<'s> Merged<'s> {
-    /// Joins the partial files in `folder` of all units of a fit of `set` with `options`, telling `progress` of the
+    /// Joins the partial files in `folder` of all units of a fit of `set` with `options`. Calls `progress` with the
     /// number of trials whenever some are read.
     ///
     /// # Errors
-    /// A unit without a file, or with one that is damaged; with [`Options::strict`] the first trial with a verdict.
+    /// A unit without a file, or with a damaged one; with [`Options::strict`] the first trial with a verdict.
     pub fn of_folder(
         set: &'s RecordingSet,
         options: &Options,
@@ -55,7 +55,7 @@ impl<'s> Merged<'s> {
         refuse_missing(set, &textures, folder)?;
         let read = textures.par_iter().map(|units| {
             let (mut recordings, contents) = read(set, units)?;
-            // They are read again, texture by texture, because those of all trials are large.
+            // The lags are read again, texture by texture, because those of all trials together are large.
             (recordings.trials.iter_mut()).for_each(|own| own.analysis.lags = Vec::new());
             progress(contents.len());
             Ok((recordings, contents))
@@ -77,10 +77,10 @@ impl<'s> Merged<'s> {
         })
     }
 
-    /// Fits all textures, as one library holds them, telling `progress` of each trial done.
+    /// Fits all textures for one library. Calls `progress` for each trial done.
     ///
     /// # Errors
-    /// Those of [`fit`](crate::fit::fit()); a partial file that changed.
+    /// The errors of [`fit`](crate::fit::fit()); a partial file that changed.
     pub fn fit(&self, progress: impl Fn() + Sync) -> Result<Fit> {
         Ok(Fit {
             textures: self.fitted(&self.textures, progress)?,
@@ -89,11 +89,11 @@ impl<'s> Merged<'s> {
         })
     }
 
-    /// Fits the texture with this index alone, as a library of its own holds it. Returns its set, the hashes of its
+    /// Fits only the texture with this index, for a library of its own. Returns the texture's set, the hashes of its
     /// recordings, and the fit.
     ///
     /// # Errors
-    /// Those of [`Merged::fit`].
+    /// The errors of [`Merged::fit`].
     pub fn fit_texture(&self, index: usize) -> Result<(RecordingSet, Vec<u64>, Fit)> {
         let textures = self.fitted(&self.textures[index..=index], || ())?;
         let members = &textures[0].members;
@@ -117,7 +117,7 @@ impl<'s> Merged<'s> {
         Ok((set, contents, fit))
     }
 
-    /// Fits `textures` as one library holds them.
+    /// Fits `textures` for one library.
     fn fitted(
         &self,
         textures: &[Vec<Partial>],
@@ -138,13 +138,14 @@ impl<'s> Merged<'s> {
         Ok(fitted)
     }
 
-    /// Hash of each recording's bytes, in the order of the set.
+    /// Returns the hash of each recording's bytes, in the order of the set.
     pub fn contents(&self) -> &[u64] {
         &self.contents
     }
 }
 
-/// Reads the `units` of a texture: its recordings, whose signals are not held, with the hash of the bytes of each.
+/// Reads the `units` of a texture. Returns its recordings, without their signals, and the hash of each recording's
+/// bytes.
 fn read<'s>(set: &'s RecordingSet, units: &[Partial]) -> Result<(Recordings<'s>, Vec<u64>)> {
     let mut recordings = Recordings::default();
     let mut contents = Vec::new();
@@ -164,7 +165,7 @@ fn read<'s>(set: &'s RecordingSet, units: &[Partial]) -> Result<(Recordings<'s>,
     Ok((recordings, contents))
 }
 
-/// Refuses a folder without the files of all units.
+/// Refuses a folder that lacks the file of any unit.
 fn refuse_missing(set: &RecordingSet, textures: &[Vec<Partial>], folder: &Path) -> Result<()> {
     let missing = textures.iter().flatten().filter(|own| !own.path.exists());
     let missing: Vec<&Unit> = missing.map(|own| &own.unit).collect();

@@ -1,20 +1,21 @@
-//! A fit as a map over trials and a reduce over nodes, with files in between.
+//! A fit as a map over trials and a reduce over nodes, with files between them.
 //!
-//! The map reads a trial and computes what no other trial tells: autocorrelation, third-octave bands, level, verdicts
-//! of triage, the sketch by which copies are found, the rig's share, and its share of its texture's lines. A *unit* of
-//! it is what is computed together: all trials of a texture where lines are sought, because they show in all of them,
-//! or where some have the rig's noise, and up to 64 trials of a texture otherwise.
+//! The map step reads a trial and computes everything that does not need the other trials: autocorrelation,
+//! third-octave bands, level, verdicts of triage, the sketch by which copies are found, the rig's noise, and the
+//! amplitudes of its texture's lines. A *unit* is the set of trials that are computed together. It is all trials of a
+//! texture if lines are sought, because they are found jointly, or if some trials have the rig's noise; otherwise it is
+//! up to 64 trials of a texture.
 //!
-//! Each unit has a file of its own, named by a hash of everything that its content comes from (`unit`). So a file that
-//! is there is not computed again, whoever made it: an interrupted fit goes on where it was, and shard I of N is the
-//! computation of every N-th unit.
+//! Each unit has its own file, which is named by a hash of everything that its content depends on (`unit`). An existing
+//! file is not computed again, whoever made it: an interrupted fit continues where it stopped. Shard I of N computes
+//! every N-th unit.
 //!
-//! The reduce compares the trials, pools each node's lags and fits its model (`merge`). It goes over the textures one
-//! after the other, and holds the lags of one. Where the excitation needs residuals, it reads the texture's recordings
-//! again.
+//! The reduce step compares the trials, pools each node's lags and fits its model (`merge`). It processes the textures
+//! one after the other and holds the lags of one texture at a time. If the excitation needs residuals, it reads the
+//! texture's recordings again.
 //!
-//! The library and its record are equal to the bit to those of one process, on processors with the same vector
-//! instructions: transforms are of the same bits only then.
+//! The library and its record are bit for bit the same as those of one process, if the processors have the same vector
+//! instructions: only then do the transforms give the same bits.
 
 mod merge;
 #[cfg(test)]
@@ -48,10 +49,10 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// The whole of a fit.
+    /// The only shard of a fit that is not divided.
     pub const WHOLE: Self = Self { number: 1, of: 1 };
 
-    /// Returns whether the piece of work `index` is this shard's.
+    /// Returns whether the unit of work `index` belongs to this shard.
     pub fn has(self, index: usize) -> bool {
         index % self.of as usize == self.number as usize - 1
     }
@@ -83,17 +84,17 @@ impl FromStr for Shard {
     }
 }
 
-/// The outcome of a map.
+/// The outcome of the map step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mapped {
     /// Trials of the shard.
     pub trials: usize,
-    /// Trials of it whose results were there already.
+    /// Trials of the shard whose results already existed.
     pub reused: usize,
 }
 
-/// Computes `shard` of a fit of `set` with `options`, and writes what is not there yet to `folder`, telling `progress`
-/// of the number of trials whenever some are done.
+/// Computes `shard` of a fit of `set` with `options`, and writes the results that do not exist yet to `folder`. Calls
+/// `progress` with the number of trials whenever some are done.
 ///
 /// # Errors
 /// The first trial that cannot be used; a folder or file that cannot be written.
@@ -108,7 +109,7 @@ pub fn map(
     let units = units(set, options).into_iter().flatten().enumerate();
     let own = units.filter(|(number, _)| shard.has(*number));
     let own: Vec<Unit> = own.map(|(_, unit)| unit).collect();
-    // Returns the number of trials that were there.
+    // Returns the number of trials whose results already existed.
     let map_unit = |unit: &Unit| {
         let path = unit.path(set, options, folder)?;
         let is_there = unit.read(&path).is_ok();
@@ -121,7 +122,7 @@ pub fn map(
     let are_small = own.iter().all(|unit| unit.trials.len() <= MOST_TRIALS);
     let reused: Vec<usize> = match options.lines {
         Lines::None if are_small => own.par_iter().map(map_unit).collect::<Result<_>>()?,
-        // The samples of one texture are held at a time.
+        // Only the samples of one texture are held at a time.
         _ => own.iter().map(map_unit).collect::<Result<_>>()?,
     };
     Ok(Mapped {

@@ -25,7 +25,8 @@ fn write(path: &Path, seed: u64) {
     std::fs::write(path, float_wav(1, 5000, samples).unwrap()).unwrap();
 }
 
-/// A set of three textures, whose trials stand mixed in the list, with a copy of a trial in another texture.
+/// Makes a set of three textures, whose trials are mixed in the list. One trial is a copy of a trial in another
+/// texture.
 fn set(folder: &Path) -> RecordingSet {
     let mut trials = Vec::new();
     for place in 0..4u64 {
@@ -62,7 +63,7 @@ fn options(lines: Lines) -> Options {
     }
 }
 
-/// All that a fit leaves: the library's bytes, the record, the accounts of the trials, and the notes.
+/// All results of a fit: the library's bytes, the record, the reports on the trials, and the notes.
 fn left_by(
     set: &RecordingSet,
     options: &Options,
@@ -99,8 +100,8 @@ fn copies(trials: &[crate::fit::TrialReport]) -> usize {
         .count()
 }
 
-/// Covers more shards than units, some of which are then empty, and each texture by itself. The last case takes the
-/// rig's noise off: the first trial of each texture has it, at 0 N.
+/// Covers more shards than units, so that some are empty, and each texture by itself. The last case subtracts the rig's
+/// noise, which the first trial of each texture, at 0 N, holds.
 #[test]
 fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
     let folder = tempfile::tempdir().unwrap();
@@ -138,7 +139,7 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
                 (4, 4, 1)
             );
             assert_eq!(alone.textures[0].nodes, whole.textures[number].nodes);
-            // The copy is known also where its original is in another library.
+            // The copy is found even if its original is in another library.
             assert_eq!(copies(&alone.trials), usize::from(name == "tile"));
         }
     }
@@ -176,11 +177,11 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     ] {
         refused(&set, &other, "lacks the results of 12 of 12 trials");
     }
-    // What the map does not depend on may be another.
+    // Options that the map does not depend on may change.
     let gaussian = changed(&|options| options.excitation = ExcitationChoice::Gaussian);
     merged(&set, &gaussian, &parts).unwrap();
 
-    // A unit is a texture of four trials: one is computed again if a line of its list or a recording changes.
+    // A unit is a texture of four trials. It is computed again if a line of its list or one of its recordings changes.
     set.trials[0].speed_mm_s += 5.0;
     refused(&set, &own, "lacks the results of 4 of 12 trials");
     assert_eq!(reused(&set, &own), 8);
@@ -194,7 +195,7 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     refuses_damage(&set, &own, &parts);
 }
 
-/// Holds that a unit is computed again whose file is damaged anywhere, cut or too long.
+/// Checks that a unit is computed again if its file is damaged anywhere, truncated or too long.
 fn refuses_damage(set: &RecordingSet, own: &Options, parts: &Path) {
     let unit = &super::unit::units(set, own)[2][0];
     let path = unit.path(set, own, parts).unwrap();

@@ -1,4 +1,4 @@
-//! Units of a map: what each comes from, and the file with its result.
+//! Units of a map: what each depends on, and the file with its result.
 //!
 //! A file is a [`Header`] and the unit's [`Content`], as [postcard](https://postcard.jamesmunns.com/wire-format) writes
 //! them. Its name is the hash of the unit's inputs.
@@ -22,14 +22,14 @@ use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 
-/// First bytes of a file, with the version of the format. It changes with anything that a file holds, and with whatever
-/// the map computes.
+/// First bytes of a file, including the version of the format. The version changes with the content of a file and with
+/// what the map computes.
 const MAGIC: [u8; 8] = *b"stylusP5";
 
-/// Most trials of a unit where neither lines are sought nor trials have the rig's noise.
+/// Most trials of a unit if no lines are sought and no trial has the rig's noise.
 pub(super) const MOST_TRIALS: usize = 64;
 
-/// A partial file: some 4 KB for each trial of a unit.
+/// Largest partial file that is read: some 4 KB for each trial of a unit.
 const PARTIAL: Limit = Limit {
     of: "a partial result",
     bytes: 1024 * MIB,
@@ -41,7 +41,7 @@ pub(super) struct Unit {
     pub trials: Vec<usize>,
 }
 
-/// The units of each texture of a fit of `set` with `options`: the same in every process.
+/// Returns the units of each texture of a fit of `set` with `options`. They are the same in every process.
 pub(super) fn units(set: &RecordingSet, options: &Options) -> Vec<Vec<Unit>> {
     let has_floor = |&member: &usize| set.trials[member].is_of_the_rig();
     let of_texture = |(_, members): (&str, Vec<usize>)| {
@@ -70,16 +70,17 @@ struct Header {
 pub(super) struct Content {
     /// Lines of the texture.
     pub findings: Findings,
-    /// The hash of each recording's bytes, for the record of the fit, with the trial's analysis.
+    /// Each recording's hash, for the record of the fit, and the trial's analysis.
     pub trials: Vec<(u64, Analysis)>,
 }
 
 impl Unit {
-    /// The file of the unit's result in `folder`, named by all that it comes from: the program's version, the options
-    /// that matter to the map, the lines of the list, and the files' sizes and times.
+    /// Returns the path in `folder` of the unit's result. Its name is a hash of everything that the result depends on:
+    /// the program's version, the options that matter to the map, the lines of the list, and the files' sizes and
+    /// times.
     ///
     /// # Errors
-    /// A recording that is not there.
+    /// A recording that does not exist.
     pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
         let mut hash = Fnv::default()
             .then(&MAGIC)
@@ -92,7 +93,7 @@ impl Unit {
             options.lines,
             options.floor,
         ))?);
-        // Dropped trials have no say on lines and on the rig's noise.
+        // Dropped trials do not take part in the search for lines and in the estimate of the rig's noise.
         if options.lines != Lines::None || options.floor != FloorChoice::None {
             let mut dropped = options.drop.clone();
             dropped.sort();
@@ -114,7 +115,7 @@ impl Unit {
     /// Reads the unit's result from `path`.
     ///
     /// # Errors
-    /// A file that is not there, or is damaged.
+    /// A file that does not exist, or is damaged.
     pub fn read(&self, path: &Path) -> Result<Content> {
         let bytes = PARTIAL.read(path)?;
         let damaged = || Error::file(path, "is damaged: remove it, and run its shard again");
@@ -149,8 +150,8 @@ impl Unit {
     }
 }
 
-/// All that a trial's analysis comes from but the options: its line in the list, and the file's size and time, ns since
-/// 1970.
+/// Returns everything that a trial's analysis depends on except the options: its line in the list, and the file's size
+/// and time, ns since 1970.
 fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
     if trial.held.is_some() {
         let problem = "samples in memory have no partial results: write them to a file, or fit without --parts";

@@ -1,18 +1,18 @@
-//! Levels of a grid's nodes from all windows of a free hand.
+//! Levels of a grid's nodes from all windows of a free hand's strokes.
 //!
-//! Between nodes the device plays the mean of their levels in dB with bilinear weights, and below the grid a power in
-//! proportion to speed and force. So the level of a window is linear in the levels of the four nodes around its motion,
-//! and least squares over all windows gives these. The prior is a straight line over the logarithms of speed and force:
-//! a node's distance from it costs a little, and differs little from that of its neighbours. Where no window is, the
-//! line is left.
+//! Between nodes the device plays the mean of their levels in dB with bilinear weights, and below the grid a power
+//! proportional to speed and force. So the level of a window is linear in the levels of the four nodes around its
+//! motion, and least squares over all windows gives the nodes' levels. The prior is a straight line over the logarithms
+//! of speed and force: a node's distance from the line has a small cost, and so has its difference from the distances
+//! of its neighbours. Nodes without windows stay on the line.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::dsp::motion_law::{LevelAt, MotionLaw};
 use crate::texture::grid::Grid;
 
-/// Cost of a difference of 1 dB between neighbouring nodes that are a factor of e apart in speed or force. The unit is
-/// the cost of an error of 1 dB in one window.
+/// Cost of a difference of 1 dB between the distances from the line of neighbouring nodes that are a factor of e apart
+/// in speed or force. The unit is the cost of an error of 1 dB in one window.
 ///
 /// Costs from 0.3 to 3 predict other simulated strokes equally well, within 0.1 dB.
 const SMOOTHNESS: f64 = 1.0;
@@ -20,18 +20,19 @@ const SMOOTHNESS: f64 = 1.0;
 /// Cost of a distance of 1 dB between a node and the line, in the unit of [`SMOOTHNESS`].
 const NEARNESS: f64 = 0.2;
 
-/// Most lines of a grid, over speed and over force. Between 20 and 400 mm/s, a mean in dB is then within 0.2 dB of a
-/// power law of 10 dB per decade. More lines predict simulated strokes of 25 s no better, and leave fewer nodes with
-/// enough of them.
+/// Most speeds and most forces of a grid. Between 20 and 400 mm/s, a mean in dB is then within 0.2 dB of a power law of
+/// 10 dB per decade. More of them predict simulated strokes of 25 s no better, and fewer nodes then have enough
+/// windows.
 const MOST: (usize, usize) = (6, 4);
 
-/// Least factor from one line of a grid to the next.
+/// Least ratio of neighbouring speeds or forces of a grid.
 const LEAST_FACTOR: f64 = 1.3;
 
-/// Windows per node of a grid, at least: 0.5 s, so that short strokes have few nodes, and one of them enough of them.
+/// Least number of windows per node of a grid, 0.5 s in total. Short strokes then have few nodes, but at least one of
+/// them has enough windows.
 const LEAST_WINDOWS: usize = 5;
 
-/// Share of the windows beyond the grid at either end of an axis.
+/// Fraction of the windows that may lie beyond the grid at either end of an axis.
 const BEYOND: f64 = 0.02;
 
 /// Axes of a grid.
@@ -44,8 +45,8 @@ pub(super) struct Axes {
 }
 
 impl Axes {
-    /// A grid that holds nearly all of the `windows`, at least one, in even steps of the logarithms, with as many nodes
-    /// as these are enough for.
+    /// Returns a grid that covers nearly all of the `windows`, at least one, in even steps of the logarithms. It has as
+    /// many nodes as the windows are sufficient for.
     pub fn of(windows: &[LevelAt]) -> Self {
         let of = |value: fn(&LevelAt) -> f64, most| axis(windows.iter().map(value).collect(), most);
         let (mut speeds, mut forces) = MOST;
@@ -66,7 +67,7 @@ impl Axes {
         }
     }
 
-    /// The axes of `grid`.
+    /// Returns the axes of `grid`.
     pub fn of_grid(grid: &Grid) -> Self {
         let of = |axis: &[f32]| axis.iter().map(|line| f64::from(*line)).collect();
         Self {
@@ -75,14 +76,14 @@ impl Axes {
         }
     }
 
-    /// Speed, mm/s, and force, N, of each node, all forces of the first speed first.
+    /// Returns the speed, mm/s, and force, N, of each node, all forces of the first speed first.
     pub fn nodes(&self) -> impl Iterator<Item = (f64, f64)> {
         let forces = &self.forces_n;
         let speeds = self.speeds_mm_s.iter();
         speeds.flat_map(move |&speed| forces.iter().map(move |&force| (speed, force)))
     }
 
-    /// The nodes around a motion with their weights, which add up to one.
+    /// Returns the nodes around a motion and their weights, which add up to one.
     pub fn around(&self, speed_mm_s: f64, force_n: f64) -> [(usize, f64); 4] {
         let (speed, force) = (
             Place::on(&self.speeds_mm_s, speed_mm_s),
@@ -99,13 +100,14 @@ impl Axes {
         ]
     }
 
-    /// Level below the lowest speed and force over that at them, dB.
+    /// Returns the change of the level below the lowest speed and force, relative to the level at them, dB.
     fn fade_db(&self, speed_mm_s: f64, force_n: f64) -> f64 {
         let share = |axis: &[f64], value: f64| (value / axis[0]).min(1.0);
         10.0 * (share(&self.speeds_mm_s, speed_mm_s) * share(&self.forces_n, force_n)).log10()
     }
 
-    /// Quadratic form of the cost: of differences of neighbouring nodes, and of their distances from the line.
+    /// Returns the quadratic form of the cost: of the nodes' distances from the line, and of the differences between
+    /// neighbours' distances.
     fn penalty(&self) -> DMatrix<f64> {
         let (speeds, forces) = (self.speeds_mm_s.len(), self.forces_n.len());
         let mut penalty =
@@ -144,7 +146,8 @@ impl Axes {
     }
 }
 
-/// At most `most` lines that hold nearly all of `values`, at least one, all above zero.
+/// Returns at most `most` values of an axis that cover nearly all of `values`, of which there is at least one and all
+/// are above zero.
 fn axis(mut values: Vec<f64>, most: usize) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     let last = values.len() - 1;
@@ -159,15 +162,15 @@ fn axis(mut values: Vec<f64>, most: usize) -> Vec<f64> {
     (0..=steps).map(|step| two_digits(line(step))).collect()
 }
 
-/// `value`, above zero, with two digits, as a user would write it.
+/// Returns `value`, which is above zero, with two digits, as a user would write it.
 fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
 
-/// Place of a value between the lines of an axis.
+/// Position of a value between the values of an axis.
 struct Place {
     lines: (usize, usize),
-    /// Weight of the upper one.
+    /// Weight of the upper value.
     share: f64,
 }
 
@@ -207,7 +210,7 @@ pub(super) struct NodeLevels {
 }
 
 impl NodeLevels {
-    /// The levels on `axes` that are nearest to those of the `windows`, at least one.
+    /// Returns the levels on `axes` that fit those of the `windows`, at least one, best.
     pub fn of(axes: Axes, windows: &[LevelAt]) -> Self {
         let law = MotionLaw::of(windows).expect("there is a window");
         let prior = axes
@@ -237,7 +240,7 @@ impl NodeLevels {
         levels
     }
 
-    /// The level at a motion above zero, as the device plays it, dB.
+    /// Returns the level at a motion above zero, as the device plays it, dB.
     pub fn level_db(&self, speed_mm_s: f64, force_n: f64) -> f64 {
         let around = self.axes.around(speed_mm_s, force_n);
         let mean: f64 = around
@@ -299,7 +302,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_law_that_no_line_holds_is_found_within_half_a_decibel_where_the_hand_was(motions in motions()) {
-            // Amplitude saturates in both.
+            // The amplitude saturates with speed and with force.
             let law = |speed: f64, force: f64| {
                 20.0 * (speed / (speed + 100.0)).log10() + 15.0 * (force / (force + 1.0)).log10()
             };
@@ -340,7 +343,7 @@ mod tests {
 
     #[test]
     fn where_the_hand_was_not_the_line_is_left() {
-        // A power law that the hand felt along one speed and one force alone.
+        // A power law, and a hand that varied only the speed at one force, and only the force at one speed.
         let along = (0..100).map(|n| 1.0 + f64::from(n) / 20.0);
         let hand: Vec<(f64, f64)> = (along.clone().map(|share| (60.0 * share, 0.5)))
             .chain(along.map(|share| (60.0, 0.5 * share)))

@@ -1,14 +1,14 @@
 //! A fit to all of a free hand's strokes, in four steps:
 //!
-//! 1. **Levels** ([`levels`]): the levels of all nodes by least squares over windows of 100 ms, each of which weighs on
-//!    the nodes around its motion as the device weighs these.
-//! 2. **Trials** ([`pieces`]): what lies nearest to a node, without the level that the motion gave it, is one trial at
-//!    the node. The trials are fitted as any others: triage, order, quantisation, excitation.
-//! 3. **Levels again**: every node has the level of the first step, also where no trial is.
-//! 4. **Playing**: the texture is played along the strokes, and all levels move by what it is off in the mean, because
-//!    an excitation with impulses or a changing level is less loud in the mean of dB than its power says.
+//! 1. **Levels** ([`levels`]): least squares over windows of 100 ms gives the levels of all nodes. Each window counts
+//!    for the nodes around its motion with the weights that the device uses.
+//! 2. **Trials** ([`pieces`]): the samples that are nearest to a node are scaled to the node's level and joined into
+//!    one trial at the node. The trials are fitted like any others: triage, order, quantisation, excitation.
+//! 3. **Levels again**: every node gets the level of the first step, even where there is no trial.
+//! 4. **Playing**: the texture is played along the strokes, and all levels are shifted by its mean error. The reason is
+//!    that an excitation with impulses or a changing level has a lower mean level in dB than its power suggests.
 //!
-//! Lines tied to position are not sought, because the trials are joined.
+//! Lines tied to position are not sought, because the trials are joined stretches.
 
 use std::path::PathBuf;
 
@@ -39,12 +39,12 @@ use crate::support::in_order::in_order;
 use crate::support::warning::Warning;
 use crate::texture::library::decoded;
 
-/// Fits texture `name` to strokes, each with the file that it is from, telling `progress` of steps that are done. A
+/// Fits texture `name` to strokes, each with the file that it comes from. Calls `progress` for steps that are done. A
 /// stroke that is given twice counts once.
 ///
 /// # Errors
-/// Strokes of which no node has 0.4 s in motion and contact; another rate than 5 kHz, or the rig's noise to be taken
-/// off; with [`Options::strict`] the first stroke with a verdict; those of [`super::fit`].
+/// Strokes that give no node 0.4 s in motion and contact; another rate than 5 kHz; a request to subtract the rig's
+/// noise; with [`Options::strict`] the first stroke with a verdict; the errors of [`super::fit`].
 pub fn fit_strokes(
     name: &str,
     strokes: &[(PathBuf, Freehand)],
@@ -82,7 +82,7 @@ pub fn fit_strokes(
     let mut fit = models(&set, &recordings, &options)?;
     fit.notes.extend(strokes.iter().flat_map(findings));
     let texture = &mut fit.textures[0];
-    // Lines of the grid without a trial are not there any more.
+    // Speeds and forces without a trial are not in the texture's grid any more.
     let levels = NodeLevels::of(Axes::of_grid(&texture.grid), &windows);
     texture.set_levels(&levels.levels_db);
     let held: Vec<_> = recordings.into_iter().map(Recordings::into_takes).collect();
@@ -97,7 +97,7 @@ pub fn fit_strokes(
     Ok(fit)
 }
 
-/// Refuses what a fit to strokes does not do.
+/// Refuses options that a fit to strokes does not support.
 fn check(options: &Options) -> Result<()> {
     if options.sample_rate_hz != SAMPLE_RATE_HZ {
         return Err(Error::Request(format!(
@@ -113,14 +113,14 @@ fn check(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The first stroke with a finding, and that finding.
+/// Returns the first stroke with a finding, and that finding.
 fn first_verdict(strokes: &[Stroke]) -> Option<(&Stroke, &Verdict)> {
     strokes
         .iter()
         .find_map(|stroke| Some((stroke, stroke.verdicts.first()?)))
 }
 
-/// Reads `strokes`, each once, telling `progress` of each that is done.
+/// Reads `strokes`, each only once. Calls `progress` for each that is done.
 fn distinct(
     strokes: &[(PathBuf, Freehand)],
     conditioning: Conditioning,
@@ -138,7 +138,7 @@ fn distinct(
     })
 }
 
-/// The findings of triage on `stroke`.
+/// Returns the findings of triage on `stroke`.
 fn findings(stroke: &Stroke) -> impl Iterator<Item = Warning> {
     let file = portable(&stroke.file);
     let note = move |verdict: &Verdict| {
@@ -147,8 +147,8 @@ fn findings(stroke: &Stroke) -> impl Iterator<Item = Warning> {
     stroke.verdicts.iter().map(note)
 }
 
-/// The `options` for trials that are made of `strokes`: of one axis, and filtered if any stroke was, so that what the
-/// filter took is filled in.
+/// Returns the `options` for trials that are made of `strokes`: reduced to one axis, and filtered if any stroke was, so
+/// that the band that the filter removed is filled in.
 fn of_trials(options: &Options, strokes: &[Stroke]) -> Options {
     let cuts_hz = strokes.iter().filter_map(|stroke| stroke.cut_hz);
     Options {
@@ -165,7 +165,7 @@ fn of_trials(options: &Options, strokes: &[Stroke]) -> Options {
     }
 }
 
-/// Moves all levels of `texture` by what they are off along the `strokes`, in the mean over windows.
+/// Shifts all levels of `texture` by its error along the `strokes`, averaged over windows.
 fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<()> {
     let bytes = encoded(&[texture.spec()])?;
     let library = decoded(&bytes)?;
@@ -190,7 +190,7 @@ mod tests {
 
     const RATE_HZ: f64 = 5000.0;
 
-    /// RMS of the surface, m/s², which saturates with the speed.
+    /// RMS of the surface, m/s². It saturates with the speed.
     fn law(speed_mm_s: f64, force_n: f64) -> f64 {
         2.0 * speed_mm_s / (speed_mm_s + 100.0) * force_n.sqrt()
     }
@@ -219,8 +219,8 @@ mod tests {
         }
     }
 
-    /// The `stroke` beside the motion of a hand at 5 Hz, which makes a fit filter it, and at 21 Hz, which the filter
-    /// leaves.
+    /// Returns the `stroke` with the motion of a hand added: at 5 Hz, because of which a fit filters it, and at 21 Hz,
+    /// which the filter leaves.
     fn with_motion(mut stroke: Freehand) -> Freehand {
         for (n, x) in stroke.axes[0].iter_mut().enumerate() {
             let turns = TAU * n as f64 / RATE_HZ;
@@ -229,7 +229,7 @@ mod tests {
         stroke
     }
 
-    /// Levels of the nodes over those of the surface, dB.
+    /// Returns the levels of the nodes relative to those of the surface, dB.
     fn over_law_db(fit: &Fit) -> Vec<f64> {
         let over = fit.textures[0].grid.nodes().map(|(speed, force, model)| {
             10.0 * model.output_power.log10()

@@ -1,4 +1,4 @@
-//! Trials of a grid's nodes from strokes, with the level that the motion gave them taken off.
+//! Trials at a grid's nodes from strokes, with the level's dependence on the motion removed.
 
 use std::ops::Range;
 
@@ -11,23 +11,23 @@ use crate::recording::triage::{LEAST_KEPT, kept};
 use crate::recording::{HeldSamples, Trial};
 use crate::support::error::Result;
 
-/// Samples of the shortest stretch at a node that counts: 40 ms, four times a joint.
+/// Fewest samples of a stretch at a node that is used: 40 ms, four times the length of a joint.
 const LEAST_STRETCH: usize = 200;
 
-/// Stretches of strokes at one node, at its level.
+/// Stretches of strokes at one node, scaled to the node's level.
 #[derive(Clone, Default)]
 struct AtNode {
-    /// One after the other, m/s².
+    /// The stretches, one after the other, m/s².
     samples: Vec<f64>,
-    /// Their places among the samples.
+    /// Their positions in `samples`.
     stretches: Vec<Range<usize>>,
 }
 
-/// The trials of texture `name` at the nodes of `levels`: at each node all stretches of the `strokes` at which it
-/// weighs most, joined and at the node's level. A node with less than 0.4 s of them has none.
+/// Returns the trials of texture `name` at the nodes of `levels`. A trial joins all stretches of the `strokes` in which
+/// its node has the largest weight, scaled to the node's level. A node with less than 0.4 s of them has no trial.
 ///
 /// # Errors
-/// None for strokes that were read.
+/// None for strokes that could be read.
 pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Result<Vec<Trial>> {
     let mut at_nodes = vec![AtNode::default(); levels.levels_db.len()];
     for stroke in strokes {
@@ -55,9 +55,9 @@ pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Res
     enough.map(trial).collect()
 }
 
-/// Adds the stretches of a `run` of `stroke` to their nodes, each sample at its node's level.
+/// Adds the stretches of a `run` of `stroke` to their nodes, each sample scaled to its node's level.
 fn add(stroke: &Stroke, run: &Range<usize>, levels: &NodeLevels, at_nodes: &mut [AtNode]) {
-    // The mean over 20 ms reaches beyond the run, to rest and into the air.
+    // The motion is averaged over 20 ms, which reaches beyond the run into rest and into the air.
     let motion: Vec<(f64, f64)> = stroke.motion[run.clone()]
         .iter()
         .map(|&(speed, force)| (speed.max(LEAST_SPEED_MM_S), force.max(LEAST_FORCE_N)))

@@ -1,4 +1,4 @@
-//! A free hand's stroke as a fit reads it: one axis at the models' rate, with the motion at each sample.
+//! A free hand's stroke as a fit reads it: one axis at the models' rate, and the motion at each sample.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -17,27 +17,27 @@ use crate::recording::triage::{self, Kind, Verdict};
 use crate::recording::{HeldSamples, Trial, read};
 use crate::support::error::Result;
 
-/// Length of a window, s, over which a level is taken.
+/// Length of the windows in which levels are measured, s.
 const WINDOW_S: f64 = 0.1;
 
 /// Rate of the models, Hz.
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 
-/// Samples of a window at the models' rate.
+/// Length of a window in samples at the models' rate.
 const WINDOW: usize = (WINDOW_S * RATE_HZ) as usize;
 
-/// Samples at the models' rate over which speed and force are averaged: 20 ms, so that a sensor's noise does not move
-/// them, and a hand does.
+/// Number of samples at the models' rate over which speed and force are averaged: 20 ms, which removes a sensor's noise
+/// but not the hand's motion.
 const STEADY: usize = 100;
 
-/// Samples from one moment of the motion to the next when it is played along: 2 ms, as on the device.
+/// Samples between two moments of the motion when a texture is played along it: 2 ms, as on the device.
 const PATH_STEP: usize = 10;
 
-/// Cut-off frequency of the filter before levels are taken, over that of the stroke's own filter. Beside the latter,
-/// some of the hand's motion is left in the recording, and none in a model.
+/// Ratio of the cut-off frequency of the filter before levels are measured to that of the stroke's own filter. Near the
+/// latter, a recording still holds some of the hand's motion, and a model holds none.
 const LEVELS_OVER_CUT: f64 = 2.0;
 
-/// Findings of triage on any hand that moves, rests and lifts.
+/// Findings of triage that are normal for a hand, which moves, rests and lifts.
 const BY_HAND: [Kind; 4] = [
     Kind::PartlySilent,
     Kind::Tap,
@@ -52,22 +52,22 @@ const SEED: u64 = 1;
 pub(super) struct Stroke {
     /// The file.
     pub file: PathBuf,
-    /// At the models' rate, m/s².
+    /// Signal at the models' rate, m/s².
     pub signal: Vec<f64>,
     /// Speed, mm/s, and force, N, at each sample of the signal.
     pub motion: Vec<(f64, f64)>,
     /// Stretches of the signal in motion and contact, without what triage cuts.
     pub moving: Vec<Range<usize>>,
-    /// True if the file declares itself as simulated.
+    /// True if the file says that it is simulated.
     pub is_simulated: bool,
-    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
-    /// Findings of triage, but for those that a free hand makes.
+    /// Findings of triage, except those that are normal for a free hand.
     pub verdicts: Vec<Verdict>,
 }
 
 impl Stroke {
-    /// The stroke `recording`, which `file` holds.
+    /// Reads the stroke `recording`, which is in `file`.
     ///
     /// # Errors
     /// A recording that cannot be reduced to one axis.
@@ -114,7 +114,7 @@ impl Stroke {
         })
     }
 
-    /// The windows of the stretches in motion and contact that are louder than `silence_m_s2`.
+    /// Returns the windows in motion and contact that are louder than `silence_m_s2`.
     pub fn windows(&self, silence_m_s2: f64) -> Vec<LevelAt> {
         let signal = self.for_levels(self.signal.clone());
         let window_at = |window: Range<usize>| {
@@ -131,11 +131,11 @@ impl Stroke {
         self.window_ranges().filter_map(window_at).collect()
     }
 
-    /// The recorded level over that of `texture` along the stroke, in each window, dB. A window that is silent in one
-    /// of them says nothing.
+    /// Returns the recorded level relative to that of `texture` along the stroke, for each window, dB. A window that is
+    /// silent in either of them is left out.
     ///
     /// # Errors
-    /// None for a stroke that was read.
+    /// None for a stroke that could be read.
     pub fn over_db(&self, texture: Texture<'_>) -> Result<Vec<f64>> {
         let seconds = self.signal.len() as f64 / RATE_HZ;
         let mut played = render(texture, &self.path()?, seconds, SEED)?.accelerations_m_s2();
@@ -151,7 +151,7 @@ impl Stroke {
         Ok(over.filter(|over_db| over_db.is_finite()).collect())
     }
 
-    /// `signal` without what the hand's motion leaves in a stroke that was filtered.
+    /// Returns `signal` without the rest of the hand's motion that is left in a filtered stroke.
     fn for_levels(&self, mut signal: Vec<f64>) -> Vec<f64> {
         if let Some(cut_hz) = self.cut_hz {
             high_pass(&mut signal, RATE_HZ, LEVELS_OVER_CUT * cut_hz);
@@ -159,7 +159,7 @@ impl Stroke {
         signal
     }
 
-    /// The motion, as the device takes it over.
+    /// Returns the motion at the intervals at which the device reads it.
     fn path(&self) -> Result<MotionPath> {
         let moments = self.motion.iter().enumerate().step_by(PATH_STEP);
         MotionPath::from_rows(moments.map(|(sample, &(speed_mm_s, force_n))| MotionRow {
@@ -181,7 +181,7 @@ impl Stroke {
     }
 }
 
-/// The parts of `run` between the spans that are `cut`.
+/// Returns the parts of `run` between the spans that are `cut`.
 fn without(run: &Range<usize>, cut: &[Range<usize>]) -> Vec<Range<usize>> {
     let mut cut: Vec<&Range<usize>> = (cut.iter())
         .filter(|span| span.start < run.end && span.end > run.start)
@@ -197,7 +197,7 @@ fn without(run: &Range<usize>, cut: &[Range<usize>]) -> Vec<Range<usize>> {
     parts
 }
 
-/// Moving mean of `values`, at their ends over those that are there.
+/// Returns the moving mean of `values`; at the ends, over those that exist.
 fn averaged(values: &[f64]) -> Vec<f64> {
     let (Some(first), Some(last)) = (values.first(), values.last()) else {
         return Vec::new();

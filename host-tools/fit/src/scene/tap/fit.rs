@@ -10,10 +10,10 @@ const DECAYS_S: [f64; 12] = [
     0.0006, 0.0012, 0.0025, 0.004, 0.007, 0.012, 0.02, 0.035, 0.06, 0.12, 0.3, 0.8,
 ];
 
-/// Frequencies at which the search starts, as multiples of the loudest line's.
+/// Frequencies at which the search starts, as multiples of the loudest line's frequency.
 const AROUND: [f64; 9] = [0.7, 0.8, 0.88, 0.95, 1.0, 1.05, 1.12, 1.25, 1.4];
 
-/// Iterations of Gauss-Newton from the best start.
+/// Iterations of Gauss-Newton from the best starting point.
 const ROUNDS: usize = 40;
 
 /// A · exp(-t/τ) · sin(2πft + φ).
@@ -27,14 +27,14 @@ pub struct Ringing {
     pub amplitude: f64,
     /// φ, rad.
     pub phase_rad: f64,
-    /// Share of the signal's power that is left as residual.
+    /// Fraction of the signal's power that is left as residual.
     pub residual: f64,
 }
 
 /// Fits a decaying sine to `signal` by least squares.
 ///
 /// For a given frequency and decay the problem is linear in amplitude and phase, which are eliminated (variable
-/// projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973). Frequency and decay are searched for: first on a grid
+/// projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973). Frequency and decay are searched first on a grid
 /// around the loudest line of the spectrum, then by damped Gauss-Newton.
 pub fn fit(signal: &[f64], rate_hz: f64) -> Ringing {
     let power: f64 = signal.iter().map(|x| x * x).sum();
@@ -123,7 +123,7 @@ impl Projection {
     }
 }
 
-/// Refines `best` by damped Gauss-Newton until a step lowers the residual no more.
+/// Refines `best` by damped Gauss-Newton until no step lowers the residual further.
 fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
     const STEP: f64 = 1e-5;
     let at = |ln_frequency: f64, ln_decay: f64| {
@@ -136,7 +136,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
         let (f, d) = (best.frequency_hz.ln(), best.decay_s.ln());
         let by_f = at(f + STEP, d);
         let by_d = at(f, d + STEP);
-        // The normal equations of two unknowns, whose amplitudes were eliminated, in closed form.
+        // The normal equations in two unknowns (the amplitudes were eliminated), in closed form.
         let (mut ff, mut fd, mut dd, mut fr, mut dr) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (n, r) in best.residual.iter().enumerate() {
             let (jf, jd) = ((by_f.residual[n] - r) / STEP, (by_d.residual[n] - r) / STEP);
@@ -171,7 +171,8 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
     best
 }
 
-/// Frequency of the loudest line of the spectrum, Hz, on a grid at least four times finer than the signal's own.
+/// Returns the frequency of the loudest line of the spectrum, Hz, on a grid at least four times finer than the signal's
+/// own resolution.
 fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
     let len = (4 * signal.len()).next_power_of_two();
     let mut padded = signal.to_vec();
@@ -185,10 +186,11 @@ fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
 /// Least ratio of an impact to the noise's RMS.
 const ABOVE_NOISE: f64 = 8.0;
 
-/// Least magnitude of an impact, as a share of the recording's loudest sample.
+/// Least magnitude of an impact, relative to the recording's loudest sample.
 const SHARE_OF_LOUDEST: f64 = 0.1;
 
-/// Magnitude at the onset, as a share of the impact's loudest sample, if that is above the noise.
+/// Magnitude up to which an impact has not begun, relative to the impact's loudest sample; at least three times the
+/// noise's RMS.
 const SHARE_AT_ONSET: f64 = 0.03;
 
 /// Least quiet time before an impact, s.
@@ -197,7 +199,7 @@ const QUIET_S: f64 = 0.025;
 /// Longest time from the onset of an impact to its loudest sample, s.
 const RISE_S: f64 = 0.01;
 
-/// Positions of the first sample of each impact in `samples`, ascending.
+/// Returns the index of the first sample of each impact in `samples`, ascending.
 ///
 /// An impact is louder than the noise and follows a quiet time. The noise's RMS is estimated from the median magnitude,
 /// which is 0.6745 of the RMS of Gaussian noise.

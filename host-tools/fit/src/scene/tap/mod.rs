@@ -1,13 +1,13 @@
-//! Tap transients from recordings: the impacts, and the decaying sine after each of them.
+//! Tap transients from recordings: finds the impacts, and fits a decaying sine to each.
 //!
 //! At an impact the stylus plays a · exp(-t/τ) · sin(2πft), where a is the gain times the rate of force
 //! ([`model_format::scene::Tap`]). Least squares fits f, τ and a to each impact of a recording. The common f and τ are
 //! the medians, and the common gain is the slope of the least-squares line through the origin of amplitude over rate of
 //! force.
 //!
-//! **Rate of force.** A stylus takes the larger one of two update intervals: the one that sees contact, and the next
-//! ([`stylus_kernel::scene::Director`]). Here it is computed in the same way, averaged over all phases of contact
-//! within the update interval.
+//! **Rate of force.** The stylus uses the larger of the rates over two update intervals: the interval in which contact
+//! is detected, and the next ([`stylus_kernel::scene::Director`]). Here the rate is computed in the same way and
+//! averaged over all possible positions of the contact within the update interval.
 
 mod fit;
 #[cfg(test)]
@@ -32,31 +32,31 @@ use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
 
-/// Length of a file up to which its header is looked for, bytes.
+/// Number of first bytes of a file in which its header is searched.
 const MOST_HEADER_BYTES: u64 = 64 * 1024;
 
-/// Length up to which a recording is read, s.
+/// Longest part of a recording that is read, s.
 const LONGEST_S: f64 = 600.0;
 
 /// Longest window after an impact, s.
 const WINDOW_S: f64 = 0.3;
 
-/// Largest share of the power after an impact that a decaying sine may leave; with more it is no tap.
+/// Largest fraction of the power after an impact that a decaying sine may leave. If more is left, the impact is no tap.
 const MAX_RESIDUAL: f64 = 0.5;
 
-/// Samples, from where an onset was found, at which it may be.
+/// Number of samples, from the detected onset on, that are tried as the onset.
 const LATEST_ONSET: usize = 3;
 
-/// Ratio of residuals up to which a fit is nearly as good as the best.
+/// Ratio of a fit's residual to the best fit's up to which the fit counts as nearly as good.
 const NEARLY_AS_WELL: f64 = 2.0;
 
-/// Share of the power of an impact that may be left in any case.
+/// Fraction of an impact's power that any fit may leave.
 const NEGLIGIBLE_RESIDUAL: f64 = 1e-3;
 
-/// Largest time between contact by the force and the onset of the acceleration, s.
+/// Largest time between the contact that the force shows and the onset of the acceleration, s.
 const CONTACT_WITHIN_S: f64 = 0.02;
 
-/// Ratio of the limit to the loudest recorded tap.
+/// Ratio of the amplitude limit to the loudest recorded tap.
 const LIMIT_ROOM: f64 = 1.25;
 
 /// A recording of taps.
@@ -68,13 +68,13 @@ pub struct Taps {
     pub samples_m_s2: Vec<f64>,
     /// Sample rate, Hz.
     pub rate_hz: f64,
-    /// Force at each sample, N; none if it was not recorded.
+    /// Force at each sample, N; `None` if it was not recorded.
     pub force_n: Option<Vec<f64>>,
-    /// Rate of force of all impacts, N/s; none if it is not known.
+    /// Rate of force of all impacts, N/s; `None` if it is not known.
     pub force_rate_n_s: Option<f64>,
     /// True if the file says that it is simulated.
     pub is_simulated: bool,
-    /// Remarks on the file, a line each.
+    /// Remarks on the file, one per line.
     pub notes: Vec<String>,
 }
 
@@ -91,28 +91,28 @@ pub struct Impact {
     pub decay_s: f64,
     /// Amplitude at the onset, m/s².
     pub amplitude_m_s2: f64,
-    /// Share of the power that the decaying sine leaves as residual.
+    /// Fraction of the power that the decaying sine leaves as residual.
     pub residual: f64,
     /// Rate of force at contact, N/s.
     pub force_rate_n_s: Option<f64>,
-    /// Reason for leaving the impact out; none if it counts.
+    /// Reason for leaving the impact out; `None` if it counts.
     pub left_out: Option<String>,
 }
 
 /// The tap that fits all impacts together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TapFit {
-    /// The impacts, in the order of recordings and time.
+    /// The impacts, by recording and then by time.
     pub impacts: Vec<Impact>,
     /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Time constant of the decay, s.
     pub decay_s: f64,
-    /// Amplitude per rate of force, m/s² per N/s; none if no rate of force is known.
+    /// Amplitude per rate of force, m/s² per N/s; `None` if no rate of force is known.
     pub gain_m_s2_per_n_s: Option<f64>,
-    /// RMS deviation of the amplitudes from the gain's line, as a share of their own RMS.
+    /// RMS deviation of the amplitudes from the gain's line, relative to the amplitudes' own RMS.
     pub gain_scatter: Option<f64>,
-    /// Limit on the amplitude, m/s²: a quarter above the loudest.
+    /// Limit on the amplitude, m/s²: a quarter above the loudest impact.
     pub limit_m_s2: f64,
     /// True if any recording is simulated.
     pub is_simulated: bool,
@@ -120,8 +120,8 @@ pub struct TapFit {
 
 impl Taps {
     /// Reads a recording. A CSV file with a column `force_n` is a free-hand recording of `record-strokes`, with
-    /// `time_s` and `speed_mm_s`; any other file is read as by `fit`. `scale_m_s2` is the acceleration of a sample of
-    /// 1; if not given, that of the header, or 1.
+    /// `time_s` and `speed_mm_s`; any other file is read like by `fit`. `scale_m_s2` is the acceleration that a sample
+    /// value of 1 means; if not given, the header's, or 1.
     ///
     /// # Errors
     /// A file that cannot be read, or has no samples.
@@ -191,12 +191,12 @@ impl Taps {
             .collect()
     }
 
-    /// The onset of the impact that was found at sample `begin`, and its ringing over `longest` samples at most, before
-    /// sample `end`.
+    /// Returns the onset of the impact that was found at sample `begin`, and the decaying sine that fits from there
+    /// over at most `longest` samples, up to sample `end`.
     ///
-    /// Noise may make an onset seem earlier than it is, and a decaying sine that begins too early fits badly. From an
-    /// onset on, it fits as well from any later sample. So the onset is the first sample from which it fits nearly as
-    /// well as from the next few.
+    /// Noise may make an onset seem too early, and a decaying sine that begins too early fits badly. From the true
+    /// onset on, it fits equally well from any later sample. So the onset is the first sample from which the sine fits
+    /// nearly as well as from the next few.
     fn ringing(&self, begin: usize, end: usize, longest: usize) -> (usize, Ringing) {
         let tried: Vec<(usize, Ringing)> = (begin..end.min(begin + LATEST_ONSET))
             .map(|at| {
@@ -212,7 +212,8 @@ impl Taps {
         *tried.iter().find(fits).expect("one has the least residual")
     }
 
-    /// Rate of force of the contact near sample `begin`, N/s, as a stylus computes it; see the head of this module.
+    /// Returns the rate of force of the contact near sample `begin`, N/s, as the stylus computes it; see the module's
+    /// documentation.
     fn force_rate(&self, begin: usize) -> Option<f64> {
         let force = self.force_n.as_ref()?;
         let interval_s = f64::from(UPDATE_INTERVAL_SAMPLES) / f64::from(SAMPLE_RATE_HZ);
@@ -247,7 +248,7 @@ impl TapFit {
     /// Fits one tap to all impacts of `recordings`.
     ///
     /// # Errors
-    /// Recordings without an impact, or without one that is a decaying sine.
+    /// Recordings without an impact, or in which no impact is followed by a decaying sine.
     pub fn new(recordings: &[Taps]) -> Result<Self> {
         let impacts: Vec<Impact> = recordings.iter().flat_map(Taps::impacts).collect();
         let counted = || impacts.iter().filter(|impact| impact.left_out.is_none());
@@ -278,7 +279,7 @@ impl TapFit {
     }
 }
 
-/// The least-squares gain g of amplitudes = g · rates, and the RMS residual as a share of the RMS amplitude.
+/// Returns the least-squares gain g of amplitudes = g · rates, and the RMS residual relative to the RMS amplitude.
 fn gain_through_origin(rated: &[(f64, f64)]) -> Option<(f64, f64)> {
     let square: f64 = rated.iter().map(|(rate, _)| rate * rate).sum();
     let product: f64 = rated.iter().map(|(rate, amplitude)| rate * amplitude).sum();

@@ -9,7 +9,7 @@ use test_helpers::near;
 
 const RATE_HZ: f64 = 5000.0;
 
-/// Samples with taps of one frequency and decay in noise; `taps` holds onset (s) and amplitude of each.
+/// Makes samples with taps of one frequency and decay in noise; `taps` holds the onset (s) and amplitude of each.
 fn made(
     frequency_hz: f64,
     decay_s: f64,
@@ -49,7 +49,7 @@ fn recording(samples_m_s2: Vec<f64>) -> Taps {
     }
 }
 
-/// Noise at the onset itself is above the threshold there, so that the onset seems one sample earlier.
+/// Noise just before the onset is above the threshold, so that the onset seems one sample earlier.
 #[test]
 fn noise_at_the_onset_does_not_spoil_the_fit() {
     let (frequency_hz, decay_s) = (673.002_495_331_562_7, 0.003);
@@ -117,7 +117,8 @@ fn amplitudes_over_rates_of_force_give_the_gain() {
     let taps = (1..=6).map(|n| (0.4 * f64::from(n), 5.0 * f64::from(n)));
     let taps: Vec<(f64, f64)> = taps.collect();
     let samples = made(240.0, 0.012, &taps, 0.05, 7);
-    // The force rises over 4 ms at each impact, and falls off after 100 ms: 20 N/s for the first, 40 for the second ...
+    // The force rises over 4 ms at each impact and falls after 100 ms: 20 N/s for the first impact, 40 for the second
+    // ...
     let rate = |n: usize| 20.0 * (n as f64 + 1.0);
     let force_n: Vec<f64> = (0..samples.len())
         .map(|at| {
@@ -140,7 +141,7 @@ fn amplitudes_over_rates_of_force_give_the_gain() {
     let found = TapFit::new(&[taps]).unwrap();
     assert_eq!(found.impacts.len(), 6, "{found:?}");
     for (n, impact) in found.impacts.iter().enumerate() {
-        // A force that rises for two intervals is seen for a whole one.
+        // A force that rises over two intervals rises over at least one whole interval.
         let share = impact.force_rate_n_s.unwrap() / rate(n);
         assert!((0.9..=1.01).contains(&share), "{impact:?}");
     }

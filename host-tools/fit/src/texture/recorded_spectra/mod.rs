@@ -11,8 +11,8 @@ mod surface_and_tool;
 
 use surface_and_tool::{FEWEST_SPEEDS, SurfaceAndTool};
 
-/// The spectra of a texture's recorded nodes: all trials of a node together, from the `signals` of the texture's
-/// trials. Silent nodes have none.
+/// Returns the spectra of a texture's recorded nodes, from the `signals` of its trials. All trials of a node are
+/// combined. Silent nodes have no spectrum.
 pub fn recorded_spectra(grid: &Grid, signals: &[(&Trial, &[f64])]) -> RecordedSpectra {
     let nodes: Vec<_> = grid.nodes().collect();
     let spectra = nodes.iter().map(|(speed, force, model)| {
@@ -40,20 +40,20 @@ pub struct RecordedSpectra {
     pub speeds_mm_s: Vec<f64>,
     /// Normal forces, N, ascending.
     pub forces_n: Vec<f64>,
-    /// Speed-major; none where nothing was recorded, or silence.
+    /// Spectra of the nodes, speed-major; `None` where nothing, or only silence, was recorded.
     spectra: Vec<Option<LogSpectrum>>,
-    /// Surface and tool of every force with enough speeds, taken apart when first asked for: thousands of places may be
-    /// asked for, and each would take them apart again.
+    /// Decomposition into surface and tool for every force with enough speeds, computed when first needed. It is kept
+    /// because thousands of positions may be asked for.
     apart: Vec<Arc<OnceLock<SurfaceAndTool>>>,
 }
 
-/// A node by the indices of its speed and its force.
+/// A node, as the indices of its speed and its force.
 pub type NodeIndex = (usize, usize);
 
 impl RecordedSpectra {
-    /// The field of `spectra`, speed-major, none where nothing was recorded or silence, at ascending speeds, mm/s, and
-    /// forces, N.
-    /// Panics if there is not one spectrum, or none, for each node.
+    /// Creates the field of `spectra`, speed-major, at ascending speeds, mm/s, and forces, N. A spectrum is `None`
+    /// where nothing, or only silence, was recorded.
+    /// Panics if the number of spectra is not that of the nodes.
     pub fn new(
         speeds_mm_s: Vec<f64>,
         forces_n: Vec<f64>,
@@ -68,7 +68,7 @@ impl RecordedSpectra {
         }
     }
 
-    /// The spectrum at a node, if it was recorded.
+    /// Returns the spectrum at a node, if it was recorded.
     pub fn spectrum(&self, place: NodeIndex) -> Option<&LogSpectrum> {
         self.spectra[self.index(place)].as_ref()
     }
@@ -78,16 +78,17 @@ impl RecordedSpectra {
         speed * self.forces_n.len() + force
     }
 
-    /// All nodes, recorded or not, speed-major.
+    /// Returns all nodes, recorded or not, speed-major.
     fn places(&self) -> impl Iterator<Item = NodeIndex> {
         let forces = self.forces_n.len();
         (0..self.spectra.len()).map(move |index| (index / forces, index % forces))
     }
 
-    /// The spectrum at a speed, mm/s, from those recorded at one force, the nodes `without` left out. `None` if the
-    /// speed is not between two of them.
+    /// Returns the spectrum at a speed, mm/s, from those recorded at one force, except the nodes `without`. `None` if
+    /// the speed is not between two of them.
     ///
-    /// Of enough speeds surface and tool are taken apart; of few, the neighbours are warped whole.
+    /// With at least [`FEWEST_SPEEDS`] speeds, surface and tool are separated; with fewer, the neighbours' whole
+    /// spectra are warped.
     fn along_speed(
         &self,
         speed_mm_s: f64,
@@ -116,7 +117,7 @@ impl RecordedSpectra {
         })
     }
 
-    /// The recorded spectra at one force, by their speeds.
+    /// Returns the recorded spectra at one force, with their speeds, mm/s, except the nodes `without`.
     fn row(&self, force: usize, without: &[NodeIndex]) -> Vec<(f64, &LogSpectrum)> {
         (0..self.speeds_mm_s.len())
             .filter(|&speed| !without.contains(&(speed, force)) && self.speeds_mm_s[speed] > 0.0)
@@ -124,8 +125,8 @@ impl RecordedSpectra {
             .collect()
     }
 
-    /// The spectrum at a force, N, from those recorded at one speed, node `without` left out: the mean of the nearest
-    /// on both sides. `None` if there are none. Force moves no line, so nothing is warped.
+    /// Returns the spectrum at a force, N, interpolated between the nearest spectra on both sides that were recorded at
+    /// one speed, except node `without`. `None` if either side has none. Force moves no line, so nothing is warped.
     pub fn along_force(
         &self,
         speed: usize,
@@ -143,8 +144,9 @@ impl RecordedSpectra {
         Some(LogSpectrum::mean(&[(1.0 - share, low.1), (share, high.1)]))
     }
 
-    /// The spectrum at a speed, mm/s, and force, N, within the recorded ones: the mean over the two nearest forces,
-    /// each interpolated to the speed with weight `moving` for the part that moves with it.
+    /// Returns the spectrum at a speed, mm/s, and force, N, within the recorded ones. It is interpolated between the
+    /// two nearest forces, each first interpolated to the speed; `moving` is the weight of the spectrum whose surface
+    /// part moves with the speed.
     pub fn at(&self, speed_mm_s: f64, force_n: f64, moving: f64) -> Option<LogSpectrum> {
         let row = |force: usize| {
             let same = |known: &f64| (known - speed_mm_s).abs() < 1e-6;
@@ -168,8 +170,8 @@ impl RecordedSpectra {
         ]))
     }
 
-    /// Predicts the spectrum of the node at `place` from all other nodes: the mean of the spectra along speed
-    /// and along force, each with the weight that serves best elsewhere on the grid.
+    /// Predicts the spectrum of the node at `place` from all other nodes: the weighted mean of the spectra along speed
+    /// and along force. The weights are those that predict the rest of the grid best.
     pub fn without(&self, place: NodeIndex, both: &TwoWays) -> Option<LogSpectrum> {
         let moving = both.weight_of_moved(self, Some(place));
         match &both.ways[self.index(place)] {
@@ -187,8 +189,8 @@ impl RecordedSpectra {
     }
 }
 
-/// The spectrum at a speed from those recorded at others: as it is between its neighbours, and with what moves with the
-/// speed moved.
+/// The spectrum at a speed from those recorded at other speeds, in two versions: the plain mean of its neighbours, and
+/// one in which the surface part is moved with the speed.
 #[derive(Clone, Debug)]
 struct AlongSpeed {
     unmoved: LogSpectrum,
@@ -196,23 +198,23 @@ struct AlongSpeed {
 }
 
 impl AlongSpeed {
-    /// The mean of both, the moved one with the weight `moving`.
+    /// Returns the mean of the two versions; `moving` is the weight of the moved one.
     fn with(&self, moving: f64) -> LogSpectrum {
         LogSpectrum::mean(&[(1.0 - moving, &self.unmoved), (moving, &self.moved)])
     }
 }
 
-/// Predictions of every node from the others along its row and along its column.
+/// Predictions of every node from the others, along speed and along force.
 #[derive(Clone, Debug)]
 pub struct TwoWays {
-    /// Speed-major.
+    /// The two predictions of each node, speed-major.
     ways: Vec<(Option<AlongSpeed>, Option<LogSpectrum>)>,
-    /// Weight of what moves with the speed, against the unmoved mean, by all nodes.
+    /// Weight of the moved version against the plain mean, chosen by all nodes.
     pub moving: f64,
 }
 
 impl TwoWays {
-    /// Of every node of `field`, recorded or not, itself left out.
+    /// Computes the predictions of every node of `field`, recorded or not, each without the node itself.
     pub fn of(field: &RecordedSpectra) -> Self {
         use rayon::prelude::*;
         let places: Vec<NodeIndex> = field.places().collect();
@@ -229,19 +231,20 @@ impl TwoWays {
         both
     }
 
-    /// The way along speed alone.
+    /// Returns the prediction along speed only.
     pub fn along_speed(&self, field: &RecordedSpectra, place: NodeIndex) -> Option<LogSpectrum> {
         let way = self.ways[field.index(place)].0.as_ref()?;
         Some(way.with(self.moving))
     }
 
-    /// The way along force alone.
+    /// Returns the prediction along force only.
     pub fn along_force(&self, field: &RecordedSpectra, place: NodeIndex) -> Option<LogSpectrum> {
         self.ways[field.index(place)].1.clone()
     }
 
-    /// The weight of what moves with the speed, in quarters: that with the least mean C over the recorded nodes, each
-    /// predicted from the others at its force. Node `hidden` has no part in it. Where nothing tells, nothing moves.
+    /// Returns the weight of the moved version, in quarters: the one with the least total C over the recorded nodes,
+    /// each predicted from the others at its force. Node `hidden` does not take part. Without any evidence, the weight
+    /// is 0.
     fn weight_of_moved(&self, field: &RecordedSpectra, hidden: Option<NodeIndex>) -> f64 {
         const QUARTERS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
         let mut errors = [0.0; QUARTERS.len()];
@@ -249,7 +252,7 @@ impl TwoWays {
             let Some(target) = field.spectrum(place).filter(|_| hidden != Some(place)) else {
                 continue;
             };
-            // What was predicted with the hidden node is predicted once more without it.
+            // Predictions that used the hidden node are computed once more without it.
             let again = hidden.filter(|hidden| hidden.1 == place.1).map(|hidden| {
                 field.along_speed(field.speeds_mm_s[place.0], place.1, &[hidden, place])
             });
@@ -270,8 +273,8 @@ impl TwoWays {
         QUARTERS[least]
     }
 
-    /// The weight of the way along speed against that along force, by least squares over all recorded nodes that share
-    /// neither speed nor force with `place`: what is recorded there has no part in it.
+    /// Returns the weight of the prediction along speed against that along force, by least squares over all recorded
+    /// nodes that share neither speed nor force with `place`. Recordings at these do not take part.
     fn weight_of_speed(&self, field: &RecordedSpectra, place: NodeIndex, moving: f64) -> f64 {
         let (mut product, mut square) = (0.0, 0.0);
         for (other, ways) in field.places().zip(&self.ways) {
@@ -296,7 +299,7 @@ impl TwoWays {
     }
 }
 
-/// Bins by which weights are chosen: sixty a decade from 18 to 1100 Hz, so that every band counts alike.
+/// Bins by which weights are chosen: sixty per decade from 18 to 1100 Hz, so that every band counts equally.
 fn judged_bins() -> impl Iterator<Item = usize> {
     const COUNT: i32 = 107;
     (0..COUNT).map(|n| {
@@ -312,7 +315,7 @@ mod tests {
     use proptest::prelude::*;
     use test_helpers::near;
 
-    /// Levels over a grid: level(speed index, force index), in nepers of power.
+    /// Makes a field of constant levels: level(speed index, force index), in nepers of power.
     fn field(level: impl Fn(usize, usize) -> Option<f64>) -> RecordedSpectra {
         let (speeds, forces) = (6, 4);
         RecordedSpectra::new(
@@ -328,7 +331,7 @@ mod tests {
 
     #[test]
     fn the_way_that_serves_elsewhere_gets_the_weight() {
-        // Straight along force, jumping along speed.
+        // Linear along force, jumping along speed.
         let field = field(|speed, force| Some(0.3 * force as f64 + 5.0 * (speed % 2) as f64));
         let ways = TwoWays::of(&field);
         let there = field.without((2, 1), &ways).unwrap();
@@ -351,7 +354,7 @@ mod tests {
         assert_eq!(predicted(&plain), predicted(&odd));
     }
 
-    /// Spectra at six speeds and two forces of `of`, a log density over frequency, Hz, and speed, mm/s.
+    /// Spectra at six speeds and two forces; `of` is their log density over frequency, Hz, and speed, mm/s.
     fn of_density(of: impl Fn(f64, f64) -> f64) -> RecordedSpectra {
         let speeds: Vec<f64> = (2..8).map(|s| 20.0 * f64::from(s)).collect();
         let spectrum = |speed: f64| {
@@ -364,12 +367,13 @@ mod tests {
         RecordedSpectra::new(speeds.clone(), vec![0.4, 0.8], spectra.collect())
     }
 
-    /// A peak of `height` at `centre_hz`, a seventh wide.
+    /// A peak of `height` at `centre_hz`, about a seventh of the frequency wide.
     fn peak(frequency_hz: f64, centre_hz: f64, height: f64) -> f64 {
         height * (-((frequency_hz / centre_hz).ln() / 0.15).powi(2)).exp()
     }
 
-    /// The error of the left-out node in the middle, as densified and as the mean of its neighbours, and the weight.
+    /// Errors of the prediction of the left-out node in the middle, as densified and as the mean of its neighbours; and
+    /// the weight.
     fn left_out(field: &RecordedSpectra) -> ([f64; 2], f64) {
         let ways = TwoWays::of(field);
         let place = (2, 0);

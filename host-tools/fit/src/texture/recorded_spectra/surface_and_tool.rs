@@ -1,10 +1,11 @@
-//! The spectra of one surface at several speeds, taken apart into what moves with the speed and what stays.
+//! Separation of the spectra of one surface at several speeds into what moves with the speed and what stays.
 //!
-//! A tool dragged over a surface at the speed v vibrates with the surface's profile, which stands at fixed spatial
-//! frequencies f/v, shaped by the resonances of tool and hand, which stand at fixed frequencies f. In logarithms: L(f,
-//! v) = S(ln f - ln v) + T(ln f) + R(f, v). S and T are found by backfitting (Hastie and Tibshirani, *Generalized
-//! Additive Models*, 1990, ch. 4), each in turn as the mean of what the other leaves. At another speed, S is moved and
-//! T is not; what neither explains, R, is taken over from the neighbouring speeds as a smooth curve.
+//! A tool that is dragged over a surface at the speed v vibrates with the surface's profile, whose components stay at
+//! fixed spatial frequencies f/v. The vibration is shaped by the resonances of tool and hand, which stay at fixed
+//! frequencies f. In logarithms: L(f, v) = S(ln f - ln v) + T(ln f) + R(f, v). S and T are found by backfitting (Hastie
+//! and Tibshirani, *Generalized Additive Models*, 1990, ch. 4): each in turn is the mean of what the other leaves. For
+//! another speed, S is moved and T is not. R, which neither explains, is taken from the neighbouring speeds as a smooth
+//! curve.
 //!
 //! Moving the whole spectrum with the speed would move the tool's resonances too.
 
@@ -12,10 +13,10 @@ use std::sync::LazyLock;
 
 use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
 
-/// Frequencies of the decomposition, evenly spaced in ln f.
+/// Number of frequencies of the decomposition, evenly spaced in ln f.
 const POINTS: usize = 1400;
 
-/// The lowest of them, Hz; below, spectra go on as they are there.
+/// The lowest of these frequencies, Hz. Below it, spectra are constant.
 const LOWEST_HZ: f64 = 4.0;
 
 /// Rounds of backfitting. Most of the change is in the first three.
@@ -24,13 +25,14 @@ const ROUNDS: usize = 8;
 /// A third octave in base ten, as a difference of natural logarithms.
 const THIRD_OCTAVE: f64 = 0.1 * std::f64::consts::LN_10;
 
-/// Fewest speeds that can be taken apart. Two do not tell what moves from what stays: they are warped whole.
+/// Fewest speeds whose spectra can be separated. Two do not show what moves and what stays; their whole spectra are
+/// warped.
 pub const FEWEST_SPEEDS: usize = 3;
 
 /// A curve over ln f, [`POINTS`] values.
 type Curve = Vec<f64>;
 
-/// From one point to the next, as a difference of ln f.
+/// Spacing of the points in ln f.
 fn step() -> f64 {
     static STEP: LazyLock<f64> =
         LazyLock::new(|| (((BINS - 1) as f64 * STEP_HZ) / LOWEST_HZ).ln() / (POINTS - 1) as f64);
@@ -47,7 +49,7 @@ fn curve_of(spectrum: &LogSpectrum) -> Curve {
 }
 
 fn spectrum_of(curve: &[f64]) -> LogSpectrum {
-    /// The place of each bin among the points.
+    /// Position of each bin among the points.
     static PLACE_OF: LazyLock<Vec<f64>> = LazyLock::new(|| {
         let frequency_hz = |bin: usize| (bin as f64 * STEP_HZ).max(LOWEST_HZ);
         let place = |bin| (frequency_hz(bin) / LOWEST_HZ).ln() / step();
@@ -57,22 +59,23 @@ fn spectrum_of(curve: &[f64]) -> LogSpectrum {
     LogSpectrum::from_values(values.collect())
 }
 
-/// The value between two points; the ends go on.
+/// Returns the value between two points. Beyond the ends, it is that of the end.
 fn value_at(values: &[f64], place: f64) -> f64 {
     let place = place.clamp(0.0, (values.len() - 1) as f64);
     let below = (place as usize).min(values.len() - 2);
     values[below] + (values[below + 1] - values[below]) * (place - below as f64)
 }
 
-/// Spectra of one surface at one force, taken apart.
+/// Spectra of one surface at one force, separated into surface, tool and rest.
 #[derive(Clone, Debug)]
 pub struct SurfaceAndTool {
     /// ln v of every spectrum, ascending.
     log_speeds: Vec<f64>,
-    /// Over ln f - ln v in the same steps, from that of the lowest frequency at the highest speed on.
+    /// The surface's curve over ln f - ln v, in the same steps. It starts at the lowest frequency and the highest
+    /// speed.
     surface: Vec<f64>,
     tool: Curve,
-    /// The part of every spectrum that neither explains, smoothed.
+    /// The part of every spectrum that neither surface nor tool explains, smoothed.
     rest: Vec<Curve>,
 }
 
@@ -106,12 +109,13 @@ impl SurfaceAndTool {
         parts
     }
 
-    /// Returns the place of point 0 of a spectrum at this speed on the surface's curve.
+    /// Returns the position on the surface's curve of point 0 of a spectrum at this speed.
     fn offset(&self, log_speed: f64) -> f64 {
         (self.log_speeds[self.log_speeds.len() - 1] - log_speed) / step()
     }
 
-    /// The sum of both at a point of a spectrum whose point 0 has this place on the surface's curve.
+    /// Returns the sum of surface and tool at `point` of a spectrum; `offset` is the position of its point 0 on the
+    /// surface's curve.
     fn both_at(&self, point: usize, offset: f64) -> f64 {
         self.tool[point] + value_at(&self.surface, point as f64 + offset)
     }
@@ -131,7 +135,7 @@ impl SurfaceAndTool {
                 sum.1 += 1.0;
             }
         }
-        // The very ends may lie between points of the only spectrum that reaches them.
+        // The outermost values may lie between points of the only spectrum that reaches them.
         let mut surface: Vec<f64> = sums.iter().map(|(sum, n)| sum / n).collect();
         for index in 1..surface.len() {
             if sums[index].1 <= 0.0 {
@@ -153,7 +157,7 @@ impl SurfaceAndTool {
         tool
     }
 
-    /// The spectrum at a speed between the first and the last, mm/s.
+    /// Returns the spectrum at a speed between the first and the last, mm/s.
     pub fn at(&self, speed_mm_s: f64) -> LogSpectrum {
         let log_speed = speed_mm_s.ln();
         let above = self
@@ -177,7 +181,7 @@ impl SurfaceAndTool {
     }
 }
 
-/// The running mean over a third octave; at the ends over what is there.
+/// Returns the running mean over a third octave; at the ends, over the points that exist.
 fn smoothed(curve: &[f64]) -> Curve {
     let half = (0.5 * THIRD_OCTAVE / step()) as usize;
     let mut sums = vec![0.0; POINTS + 1];
