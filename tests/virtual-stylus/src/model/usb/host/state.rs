@@ -161,7 +161,7 @@ impl Host {
         self.bus == Bus::Running
     }
 
-    /// Drives a reset for `nanos`. Afterwards the host sends frames, to address 0, and both data toggles start again at
+    /// Drives a reset for `nanos`. Afterwards the host sends frames, to address 0, and its data toggles start again at
     /// DATA0.
     pub fn reset_bus(&mut self, now_ns: u64, nanos: u64) {
         if self.sees_device {
