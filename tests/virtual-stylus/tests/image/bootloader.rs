@@ -90,7 +90,7 @@ fn while_the_supply_is_low_the_bootloader_waits_with_a_sign_and_writes_no_flash(
     device.run_for(3 * SECOND);
     assert!(!device.shows_fault());
     device.stylus.set_supply(LOW_SUPPLY);
-    // The exchange that has begun stops before another operation starts.
+    // An operation that has begun may end, but no further one may start.
     let begun = device.flash_operations();
     device.run_for(5 * SECOND);
     let after = (device.flash_operations(), device.shows_fault());

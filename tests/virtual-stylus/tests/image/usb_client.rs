@@ -106,7 +106,7 @@ impl Running {
         self.now_ns.load(Ordering::Relaxed) / MS
     }
 
-    /// Ends the run. Checks that there was no reset.
+    /// Ends the run. Checks that there was no reset, and that codes were put out every 25 µs.
     fn finish(mut self) {
         self.ends.store(true, Ordering::Relaxed);
         let (outputs, resets) = (self.thread.take())

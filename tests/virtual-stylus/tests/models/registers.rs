@@ -86,7 +86,7 @@ fn each_trigger_requests_one_code_which_the_next_one_puts_out() {
     let mut bench = triggered();
     with_stream(&mut bench);
     bench.write(CR, DMA_ENABLE | TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
-    // The stream has already fetched the first word when the second is written.
+    // The stream has fetched the old word already, so the new one follows a trigger later.
     bench.write(DHR12R2, 0xABC);
     bench.wait(PERIOD_NS + 1_000);
     assert_eq!((bench.read(DHR12R1), bench.read(DOR1)), (0, 0));

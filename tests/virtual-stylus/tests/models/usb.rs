@@ -302,8 +302,8 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     );
 }
 
-/// Returns the number of packets that endpoint 1 receives in `frames` frames, and their data, from a host that always
-/// has another packet.
+/// Returns how many packets endpoint 1 receives in `frames` frames from a host that always has another packet, and the
+/// number that each of these packets holds.
 fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     let mut bench = part(0);
     connect(&mut bench);
