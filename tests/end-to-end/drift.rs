@@ -88,7 +88,7 @@ fn holds_the_texture(rate_hz: u32, drift: f64, method: &str) {
     let (axes, factor) = axes(rate_hz, drift, 3);
     let bench = recorded(&axes, rate_hz);
     bench.succeed(&format!("fit set --out a.lib --reduce {method}"));
-    // One axis contains only its own part of the texture; the principal axis contains all of it.
+    // One axis contains only its own part of the texture; the other reductions keep all of it.
     let share = if method == "x" {
         TEXTURE[0].powi(2)
     } else {

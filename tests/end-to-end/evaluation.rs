@@ -193,8 +193,8 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
             .as_f64()
             .unwrap()
     };
-    // The same recording judges the same synthesis. Segments last 0.5 s in the report with takes, because blocks are
-    // judged there too, and 1 s in the other.
+    // The same recording judges the same synthesis. Segments last 0.5 s in one report, because blocks are judged there
+    // too, and 1 s in the other.
     near(distance(&takes), distance(&unseen), 0.2);
 }
 

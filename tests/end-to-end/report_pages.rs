@@ -145,8 +145,8 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
     bench.succeed(&other);
     assert_ne!(bench.read("page.html"), one);
 
-    // The textures use Gaussian noise, so they form one pair, which shares both of its kinds, and have no part but the
-    // level.
+    // The textures use Gaussian noise. So one pair of different sounds is left, each of the two kinds is also compared
+    // with itself, and the level is the only part that can be tested.
     for (design, trials) in [
         ("similarity", "42 trials"),
         ("staircase", "up to 14 trials"),
