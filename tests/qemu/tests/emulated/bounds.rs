@@ -43,26 +43,26 @@ const PROPERTIES: usize = 20;
 
 /// Lowest and highest value of each property.
 const RANGES: [(u32, u32); PROPERTIES] = [
-    (1, MAX_TEXTURES as u32),           // Number of textures.
-    (1, MAX_TEXTURES as u32),           // Number of textures with a grid.
-    (1, MAX_AXIS_LEN as u32),           // Number of speeds.
-    (1, MAX_AXIS_LEN as u32),           // Number of forces.
+    (1, MAX_TEXTURES as u32),           // Textures.
+    (1, MAX_TEXTURES as u32),           // Textures with a grid.
+    (1, MAX_AXIS_LEN as u32),           // Speeds.
+    (1, MAX_AXIS_LEN as u32),           // Forces.
     (0, MAX_ORDER as u32),              // Order.
     (0, 1),                             // Whether there are tails.
-    (0, MAX_FINE_STAGES as u32),        // Number of stages with a fine byte.
+    (0, MAX_FINE_STAGES as u32),        // Stages with a fine byte.
     (0, 2),                             // Index of the level's law.
     (2, MAX_NAME_BYTES as u32),         // Bytes per name.
     (0, 1),                             // Whether names have characters of several bytes.
-    (0, MAX_SCENES as u32),             // Number of scenes.
-    (1, MAX_SURFACES as u32),           // Number of surfaces.
-    (1, MAX_SURFACES as u32),           // Number of surfaces' textures.
-    (0, MAX_SURFACES as u32),           // Number of taps.
-    (0, MAX_SURFACES as u32),           // Number of stick-slips.
-    (0, MAX_SECTIONS as u32),           // Number of sections.
-    (0, MAX_REGIONS as u32),            // Number of regions.
+    (0, MAX_SCENES as u32),             // Scenes.
+    (1, MAX_SURFACES as u32),           // Surfaces.
+    (1, MAX_SURFACES as u32),           // Textures of surfaces.
+    (0, MAX_SURFACES as u32),           // Taps.
+    (0, MAX_SURFACES as u32),           // Stick-slips.
+    (0, MAX_SECTIONS as u32),           // Sections.
+    (0, MAX_REGIONS as u32),            // Regions.
     (0, MAX_CODEBOOKS as u32),          // Codebooks of the first texture.
     (0, MAX_MODULATION_ENTRIES as u32), // Entries of its level track.
-    (0, MAX_LINES as u32),              // Number of lines.
+    (0, MAX_LINES as u32),              // Lines.
 ];
 
 /// The properties of a hostile library.
