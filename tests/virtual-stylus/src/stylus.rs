@@ -349,7 +349,7 @@ pub struct RunReport {
     pub without_model: Vec<String>,
     /// Unmapped addresses, and the addresses of the instructions that accessed them.
     pub unmapped: Vec<String>,
-    /// Accesses that the part refuses, such as to an instance whose clock is off.
+    /// Accesses that the part refuses, for example to an instance whose clock is off.
     pub refused: Vec<String>,
     /// Requests that the models do not carry out.
     pub told: Vec<String>,

@@ -211,7 +211,7 @@ impl Recipe {
         (!lines.is_empty()).then_some(LinesSpec::from(lines))
     }
 
-    /// Codebooks and level track of a texture of so many nodes, as many as there is room for.
+    /// Codebooks and level track of a texture with `nodes` nodes. There are at most as many codebooks as nodes.
     fn parts(&self, nodes: u32) -> PartsSpec {
         let codebooks = self.0[17].min(nodes);
         let excitation = (codebooks > 0).then(|| ExcitationSpec {

@@ -84,7 +84,7 @@ impl Endpoint {
     }
 }
 
-/// An entry of the receive FIFO: its status word, and the data words behind it.
+/// An entry of the receive FIFO: its status word, followed by its data words.
 #[derive(Clone, Debug)]
 pub(super) struct Received {
     pub(super) status: u32,
