@@ -100,7 +100,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     assert_eq!(second["already_there"], 1);
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
-    // The hand is too slow, and the report says so.
+    // The hand is too slow, which the report states.
     let verdicts = &second["recorded"][0]["verdicts"];
     holds(verdicts, &["instead of 200 mm/s"]);
     let before = samples(&bench, 0);

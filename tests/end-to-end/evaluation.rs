@@ -194,7 +194,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
             .unwrap()
     };
     // The same recording judges the same synthesis. Segments last 0.5 s in one report, because blocks are judged there
-    // too, and 1 s in the other.
+    // too, and 1 s in the other report.
     near(distance(&takes), distance(&unseen), 0.2);
 }
 

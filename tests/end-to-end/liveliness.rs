@@ -17,7 +17,8 @@ fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
     scaled(&raw, 1.0 / rms)
 }
 
-/// Levels in steps of 0.25 dB, one per 20 ms: a smoothed random walk of 3.5 dB, with a mean square of 1.
+/// Levels in steps of 0.25 dB, one per 20 ms: smoothed noise with a standard deviation of 3.5 dB. The mean square of
+/// the gains is 1.
 fn levels(seed: u64, entries: usize) -> Vec<i8> {
     let mut state = 0.0;
     let decibels: Vec<f64> = noise(seed, entries + 50)

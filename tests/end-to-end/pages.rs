@@ -35,7 +35,7 @@ const GROUPS: [&str; 2] = ["scene", "settings"];
 /// Options of other programs that the pages name.
 const OF_OTHERS: [&str; 4] = ["--port", "--version", "--range", "--warm"];
 
-/// Options of `cargo tasks hil` that only pages for boards name.
+/// Options of `cargo tasks hil` that are named only in pages about boards.
 const OF_HIL: [&str; 2] = ["--flash", "--minutes"];
 
 /// The output of `stylus` with `arguments` and `--help`.

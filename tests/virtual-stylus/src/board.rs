@@ -31,10 +31,10 @@ pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
 const HIGH_SPEED_HZ: u64 = 8_000_000;
 const LOW_SPEED_HZ: u64 = 32_768;
 const SERIAL: &str = "USART3";
-/// The part's unique identifier of 96 bits (section 61.1).
+/// Address of the part's unique identifier, which has 96 bits (section 61.1).
 const UNIQUE_ID_ADDRESS: u64 = 0x1FF1_E800;
 const UNIQUE_ID: &[u8; 12] = b"VIRTUAL-0001";
-/// The size of the flash, KB (section 61.2).
+/// Address of the size of the flash, KB (section 61.2).
 const FLASH_SIZE_ADDRESS: u64 = 0x1FF1_E880;
 const FLASH_KB: u16 = 2048;
 

@@ -72,7 +72,7 @@ const BANK: u64 = BYTES as u64 / 2;
 const CODE_BANK: u8 = 1;
 /// The bank without the code, as a bit of [`Busy::banks`].
 const OTHER_BANK: u8 = 2;
-/// Instructions between two looks at the MPU while the bank with the code is busy: a microsecond.
+/// Instructions between two checks of the MPU while the bank with the code is busy: about a microsecond.
 const LOOK: u32 = 256;
 /// The status of a bank of the flash: FLASH_SR1 and FLASH_SR2 (section 4.9.5).
 const FLASH_STATUS: [u64; 2] = [0x5200_2010, 0x5200_2110];
@@ -443,7 +443,7 @@ impl Core {
     }
 }
 
-/// The bus, with checks of the reads of flash.
+/// The bus, with checks of each access, such as reads of flash.
 struct Seen<'a> {
     bus: &'a mut dyn CoreBus,
     unreadable: &'a Unreadable,

@@ -287,8 +287,8 @@ impl Part {
             });
     }
 
-    /// Sets the supply. Where it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3).
-    /// Panics if the emulator's part lacks EXTI or PWR.
+    /// Sets the supply. If it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3). Panics
+    /// if the emulator's part lacks EXTI or PWR.
     pub fn set_supply(&mut self, millivolts: u32) {
         let before = self.is_supply_low();
         self.rest.set_supply(millivolts);

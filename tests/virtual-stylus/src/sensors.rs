@@ -61,7 +61,7 @@ pub fn newtons_per_volt() -> f64 {
     default_of(Setting::ForcePerVolt)
 }
 
-/// Volts of the force sensor without force.
+/// Volts of the force sensor if no force acts on it.
 pub fn force_zero_volts() -> f64 {
     let volts = default_of(Setting::ForceZero) / FULL_SCALE * REFERENCE_VOLTS;
     (volts * 1e6).round() / 1e6

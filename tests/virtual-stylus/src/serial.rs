@@ -12,7 +12,7 @@ use rigless::time::VirtualNanos;
 /// A byte that the image sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// End of its stop bit, in nanoseconds of virtual time.
+    /// Instant of the end of the byte's stop bit, in nanoseconds of virtual time.
     pub at_ns: u64,
     /// The byte.
     pub byte: u8,

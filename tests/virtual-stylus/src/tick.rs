@@ -104,7 +104,7 @@ impl TickWatch {
         self.entered = None;
     }
 
-    /// Handles a hit of a watch; returns a further watch, if one is needed.
+    /// Handles a hit of a watch. Returns a further watch if one is needed.
     pub fn hit(&mut self, hit: &Hit) -> Option<Watch> {
         if hit.kind != HitKind::Instruction {
             return None;
@@ -125,7 +125,8 @@ impl TickWatch {
         None
     }
 
-    /// Handles the end of an audit; returns a further watch if the tick returned by an unknown instruction.
+    /// Handles the end of an audit. Returns a further watch if the tick returned by an instruction that was not known
+    /// yet.
     pub fn audited(&mut self) -> Option<Watch> {
         let audit = self.auditor.take()?;
         let (_, at_ns) = self.entered.take()?;

@@ -91,7 +91,7 @@ fn tick() {
     TIM6.arr().write(|w| w.set_arr(TICK_CYCLES - 1));
     TIM6.dier().modify(|w| w.set_uie(true));
     TIM6.cr1().modify(|w| w.set_cen(true));
-    // SAFETY: all that the handler uses is set up.
+    // SAFETY: everything that the handler uses is set up by now.
     unsafe { NVIC::unmask(interrupt::TIM6_DAC) };
 }
 

@@ -64,7 +64,7 @@ const OF_TRANSCEIVER: [u64; 6] = [11, 17, 14, 7, 4, 8];
 
 /// Signals on the pins of the converter.
 pub trait Pins: Send + Debug {
-    /// The code of `channel` at `at_ns` of virtual time: 16 bits, a fraction of the reference voltage.
+    /// The 16-bit code of `channel` at `at_ns` of virtual time. Full scale is the reference voltage.
     fn code(&mut self, channel: u8, at_ns: u64) -> u16;
 
     /// Called with each new `output` of the digital-to-analogue converter, and whether the amplifier is enabled.

@@ -17,7 +17,7 @@ const CHANNEL_1: Channel = Channel::new(1).expect("the timer has four");
 /// DS12110 table 136: the typical rate.
 const TYPICAL_HZ: u64 = 32_000;
 
-/// The oscillator, as the timer sees it.
+/// The oscillator at the timer's input.
 #[derive(Debug)]
 pub struct LowSpeedInput {
     hz: Option<u64>,

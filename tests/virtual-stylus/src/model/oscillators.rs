@@ -22,9 +22,9 @@ use rigless::soc::stm32h743::peripherals::rcc::Rcc;
 
 use super::around::{Around, Call};
 
-/// Reference of the medium range, Hz: from the first to the second.
+/// Lowest and highest reference of the medium range, Hz.
 const MEDIUM_REFERENCE_HZ: [u64; 2] = [1_000_000, 2_000_000];
-/// VCO of the wide range and of the medium one, Hz.
+/// Lowest and highest VCO frequency of the wide range and of the medium range, Hz.
 const WIDE_VCO_HZ: [u64; 2] = [192_000_000, 960_000_000];
 const MEDIUM_VCO_HZ: [u64; 2] = [150_000_000, 420_000_000];
 /// Ranges of the reference that the codes of `PLLxRGE` select, Hz.

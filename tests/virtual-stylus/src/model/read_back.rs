@@ -30,7 +30,7 @@ const REMEMBERED: usize = 32;
 const WORDS_PER_CODE: f64 = 16.0;
 /// Half cycles from the end of sampling to the word, at 16 bits.
 const SUCCESSIVE_HALF_CYCLES: u64 = 17;
-/// Level of a pin that nothing drives, words.
+/// Level that is read at a pin that nothing drives, words.
 const FLOATING: f64 = 21_000.0;
 
 /// Properties of the pin and of the circuit at it.
@@ -120,7 +120,7 @@ impl ReadBack {
         to + (from - to) * (-(nanos as f64) / self.pin.settling_ns).exp()
     }
 
-    /// Noise of unit variance: the sum of twelve uniform numbers.
+    /// Noise of unit variance: the sum of twelve uniform numbers from 0 to 1, minus 6.
     fn noise(&mut self) -> f64 {
         let uniform = (0..12).map(|_| self.chance.fraction());
         uniform.sum::<f64>() - 6.0

@@ -82,7 +82,7 @@ fn begins_block(tick: u64) -> bool {
 /// The ticks at which playing began and at which the mute ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Began {
-    /// First tick of the first block that is played, which is still silent.
+    /// First tick of the play's first block, which is still silent.
     pub play: u64,
     /// First tick that is not muted.
     pub unmuted: u64,

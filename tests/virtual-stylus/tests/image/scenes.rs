@@ -27,7 +27,7 @@ const FED_FOUR_LINES: u8 = 6;
 /// Orders of the long textures and of the short ones.
 pub const ORDERS: [u32; 2] = [400, 200];
 
-/// A texture of small models that differ in their first coefficient only.
+/// A texture of small models that differ only in their first coefficient.
 fn texture(name: &str, order: u32) -> TextureSpec {
     let node = |number: i16| {
         let rest = (1..order).map(|stage| (stage % 7) as i16);

@@ -36,7 +36,7 @@ fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
     })
 }
 
-/// Schedules `mishap` after `transactions` transactions.
+/// Schedules `mishap` after `transactions` more transactions.
 pub fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
     device
         .stylus

@@ -1,4 +1,4 @@
-//! The probe image, and conversations with it.
+//! The probe image, and the exchange of commands and answers with it.
 
 use std::path::PathBuf;
 

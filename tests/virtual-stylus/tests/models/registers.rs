@@ -1,4 +1,4 @@
-//! Registers written one by one without a core: DAC1 fed by DMA at the triggers of TIM7, and the watchdog's.
+//! Registers written one by one without a core: DAC1, which DMA feeds at the triggers of TIM7, and the watchdog.
 
 use virtual_stylus::Electrical;
 

@@ -180,7 +180,8 @@ impl World {
         self.run.has_faults
     }
 
-    /// Returns true if another fault would not yet lead to safe mode.
+    /// Returns true if another fault is possible without safe mode. Without fault injection only the external clock can
+    /// fail, and only once.
     pub fn bears_fault(&self) -> bool {
         self.run.faults < if self.run.has_faults { 2 } else { 1 }
     }
