@@ -1,4 +1,4 @@
-//! Several commands on one device at once, by the broker that shares its link; and the list of what is attached.
+//! Several commands on one device at once, through the broker that shares its link, and the list of attached devices.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -16,11 +16,12 @@ use serde_json::Value;
 use crate::device_links::port;
 use crate::support::{Bench, PLAY, holds, interrupt, json, refusal, signal, text, wait_for};
 
-/// A desk with a stylus on it that has a library, and a runtime folder of its own, so that its brokers are its own.
+/// A desk with a stylus that has a library. It has a runtime folder of its own, so it shares no broker with other
+/// desks.
 struct Desk {
     stylus: FakeStylus,
     bench: Bench,
-    /// The address that commands are given.
+    /// The link's address that commands receive.
     link: String,
 }
 
@@ -61,7 +62,7 @@ impl Desk {
         self.bench.spawn(arguments.split_whitespace())
     }
 
-    /// Begins to play, and waits for the motions.
+    /// Starts a play, and waits for its motions.
     fn play(&self) -> Child {
         let player = self.bench.spawn(PLAY.into_iter().chain(["--json"]));
         wait_for("motions", || self.stylus.count("stylus/motion/live") >= 20);
@@ -79,7 +80,7 @@ impl Desk {
         output["activity"].is_object() && status["muted"] == serde_json::json!([])
     }
 
-    /// Numbers of the processes that share a link of this desk's.
+    /// Process numbers of the brokers that share this desk's links.
     fn brokers(&self) -> Vec<u32> {
         processes(&self.bench.path("run"))
     }
@@ -88,7 +89,7 @@ impl Desk {
         self.bench.path("run/stylus")
     }
 
-    /// The one file in the runtime folder with this ending.
+    /// The file in the runtime folder whose name ends with `ending`.
     fn file(&self, ending: &str) -> PathBuf {
         let entries = fs::read_dir(self.folder()).unwrap();
         let mut paths = entries.map(|entry| entry.unwrap().path());
@@ -103,7 +104,7 @@ impl Desk {
 }
 
 impl Drop for Desk {
-    /// No process is left behind by a test.
+    /// Ends the brokers, so that a test leaves no process behind.
     fn drop(&mut self) {
         for broker in self.brokers() {
             signal("TERM", broker);
@@ -114,7 +115,7 @@ impl Drop for Desk {
     }
 }
 
-/// Numbers of the living processes that share a link under this runtime folder.
+/// Process numbers of the running brokers under this runtime folder.
 fn processes(run: &Path) -> Vec<u32> {
     let wanted = format!("XDG_RUNTIME_DIR={}\0", run.display());
     let entries = fs::read_dir("/proc").unwrap().flatten();
@@ -138,7 +139,7 @@ fn output_of(child: Child) -> (Option<i32>, String, String) {
     )
 }
 
-/// Everything at once: a play, two monitors, a recording, and short commands, none of which ends another.
+/// Runs a play, two monitors, a recording, and short commands at once. None of them ends another.
 fn all_at_once(desk: &Desk) {
     desk.stylus.set_hand(Hand::moving(100.0, 1.0));
     let player = desk.play();
@@ -163,13 +164,13 @@ fn all_at_once(desk: &Desk) {
     let (code, out, err) = output_of(strokes);
     assert_eq!(code, Some(0), "{out}\n{err}");
     assert_eq!(json(&out)["lost_samples"], 0, "{out}");
-    // A busy computer may be late for a motion, which mutes for a moment.
+    // On a busy computer a motion may arrive late, which mutes the output for a moment.
     wait_for("the play that goes on", || desk.is_playing());
     interrupt(&player);
     let (code, out, err) = output_of(player);
     assert_eq!(code, Some(0), "{out}\n{err}");
     let report = json(&out);
-    // A busy computer may be late for some motions.
+    // On a busy computer some motions may arrive late.
     assert!(report["muted_share"].as_f64().unwrap() < 0.5, "{out}");
     let status = json(&desk.succeed("status --json"));
     assert_eq!(status["status"]["output"]["activity"], "Idle");
@@ -213,7 +214,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
         assert_eq!(refused.status.code(), Some(2), "{arguments}: {err}");
         holds(&err, &[&who]);
     }
-    // An upload alone does not disturb, and neither does a command that is killed.
+    // An upload on its own does not disturb the play, and neither does a command that is killed.
     desk.succeed("upload a.lib");
     let mut monitor = desk.spawn("status --watch");
     desk.wait_for_recording();
@@ -246,7 +247,7 @@ fn a_broker_that_is_killed_leaves_a_stale_socket_that_stops_nobody() {
     let (code, _, err) = output_of(monitor);
     assert_eq!(code, Some(2));
     holds(&err, &["the process that shared it has ended"]);
-    // The upload goes on by a new broker, where it was.
+    // The upload continues through a new broker, from where it was.
     let (code, out, err) = output_of(upload);
     assert_eq!(code, Some(0), "{err}");
     assert_eq!(json(&out)["retries"], 1, "{out}");
@@ -308,7 +309,7 @@ fn a_broker_of_another_version_is_named_with_its_clients_and_one_that_hangs_is_n
     holds(&refused, &[words]);
     holds(&refused, &["--no-broker"]);
     drop(other);
-    // It leaves a socket, which nothing answers at any more.
+    // The broker leaves a socket behind, and nothing answers on it any more.
     desk.succeed("status");
     let socket = desk.file(".sock");
     desk.wait_until_idle();
@@ -322,7 +323,7 @@ fn a_broker_of_another_version_is_named_with_its_clients_and_one_that_hangs_is_n
 fn without_a_broker_a_link_is_opened_alone_unless_others_use_it() {
     let desk = Desk::new();
     let connections = desk.stylus.connections();
-    // The end of the upload's broker is waited for.
+    // The command waits for the end of the upload's broker.
     desk.succeed("status --no-broker");
     desk.wait_until_idle();
     assert_eq!(desk.stylus.connections(), connections + 1);
@@ -360,12 +361,12 @@ fn a_monitor_that_reads_too_slowly_loses_its_own_blocks_alone() {
     );
 }
 
-/// Announces a virtual stylus in the desk's folder, as one does that runs, until the file is dropped.
+/// Announces a virtual stylus in the desk's folder, like a running one, until the returned file is dropped.
 fn announce(desk: &Desk, name: &str, links: &[&str]) -> File {
     let path = desk.folder().join(format!("virtual-{name}"));
     let mut file = File::create(path).unwrap();
     file.lock().unwrap();
-    // Its virtual time.
+    // The first line is the virtual time.
     writeln!(file, "0").unwrap();
     for link in links {
         writeln!(file, "{link}").unwrap();
@@ -419,7 +420,7 @@ fn what_is_attached_is_listed_and_the_only_one_is_used() {
         other.link()
     );
     holds(&message, &[&both]);
-    // One that was killed has let go of its file.
+    // A virtual stylus that was killed no longer locks its file.
     drop(two);
     assert!(run(&["status"]).status.success());
 }
@@ -492,7 +493,7 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
             assert_eq!(output.status.code(), Some(0), "{err}");
             (out, err)
         };
-        // A busy computer may send a motion so late that the stylus is muted meanwhile, but not each time.
+        // On a busy computer a motion may arrive so late that the stylus is muted meanwhile, but not in every attempt.
         let stopped = " 0 mutes, 0 missed ticks; at the accelerometer";
         let (out, err) = (0..8)
             .map(|_| play())

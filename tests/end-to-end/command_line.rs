@@ -1,10 +1,10 @@
-//! The command from outside: its results on good input, and its messages about bad input.
+//! The command as a user sees it: its results for good input, and its messages about bad input.
 
 use crate::support::{
     Bench, RATE_HZ, all_pole, holds, integers, json, noise, rig_of, scaled, two_textures, wav,
 };
 
-/// Two textures at two speeds and forces, on two axes of which the second is weak.
+/// A set of two textures at two speeds and forces, on two axes. The second axis is weak.
 fn small_set() -> Bench {
     two_textures(|signal| [signal.to_vec(), scaled(signal, 0.1)])
 }
@@ -25,7 +25,7 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
     for texture in figures["textures"].as_array().unwrap() {
         let cost = texture["mean_cost"].as_f64().unwrap();
         let floor = texture["mean_cost_floor"].as_f64().unwrap();
-        // The recordings are autoregressive as the models are, so the cost is that of the synthesis' own noise.
+        // The recordings are autoregressive like the models, so the cost is only that of the synthesis's own noise.
         assert!(cost < 1.2 * floor, "{texture}");
     }
     let along = "textures.lib --texture silk --speed 100 --force 0.7 --seconds 2 --out";
@@ -237,7 +237,7 @@ fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
     }
 }
 
-/// A WAV file as NumPy writes it: IEEE float samples of 64 bits.
+/// A WAV file like NumPy's: IEEE float samples of 64 bits.
 fn double_wav(signal: &[f64]) -> Vec<u8> {
     let data = signal.len() as u32 * 8;
     let mut bytes = Vec::new();

@@ -9,7 +9,7 @@ use fake_stylus::{FakeStylus, Hand};
 /// Force of a weight of 100 g, N.
 const WEIGHT_N: f64 = 0.980_665;
 
-/// Someone who answers what the command asks, with the stylus in the hand.
+/// A person who holds the stylus and answers the command's questions.
 struct Operator<'a> {
     stylus: &'a FakeStylus,
     child: Child,
@@ -30,7 +30,7 @@ impl<'a> Operator<'a> {
         }
     }
 
-    /// Waits until the command says `words`.
+    /// Waits until the command prints `words`, and returns the line.
     fn until(&mut self, words: &str) -> String {
         let said = |line: &std::io::Result<String>| line.as_ref().unwrap().contains(words);
         let found = self.said.find(said);
@@ -45,7 +45,8 @@ impl<'a> Operator<'a> {
         writeln!(self.keyboard, "{answer}").unwrap();
     }
 
-    /// Lays weights on the tip, each as `newtons` of a sensor of 2 N/V, when the command asks for it in `grams`.
+    /// Lays weights on the tip, one after another, when the command asks for each in `grams`. Each is given in newtons
+    /// of a sensor of 2 N/V.
     fn weigh(&mut self, weights: &[(&str, f64)]) {
         for (grams, newtons) in weights {
             self.hand.force_n = *newtons;
@@ -53,7 +54,7 @@ impl<'a> Operator<'a> {
         }
     }
 
-    /// Moves the tip to a place, in counts, when the command asks for it.
+    /// Moves the tip to the position `goal`, in counts, when the command asks for it.
     fn travel(&mut self, goal: i64) {
         self.answer("put the tip on", "");
         self.until("in a straight line");
@@ -63,7 +64,7 @@ impl<'a> Operator<'a> {
         writeln!(self.keyboard).unwrap();
     }
 
-    /// The report, and the exit code.
+    /// Waits for the end of the command, and returns its report and its exit code.
     fn end(mut self) -> (String, Option<i32>) {
         let mut report = String::new();
         let mut output = self.child.stdout.take().unwrap();
@@ -77,7 +78,7 @@ fn value(bench: &Bench, setting: &str) -> f64 {
     got[0]["value"].as_f64().unwrap()
 }
 
-/// A sensor of 4 N/V and a wheel of 0.02 mm per count, where a stylus that was never set assumes 2 and 0.01.
+/// The sensor has 4 N/V and the wheel 0.02 mm per count. A stylus whose settings were never changed assumes 2 and 0.01.
 #[test]
 fn weights_and_a_distance_set_both_scales_in_one_change_and_are_measured_again() {
     let (stylus, bench) = attached(FakeStylus::start());
@@ -98,7 +99,7 @@ fn weights_and_a_distance_set_both_scales_in_one_change_and_are_measured_again()
     let report = json(&report);
     near(value(&bench, "force-per-volt"), 4.0, 0.01);
     near(value(&bench, "path-per-count"), 0.02, 1e-6);
-    // Noise that is even between ± 20 codes of 0.2 mN has a deviation of 2.4 mN.
+    // Noise with an even distribution within ± 20 codes of 0.2 mN has a standard deviation of 2.4 mN.
     let threshold = value(&bench, "contact-threshold");
     assert!((0.02..0.03).contains(&threshold), "{threshold}");
     let set = report["set"].as_array().unwrap().iter();
@@ -130,7 +131,7 @@ fn what_cannot_be_is_refused_with_its_remedy_and_nothing_is_stored() {
         (2_500, 200, "begin and end at the same marks"),
     ] {
         let mut operator = Operator::new(&stylus, &bench, "calibrate --distance 50 --keep-force");
-        // The place that the way before has ended at is the first mark.
+        // The place where the previous stroke ended is the first mark.
         let begin = stylus.place();
         operator.hand.goal_counts = Some(begin);
         operator.travel(begin + there);
@@ -143,7 +144,7 @@ fn what_cannot_be_is_refused_with_its_remedy_and_nothing_is_stored() {
     assert_eq!(value(&bench, "path-per-count"), 0.01);
 }
 
-/// A force and a way that are others when they are measured again.
+/// The force and the distance differ when they are measured again.
 #[test]
 fn what_is_not_verified_is_told_with_what_is_stored() {
     let (stylus, bench) = attached(FakeStylus::start_unset());

@@ -1,4 +1,4 @@
-//! Commands to a stylus without faults: each is carried out, and its effect read back.
+//! Commands to a stylus without faults. Each is carried out, and the tests read its effect back.
 
 use crate::support::{Bench, attached, holds, interrupt, json, near, scaled, text, wait_for};
 use fake_stylus::actuator::Actuator;
@@ -9,7 +9,7 @@ use model_format::link::UploadChunk;
 use serde_json::Value;
 use stylus_plant::Parameters;
 
-/// A stylus with an active library of one texture, and a folder with the library in it.
+/// A stylus with an active library of one texture, and a folder that holds the library.
 fn ready() -> (FakeStylus, Bench) {
     let (stylus, bench) = attached(FakeStylus::start());
     bench.write("a.lib", library(1, 20, 1));
@@ -98,7 +98,7 @@ fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     let number = |name: &str| report[name].as_u64().unwrap();
-    // Every motion is counted, those that were not sent too.
+    // Every motion is counted, including those that were not sent.
     let slots = number("motions") + number("skipped");
     assert!((390..=402).contains(&slots), "{report}");
     let topics = stylus.count("stylus/motion/live");
@@ -145,7 +145,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     assert_eq!(report["motions"], 0);
-    // One per 10 ms, less the delays of this computer.
+    // One keep-alive is due per 10 ms, but this computer's delays may cost some.
     let expected = report["seconds"].as_f64().unwrap() * 100.0;
     let found = report["keep_alives"].as_f64().unwrap();
     assert!(found <= expected + 2.0, "{report}");
@@ -155,7 +155,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     let status = json(&bench.succeed("status --json"));
     let output = &status["status"]["output"];
     assert_eq!(output["activity"], "Idle");
-    // Nothing muted it between the beginning and the end.
+    // Nothing muted the output between beginning and end.
     assert_eq!(output["mute_counts"][1], 0, "{output}");
 }
 
@@ -297,10 +297,10 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     assert!(set.iter().all(|row| row["state"] == "set"), "{set:?}");
     let status = bench.succeed("status");
     assert!(!status.contains("SETTINGS"), "{status}");
-    // Nothing is missing but the texture.
+    // Only the texture is missing now.
     let refused = bench.refuse(play);
     holds(&refused, &["no texture"]);
-    // A pair without a value, or an unknown name, is refused before anything is set.
+    // A setting without a value, or an unknown name, is refused before anything is set.
     bench.refuse_each(
         "settings set power-limit 0.3 hard-limit | hard-limit has no value
         settings set power-limit 0.3 volume 1 | no setting 'volume'
@@ -323,7 +323,7 @@ fn what_protects_less_is_shown_and_confirmed_and_what_protects_more_is_not_asked
     holds(&refused, &["hard-limit: 0.25 -> 0.75 V", "0.749 V peak"]);
     holds(&refused, &["give --yes"]);
     assert!(!refused.contains("soft-start"), "{refused}");
-    // All or nothing: neither is changed.
+    // Either both settings change or none: here neither has changed.
     assert_eq!((value("soft-start"), value("force-zero")), (200.0, 4096.0));
     bench.succeed(&format!("{looser} --yes"));
     assert_eq!((value("soft-start"), value("hard-limit")), (300.0, 0.75));
@@ -336,19 +336,19 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     let (stylus, bench) = attached(FakeStylus::start_unset());
     let coil = "--resistance 8 --amplifier-gain 10 --power-limit 0.5 --hard-limit 0.2";
     let calibrate = format!("calibrate {coil} --seconds 0.3 --yes --json");
-    // An open sensor has no zero.
+    // The zero of an open sensor cannot be measured.
     stylus.set_hand(Hand {
         is_open: true,
         ..Hand::default()
     });
     let refused = bench.refuse(&calibrate);
     holds(&refused, &["nothing was stored: force is at a rail"]);
-    // Nor has one that moves.
+    // Neither can the zero of a sensor that moves.
     stylus.set_hand(Hand::moving(30.0, 0.0));
     holds(&bench.refuse(&calibrate), &["the encoder moved"]);
     holds(&bench.refuse("play --texture silk"), &["not set"]);
 
-    // A sensor whose zero is another than the default.
+    // The zero of this sensor differs from the default.
     stylus.set_hand(Hand::moving(0.0, 0.5));
     let report = json(&bench.succeed(&calibrate));
     near(report["peak_watts"].as_f64().unwrap(), 0.5, 1e-6);
@@ -430,7 +430,7 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     let sights: Vec<Value> = seen.lines().map(json).collect();
     assert!(sights.len() >= 3, "{seen}");
     let level = &sights[1]["level"];
-    // 768 codes to either side, 3.3 V / 65 536 per code, 29.72 m/s² per V.
+    // 768 codes to both sides of the mean, 3.3 V / 65 536 per code, 29.72 m/s² per V.
     let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
     near(level["rms_m_s2"].as_f64().unwrap(), rms, 1e-3);
     near(level["speed_mm_s"].as_f64().unwrap(), 80.0, 1.0);

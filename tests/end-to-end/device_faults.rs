@@ -1,4 +1,4 @@
-//! Links and devices that fail: the commands that recover, and the messages of those that cannot.
+//! Links and devices that fail: commands that recover, and the messages of commands that cannot.
 
 use std::time::{Duration, Instant};
 
@@ -30,7 +30,7 @@ fn an_upload_goes_on_where_the_link_broke() {
     let retries = report["retries"].as_u64().unwrap() as usize;
     assert!(retries >= 3, "{report}");
     assert_eq!(stylus.connections(), retries + 1);
-    // Each break costs no more than the chunk whose answer was lost.
+    // Each break costs at most the chunk whose answer was lost.
     let chunks = bytes.len().div_ceil(MAX_CHUNK_BYTES);
     let sent = stylus.count("stylus/upload/chunk");
     assert!(sent <= chunks + retries, "{sent} of {chunks}");
@@ -58,7 +58,7 @@ fn an_upload_that_was_killed_is_resumed_by_the_next() {
 fn an_upload_whose_last_answer_was_lost_is_not_begun_again() {
     let (stylus, bench, bytes) = bench();
     let chunks = bytes.len().div_ceil(MAX_CHUNK_BYTES);
-    // The device's description, the begin, the chunks and the commit.
+    // The requests are the device's description, the begin, the chunks and the commit.
     stylus.fail(|faults| faults.close_every = Some(chunks + 3));
     let report = upload(&bench);
     assert_eq!(report["sequence"], 1);
@@ -93,7 +93,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
     assert_eq!(report["retries"], 0);
     assert!(stylus.count("stylus/upload/begin") > 2);
     stylus.fail(|faults| faults.busy = true);
-    // The timeout is sixteen times that of other answers.
+    // The timeout of this request is sixteen times the timeout of other requests.
     let words = "the device did not accept the slot list request";
     holds(&bench.refuse("slots --timeout 0.2"), &[words]);
 }
@@ -113,7 +113,7 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
     stylus.fail(|faults| faults.silent = true);
     let begin = Instant::now();
     let message = bench.refuse("status --timeout 0.3");
-    // The remedy is a value that can be typed.
+    // The remedy is an option that can be typed as it stands.
     let words = "no answer to the identity request within 0.3 s";
     holds(&message, &[words, "--timeout 2"]);
     assert!(begin.elapsed() < Duration::from_secs(5));
@@ -134,22 +134,22 @@ fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
     assert_eq!(*request, "status");
     stylus.fail(|_| ());
     let first = device.status().unwrap().uptime_ms;
-    // The late answer has come by now; it is older than this one, and must not be taken for it.
+    // The late answer has arrived by now. It is older than the answer to this request, and must not be mistaken for it.
     std::thread::sleep(Duration::from_millis(700));
     let second = device.status().unwrap().uptime_ms;
     assert!(second >= first + 600, "{first} {second}");
 }
 
-/// Changes a device's description of itself.
+/// Changes the description that a device gives of itself.
 type Disguise = fn(&mut DeviceInfo);
 
-/// The message to a user of a device with `disguise`.
+/// Returns the message that a user of a device with `disguise` receives.
 fn said_to(disguise: Disguise, arguments: &str) -> String {
     let (stylus, bench) = attached(FakeStylus::start());
     bench.write("a.lib", library(1, 4, 3));
     stylus.fail(|faults| faults.disguise = Some(disguise));
     let message = bench.refuse(arguments);
-    // Nothing but its description was asked for.
+    // The command has requested only the device's description.
     let heard = stylus.take_heard();
     assert!(heard.iter().all(|heard| heard.path == "stylus/info"));
     message
@@ -194,11 +194,11 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
     let output = bench.command(play).output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report: Value = json(&text(&output.stdout));
-    // Two answers of 100 ms at a time, each for 16 motions: at most 320 motions per second.
+    // The device handles two requests of 100 ms at a time, each for 16 motions: at most 320 motions per second.
     let motions = report["motions"].as_u64().unwrap();
     assert!(motions <= 700, "{report}");
     assert!(report["skipped"].as_u64().unwrap() > 0, "{report}");
-    // While motions wait, keep-alives tell the device that the host is there.
+    // While motions wait, keep-alives show the device that the host is present.
     assert!(report["keep_alives"].as_u64().unwrap() > 0, "{report}");
 }
 
@@ -210,7 +210,7 @@ fn the_last_library_that_can_be_read_is_replaced_only_where_the_user_asks_for_it
     }
     bench.succeed("upload a.lib --activate");
     bench.succeed("upload b.lib");
-    // The active library goes on from RAM; its slot cannot be read any more.
+    // The active library continues to play from RAM, but its slot cannot be read any more.
     stylus.damage(0, Damage::Faulting);
     let refused = bench.refuse("upload c.lib");
     holds(&refused, &["activate slot B", "--replace-last"]);

@@ -1,4 +1,4 @@
-//! Links to a stylus: a serial port, TCP and USB; and the messages where there is no stylus.
+//! Links to a stylus: a serial port, TCP and USB; and the messages if there is no stylus.
 
 use fake_stylus::FakeStylus;
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
@@ -14,7 +14,7 @@ pub mod port {
     use tokio::runtime::Runtime;
     use tokio_serial::{SerialPort, SerialStream};
 
-    /// Carries bytes both ways until it is dropped.
+    /// Carries bytes in both directions until it is dropped.
     pub struct Port {
         pub name: String,
         /// The test's own handle of the port.
@@ -47,7 +47,7 @@ pub mod port {
                 Ok(0) => return,
                 Ok(count) if to.write_all(&buffer[..count]).await.is_err() => return,
                 Ok(_) => {}
-                // A terminal whose other end is not open.
+                // The other end of the terminal is not open.
                 Err(_) => tokio::time::sleep(Duration::from_millis(5)).await,
             }
         }
@@ -67,7 +67,7 @@ fn a_port_that_another_program_uses_is_said_to_be_in_use() {
 #[test]
 fn where_there_is_no_device_one_line_says_so() {
     let bench = Bench::new();
-    // If a stylus is plugged in, it has another serial number.
+    // Any stylus that is plugged in has another serial number.
     bench.refuse_each(
         "status --link serial:/dev/no-such-port | there is no such port
         status --link serial:/dev/null | is it a serial port?

@@ -1,4 +1,4 @@
-//! Recording from a stylus: the set holds what was on the pins, without the holes, and a fit reads it.
+//! Recording from a stylus: the set holds what was on the pins, without holes, and a fit can read it.
 
 use std::io::Write;
 use std::process::{Child, Output};
@@ -43,7 +43,7 @@ fn spawn(bench: &Bench, arguments: &str) -> Child {
     bench.spawn(fixed.into_iter().chain(arguments.split_whitespace()))
 }
 
-/// The trial's samples, m/s², as a fit reads them.
+/// Reads the samples of a trial, m/s², as a fit does.
 fn samples(bench: &Bench, trial: usize) -> Vec<Vec<f64>> {
     let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
     host_tools::recording::read(&set.trials[trial])
@@ -68,7 +68,7 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
         let list = text(&bench.read("set/trials.csv"));
         let axes = samples(&bench, list.lines().count() - 2);
         assert_eq!(axes[0].len(), 10_000);
-        // The recording begins anywhere in the signal's loop.
+        // The recording may begin anywhere in the signal's loop.
         let codes: Vec<[i64; 3]> = (0..10_000)
             .map(|n| {
                 let code = |axis: usize| {
@@ -100,7 +100,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     assert_eq!(second["already_there"], 1);
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
-    // The hand is too slow, and the report says so.
+    // The hand is too slow, which the report states.
     let verdicts = &second["recorded"][0]["verdicts"];
     holds(verdicts, &["instead of 200 mm/s"]);
     let before = samples(&bench, 0);
@@ -115,7 +115,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
 fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
-    // A stretch of 63 blocks; the 40th does not arrive.
+    // A stretch has 63 blocks, and the 40th is lost.
     stylus.fail(|faults| faults.lose_block_every = Some(40));
     let arguments = "--texture silk --speeds 100 --forces 1 --settle 0 --yes";
     let failed = record(&bench, &format!("{arguments} --seconds 0.4"));
@@ -124,7 +124,7 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
     assert!(!bench.path("set/trials.csv").exists());
     let report = report(&record(&bench, &format!("{arguments} --seconds 0.24")));
     let row = &report["recorded"][0];
-    // 38 blocks fit between two holes, but not always before the first.
+    // 38 blocks fit between two holes, but not always before the first hole.
     assert!(row["holes"].as_u64().unwrap() <= 2, "{row}");
     assert_eq!(samples(&bench, 0)[0].len(), 1200);
 }
@@ -177,8 +177,8 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     );
     let mut child = spawn(&bench, "--trials points.csv --seconds 0.5 --settle 0");
     let mut keyboard = child.stdin.take().unwrap();
-    // The first trial is good. The second is too slow, and is repeated, then kept. The third is left out; the fourth
-    // ends it.
+    // The first trial is good. The second is too slow; it is repeated, and then kept. The third is left out. At the
+    // fourth the operator ends the session.
     keyboard.write_all(b"\n\nr\n\n\ns\nq\n").unwrap();
     let output = child.wait_with_output().unwrap();
     let said = text(&output.stderr);
@@ -190,7 +190,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
     let listed: Vec<f64> = set.trials.iter().map(|trial| trial.speed_mm_s).collect();
     assert_eq!(listed, [100.0, 200.0]);
-    // A second session: one trial is left out, one is kept although it is too slow, and the session ends.
+    // In a second session, one trial is left out, one is kept although it is too slow, and then the session ends.
     let mut child = spawn(&bench, "--trials points.csv --seconds 0.5 --settle 0");
     let mut keyboard = child.stdin.take().unwrap();
     keyboard.write_all(b"s\n\nq\n").unwrap();
@@ -214,7 +214,7 @@ fn triage_judges_each_trial_when_it_is_there() {
     let good = hand(100.0, 1.0);
     let codes = good.acceleration.iter().copied().enumerate();
     let loud: Vec<[u16; 3]> = codes.map(clipped).collect();
-    // In the air the samples are whatever they are: the one finding is that nothing moved.
+    // In the air the samples do not matter: the only finding is that nothing moved.
     stylus.set_hand(Hand {
         acceleration: Vec::clone(&loud),
         ..hand(0.0, 0.0)
@@ -262,7 +262,7 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
     stylus.set_hand(hand(100.0, 1.0));
     let mut child = spawn(
         &bench,
-        // A broker would stop it with its last client.
+        // A broker would stop the recording when its last client ends.
         "--texture silk --speeds 100 --forces 1 --seconds 60 --yes --no-broker",
     );
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
@@ -276,7 +276,7 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
     report(&record(&bench, arguments));
 }
 
-/// The columns of a recording of strokes, without its header and comments.
+/// The columns of a recording of strokes; its header and comments are skipped.
 fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
     let text = text(&bench.read(name));
     let rows = text.lines().filter(|line| !line.starts_with(['#', 't']));
@@ -333,7 +333,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     let lost = rows.iter().filter(|row| row[1].is_nan()).count() as u64;
     assert!(lost > 0, "{report}");
     assert_eq!(report["lost_samples"], lost);
-    // Time goes on in the holes, and the speed and force beside them are right.
+    // Time continues in the holes, and the speed and force next to them are right.
     for (n, row) in rows.iter().enumerate() {
         near(row[0], n as f64 / 5000.0, 1e-9);
         let is_right = row[4].is_nan() || (row[4] - 100.0).abs() < 3.0;

@@ -1,4 +1,4 @@
-//! Probes and responses by the host's library, and what `stylus status` says of them.
+//! Probes and responses through the host's library, and what `stylus status` reports about them.
 
 use std::cell::Cell;
 use std::thread;
@@ -87,7 +87,7 @@ fn a_probe_that_is_muted_because_the_host_was_late_is_played_again_and_never_tak
         periods: 2,
         through: ProbeThrough::Nothing,
     };
-    // Number of times that the host is still late, by more than the lease, and of arrivals so far.
+    // Number of times that the host is still to be late by more than the lease, and number of arrivals so far.
     let (late, arrivals) = (Cell::new(0_u32), Cell::new(0_u32));
     let goes_on = || {
         arrivals.set(arrivals.get() + 1);

@@ -1,4 +1,4 @@
-//! `stylus selftest`: a healthy device passes, each fault is named with what to do, and a record is kept.
+//! `stylus selftest`: a healthy device passes, each fault is named together with its remedy, and a record is kept.
 
 use crate::support::{Bench, attached, holds, json, text};
 use fake_stylus::library::library;
@@ -7,7 +7,7 @@ use host_tools::link::{Device, Timeouts};
 use host_tools::procedures::self_test::{self, Options, Verdict};
 use serde_json::Value;
 
-/// A hand that lets the tool lie: noise of the converters, and a force within its range.
+/// A tool that lies still: noise of the converters, and a force within its range.
 fn lying() -> Hand {
     Hand {
         force_n: 2.0,
@@ -19,7 +19,7 @@ fn lying() -> Hand {
     }
 }
 
-/// A device that lies still, on `board`.
+/// A device on `board` that lies still.
 fn on(board: Board) -> (FakeStylus, Bench) {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(lying());
@@ -27,7 +27,7 @@ fn on(board: Board) -> (FakeStylus, Bench) {
     (stylus, bench)
 }
 
-/// The record of a self test, and its exit code.
+/// Runs a self test, and returns its record and its exit code.
 fn test(bench: &Bench, arguments: &str) -> (Value, i32) {
     let output = bench.run(&format!("selftest --seconds 0.5 --json {arguments}"));
     let code = output.status.code().expect("it ends by itself");
@@ -51,7 +51,7 @@ fn no_test_code_is_put_out_unless_the_enable_is_wired_or_a_person_says_that_no_a
         (0, "", false),
         (0, "--bare", false),
         (0, "--bare --no-amplifier", true),
-        // What was said held for that run.
+        // What the earlier flags stated applied to that run only.
         (0, "--bare --use-slot B", false),
         (1, "--bare", true),
         (1, "--bare --no-amplifier", true),
@@ -84,7 +84,7 @@ fn a_healthy_device_passes_and_leaves_a_record() {
     assert!(names[0].starts_with(begin), "{names:?}");
     assert!(names[0].ends_with("Z.json"), "{names:?}");
     assert_eq!(bench.report(&names[0]), record);
-    // A file by name, and the table.
+    // The record is written to the named file, and the table is printed.
     let shown = bench.succeed("selftest --bare --seconds 0.2 --record here.json");
     assert!(bench.path("here.json").is_file());
     holds(&shown, &["silicon revision", "V (0x2003)", "pass"]);
@@ -130,8 +130,8 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
         let failing = failing.filter(|line| line.verdict == Verdict::Fail);
         failing.map(|line| line.name).collect::<Vec<_>>()
     };
-    // The first is in step with nothing. The second moves by 20 counts, five periods of both lines, in each block of a
-    // recording.
+    // The first speed is in step with nothing. At the second speed the tool moves by 20 counts, five periods of both
+    // lines, in each block of a recording.
     for speed_mm_s in [30.7, 31.25] {
         stylus.set_hand(Hand {
             speed_mm_s,
@@ -143,7 +143,7 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
         assert!(!has("encoder line B"), "{failing:?}");
         assert!(!has("encoder direction"), "{failing:?}");
     }
-    // Up and down by one: the tool shakes, or one line is stuck.
+    // The count goes up and down by one: either the tool shakes, or one line is stuck.
     stylus.set_board(Board::default());
     stylus.set_hand(lying());
     assert!(failing().contains(&"encoder counts moved".to_owned()));

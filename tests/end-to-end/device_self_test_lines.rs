@@ -1,5 +1,5 @@
-//! Every line of the self test can fail: each is made to by values of a healthy device with one change, and says what
-//! to do. No line that `stylus selftest` prints is left out.
+//! Every line of the self test can fail. For each line, one change to the values of a healthy device makes it fail, and
+//! the line says what to do. No line that `stylus selftest` prints is left out.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -35,13 +35,13 @@ struct Measured {
     flash: FlashValues,
     at_rest: Capture,
     moved: Capture,
-    /// Levels that each line of the encoder was seen at.
+    /// For each line of the encoder, whether its low and its high level were seen.
     seen: [[bool; 2]; 2],
     traffic: Traffic,
     status: Status,
 }
 
-/// A recording of a second with `sample` at each tick.
+/// A recording of one second, with `sample` at each tick.
 fn recorded(sample: impl FnMut(u32) -> RecordSample) -> Capture {
     Capture {
         samples: (0..RATE_HZ).map(sample).collect(),
@@ -53,7 +53,7 @@ fn recorded(sample: impl FnMut(u32) -> RecordSample) -> Capture {
     }
 }
 
-/// The code of a converter at rest, with its noise.
+/// The code of a converter at rest, with the converter's noise.
 fn quiet(n: u32) -> u16 {
     32_760 + (n * n % 16) as u16
 }
@@ -67,7 +67,7 @@ fn lying(n: u32) -> RecordSample {
 }
 
 impl Measured {
-    /// A healthy device.
+    /// The measurements of a healthy device.
     fn healthy() -> Self {
         let stylus = FakeStylus::start();
         let address = stylus.link().parse().expect("it is an address");
@@ -130,7 +130,7 @@ impl Measured {
         .concat()
     }
 
-    /// Changes the code of `sensor` at rest: axes 0 to 2, and 3 for the force.
+    /// Changes the codes of `sensor` at rest: 0 to 2 are the axes, 3 is the force.
     fn change(&mut self, sensor: usize, code: impl Fn(u32, u16) -> u16) {
         for (n, sample) in (0..).zip(&mut self.at_rest.samples) {
             let changed = match sensor {
@@ -153,16 +153,16 @@ impl Measured {
     }
 }
 
-/// A line's name, and a change of a healthy device that makes it fail.
+/// A line's name, and a change to a healthy device that makes the line fail.
 type Row = (&'static str, fn(&mut Measured));
 
-/// The rest of a line's name after its sensor's, and a change of that sensor.
+/// The part of a line's name after the sensor's name, and a change to that sensor.
 type SensorRow = (&'static str, fn(&mut Measured, usize));
 
-/// A change of a healthy device.
+/// A change to a healthy device.
 type Change = Box<dyn Fn(&mut Measured)>;
 
-/// Lines of the board, of the flash, of the encoder, of the link and of the state.
+/// Lines about the board, the flash, the encoder, the link and the state.
 const LINES: &[Row] = &[
     ("chip", |m| m.chip.device = 0x483),
     ("silicon revision", |m| m.chip.revision = 0x1003),
@@ -215,7 +215,7 @@ const LINES: &[Row] = &[
     ("output bend", |m| {
         m.output(|code| code + 30.0 * ((code - 2_048.0) / 2_048.0).powi(2));
     }),
-    // Bit 6 is stuck at zero.
+    // Bit 6 of the code is stuck at zero.
     ("output smallest step", |m| {
         m.output(|code| f64::from(code as u16 & !(1 << 6)));
     }),
@@ -314,7 +314,7 @@ const LINES: &[Row] = &[
     }),
 ];
 
-/// Lines of each axis and of the force, after its name.
+/// Names of the sensors, with which the lines of each axis and of the force begin.
 const SENSORS: [&str; 4] = [
     "acceleration X",
     "acceleration Y",
@@ -335,7 +335,7 @@ const OF_SENSOR: [SensorRow; 5] = [
     ("hum of 60 Hz", |m, sensor| m.hum(sensor, 60.0)),
 ];
 
-/// Every line's name, with its change.
+/// The name of every line, with its change.
 fn rows() -> Vec<(String, Change)> {
     let mut rows: Vec<(String, Change)> = Vec::new();
     for &(name, change) in LINES {
@@ -373,7 +373,7 @@ fn no_line_that_is_printed_is_without_a_change_that_makes_it_fail() {
     }
     let judged: BTreeSet<String> = judged.into_iter().map(|line| line.name).collect();
     assert_eq!(judged, known);
-    // A self test has no other line, but for the load's, which has no limit.
+    // A self test has no other lines, except the load's, which has no limit.
     let stylus = FakeStylus::start();
     stylus.set_hand(Hand::moving(30.7, 2.0));
     let link = stylus.link();

@@ -1,4 +1,4 @@
-//! `stylus update` of a device with a bootloader, up to the image that runs afterwards.
+//! `stylus update` of a device with a bootloader, until the new image runs.
 
 use fake_stylus::{FakeStylus, StartedImage};
 use model_format::link::{DEVELOPMENT_SEED, ImageVersion};
@@ -17,7 +17,8 @@ const NEW: StartedImage = StartedImage {
     is_on_trial: true,
 };
 
-/// A stylus that runs the old image, and `after` after an update; beside it the file of the new image.
+/// A stylus that runs the old image, and the image `after` once it is updated. The folder holds the file of the new
+/// image.
 fn before_an_update(after: StartedImage) -> (FakeStylus, Bench) {
     let (stylus, bench) = attached(FakeStylus::start_updatable(vec![OLD, after]));
     let image = vec![7; 60_000];
@@ -54,7 +55,7 @@ fn an_upload_is_refused_with_the_name_of_the_update_that_has_the_link_and_the_up
     let update = bench.spawn(["update", "new.image"]);
     wait_for("chunks", || stylus.count("stylus/upload/chunk") >= 3);
     let who = format!("`stylus update` (process {}) has it alone", update.id());
-    // Also while the device restarts, when nobody has its link open.
+    // This is also refused while the device restarts, when no process has its link open.
     let mut refusals = 0;
     loop {
         let upload = bench.run("upload a.lib");

@@ -1,4 +1,4 @@
-//! A tool that a hand holds: three axes with gravity and a slow motion beside a texture that is known.
+//! A tool held by a hand: three axes with gravity and a slow motion in addition to a known texture.
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,7 @@ use crate::support::{
 };
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 
-/// Directions of texture and drift, 53° apart.
+/// Directions of texture and drift. They are 53° apart.
 const TEXTURE: [f64; 3] = [0.6, 0.0, 0.8];
 const DRIFT: [f64; 3] = [1.0, 0.0, 0.0];
 const GRAVITY_M_S2: [f64; 3] = [0.0, -9.81, 0.0];
@@ -15,13 +15,14 @@ const SECONDS: usize = 8;
 /// RMS of the texture, m/s².
 const LEVEL: f64 = 0.5;
 
-/// The predictor of the texture: resonances of 60 Hz width.
+/// The predictor of the texture: resonances with a bandwidth of 60 Hz.
 fn surface(rate_hz: u32) -> Vec<f64> {
     let radius = (-std::f64::consts::PI * 60.0 / f64::from(rate_hz)).exp();
     predictor(rate_hz, &[(90.0, radius), (260.0, radius)])
 }
 
-/// Three axes of the texture with `drift` times its RMS of motion from 0.5 to 8 Hz, and the factor of its excitation.
+/// Three axes with the texture and a motion from 0.5 to 8 Hz, whose RMS is `drift` times the texture's. Returns also
+/// the factor of the texture's excitation.
 fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
     let count = SECONDS * rate_hz as usize;
     let a = surface(rate_hz);
@@ -58,7 +59,7 @@ fn recorded(axes: &[Vec<f64>; 3], rate_hz: u32) -> Bench {
     bench
 }
 
-/// Output of `library` for 40 s, m/s² at 5 kHz.
+/// Renders 40 s of `library`, m/s² at 5 kHz.
 fn played(bench: &Bench, library: &str) -> Vec<f64> {
     bench.succeed(&format!(
         "render {library} --texture silk --speed 100 --force 1 --seconds 41 --seed 7 --out played.wav --overwrite"
@@ -66,7 +67,7 @@ fn played(bench: &Bench, library: &str) -> Vec<f64> {
     bench.samples("played.wav", 5_000).split_off(5_000)
 }
 
-/// Largest error of a third octave that is felt, and that of the level, dB.
+/// Returns the largest error of a third-octave band that can be felt, and the error of the level, dB.
 fn errors(played: &[f64], rate_hz: u32, factor: f64, share: f64) -> (f64, f64) {
     let a = surface(rate_hz);
     let power =
@@ -87,7 +88,7 @@ fn holds_the_texture(rate_hz: u32, drift: f64, method: &str) {
     let (axes, factor) = axes(rate_hz, drift, 3);
     let bench = recorded(&axes, rate_hz);
     bench.succeed(&format!("fit set --out a.lib --reduce {method}"));
-    // One axis has its own part of the texture; the others give all of it.
+    // One axis contains only its own part of the texture; the other reductions keep all of it.
     let share = if method == "x" {
         TEXTURE[0].powi(2)
     } else {
@@ -99,7 +100,7 @@ fn holds_the_texture(rate_hz: u32, drift: f64, method: &str) {
     assert!(level_db.abs() < 1.0, "{case}: {level_db} dB");
 }
 
-/// Without the filter a drift of three times the texture's level makes bands 12 dB wrong.
+/// Without the filter, a drift of three times the texture's level causes errors of 12 dB in some bands.
 #[test]
 fn a_hands_drift_of_up_to_twenty_times_the_texture_is_not_taken_for_it() {
     for rate_hz in [1_000, 3_200, 5_000, 48_000] {

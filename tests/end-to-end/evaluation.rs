@@ -1,5 +1,5 @@
-//! The removed-node test, denser grids, strokes of a free hand, HaTT's models and the whole report, from the command
-//! line.
+//! The removed-node test, denser grids, strokes of a free hand, HaTT's models and the whole report, through the
+//! command.
 
 use crate::hatt;
 use crate::support::{
@@ -13,7 +13,7 @@ use host_tools::texture::domain::Method;
 use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
 
-/// A simulated set of five speeds and three forces, of denim alone.
+/// A simulated set of denim only.
 fn simulated() -> Bench {
     let bench = Bench::new();
     let rig = denim_rig_of("80, 100, 120, 140, 160, 180", "0.4, 0.8, 1.2");
@@ -22,7 +22,7 @@ fn simulated() -> Bench {
     bench
 }
 
-/// Mean of a measure of the row whose name has `row` in it, over the removed nodes.
+/// Mean of a measure over the removed nodes, for the row whose name contains `row`.
 fn mean_of(test: &serde_json::Value, row: &str, measure: &str) -> f64 {
     let mut rows = test["rows"].as_array().unwrap().iter();
     let at = rows.position(|name| name.as_str().unwrap().contains(row));
@@ -55,7 +55,8 @@ fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_better_by_the_
     assert!(own < dense, "{own} against {dense}");
 }
 
-/// A part of the default rig, because all of it takes minutes; `host-tools/COSTS.md` has the figures for all.
+/// Uses a part of the default rig, because all of it takes minutes. `host-tools/COSTS.md` has the figures for all of
+/// it.
 #[test]
 fn on_the_simulated_textures_the_dense_grid_halves_the_papers_error_and_keeps_nine_bands_in_ten() {
     let bench = Bench::new();
@@ -100,7 +101,7 @@ fn a_denser_grid_keeps_to_its_textures_orders() {
     assert!(!report["added_lines"].as_array().unwrap().is_empty());
 }
 
-/// A method that plays the recordings themselves stands for a perfect one, and noise for a bad one.
+/// A method that plays the recordings themselves stands for a perfect method, and noise for a bad one.
 #[test]
 fn another_programs_sounds_are_judged_beside_the_paper_the_device_and_the_nearest_recording() {
     let bench = four_textures();
@@ -119,7 +120,7 @@ fn another_programs_sounds_are_judged_beside_the_paper_the_device_and_the_neares
     holds(&said, &["SIMULATED"]);
     let test = bench.report("t.json");
     assert_eq!(test["left_out"], "speed");
-    // Two inner speeds of four, at every force, of four textures.
+    // Four textures, each with two inner speeds at each of four forces.
     let removed = test["removed"].as_array().unwrap();
     assert_eq!(removed.len(), 4 * 2 * 4);
     let mean = |name: &str, measure: &str| mean_of(&test, name, measure);
@@ -144,7 +145,7 @@ fn a_set_without_inner_nodes_is_told_what_it_lacks() {
     holds(&refused, &["three speeds"]);
 }
 
-/// A recording of noise without structure: any high order only learns its accidents.
+/// Two recordings of noise without structure. A model of high order learns only their random details.
 fn white_takes() -> Bench {
     let bench = Bench::new();
     for (folder, seed) in [("one", 1), ("two", 2)] {
@@ -168,11 +169,11 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     holds(&said, &[&format!("felt: {verdict} In brackets the target")]);
     let is_wide = |line: &str| line.chars().count() > 80;
     assert!(!said.lines().any(is_wide), "{said}");
-    // Another block of the same noise is as near as a model comes.
+    // A model cannot be closer to the recording than another block of the same noise.
     let distance = |of: &serde_json::Value| of["mean_log_spectral_distance_db"].as_f64().unwrap();
     near(distance(&felt["other"]), distance(felt), 1.5);
 
-    // A recording that the record of the fit does not name judges the library as it is.
+    // If the record of the fit does not name a recording, the recording judges the library as it is.
     let said = bench.succeed("evaluate two --library felt.lib --json unseen.json");
     holds(&said, &["recordings that its fit did not use"]);
     assert_eq!(bench.report("unseen.json")["trials"][0]["judge"], "unseen");
@@ -183,7 +184,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     holds(verdict, &["as near as another take"]);
     let unseen = bench.report("unseen.json");
     assert_eq!(takes["trials"][0]["judge"], "other_take");
-    // The same recording at a quarter of its level.
+    // This is the same recording at a quarter of its level.
     let loud = "evaluate two --scale 0.25 --library felt.lib --json loud.json --full";
     let said = bench.succeed(loud);
     holds(&said, &["JND off (target", "dB too strong at", "silent"]);
@@ -192,8 +193,8 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
             .as_f64()
             .unwrap()
     };
-    // The same recording judges the same synthesis; segments are of 0.5 s there, because blocks are beside it, and of
-    // 1 s here.
+    // The same recording judges the same synthesis. Segments last 0.5 s in one report, because blocks are judged there
+    // too, and 1 s in the other report.
     near(distance(&takes), distance(&unseen), 0.2);
 }
 
@@ -225,7 +226,7 @@ fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
     }
 }
 
-/// At 1 kHz there is nothing above 500 Hz, which no figure may hold against a synthesis.
+/// A recording at 1 kHz contains nothing above 500 Hz, so no figure may judge a synthesis there.
 #[test]
 fn nothing_above_a_recordings_own_rate_is_judged() {
     let bench = Bench::new();
@@ -263,7 +264,8 @@ fn trials_without_another_take_leave_the_others_to_be_judged() {
     holds(&bench.refuse(evaluate), &["no other take"]);
 }
 
-/// A hand's stroke of 4 s whose amplitude is a hundredth of speed times force; another seed is another stroke.
+/// A stroke of a hand, 4 s long, whose amplitude is a hundredth of speed times force. Each seed gives a different
+/// stroke.
 fn free_stroke(seed: u64) -> String {
     let signal = all_pole(&[-0.6, 0.4], &noise(seed, 4 * RATE_HZ as usize));
     let mut csv = String::from("# SIMULATED\ntime_s,a,speed_mm_s,force_n\n");
@@ -310,13 +312,13 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     for other in ["constant level", "nearest stroke"] {
         assert!(error_db < 0.75 * of(&found, other, "error_db"), "{found}");
     }
-    // The line is the truth here.
+    // By construction, the line describes this signal exactly.
     let line = "line over log speed, log force";
     assert!(of(&found, line, "error_db") < 0.6, "{found}");
     let band_error_db = of(&found, "library", "band_error_db");
     assert!(band_error_db < 1.5, "{found}");
     holds(&said, &["the best baseline, the line over log speed,"]);
-    // All of the strokes say more than their steady pieces.
+    // The whole strokes carry more information than their steady pieces.
     let fit = format!("fit {fitted} --strokes --texture felt --out felt.lib");
     holds(&bench.succeed(&fit), &["-> felt.lib"]);
     let (_, found) = judged();
@@ -383,7 +385,7 @@ fn as_many_model_files_as_hatt_has_become_one_library_that_a_slot_holds() {
     let bench = Bench::new();
     let name = |number: usize| format!("texture-{number:03}");
     for number in 1..=ALL_OF_HATT {
-        // Each file has levels of its own, and fewer models than HaTT's, which take minutes.
+        // Each file has its own levels, and fewer models than HaTT's files, which would take minutes.
         let text = hatt::scattered(3 + number / 50);
         let level = format!("<var>0.0{number:03}1</var>");
         let text = text.replace("<var>0.01</var>", &level);
@@ -417,7 +419,7 @@ fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
         import-hatt a/felt.xml a --out x.lib | a/felt.xml | given twice",
     );
     assert!(!bench.path("x.lib").exists());
-    // A folder of a hundred is refused by one line.
+    // A folder of a hundred files is refused in one line.
     for number in 0..ALL_OF_HATT {
         let text = hatt::whole().replace("<SampleRate>1000", "<SampleRate>20000");
         bench.write(&format!("fast/{number:03}.xml"), text);

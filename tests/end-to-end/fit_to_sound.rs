@@ -1,4 +1,5 @@
-//! A known process recorded, fitted, stored and played by the device's kernel comes back as the same process.
+//! A known process that is recorded, fitted, stored and played by the device's kernel must come back as the same
+//! process.
 
 use crate::support::{
     Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, scaled, wav,
@@ -19,7 +20,7 @@ const SECONDS: f64 = 60.0;
 
 #[test]
 fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
-    // No band is weaker than the leakage of a rectangular window from the strongest line; see `Autocorrelation`.
+    // No band is weaker than what a rectangular window leaks from the strongest line; see `Autocorrelation`.
     let processes = [
         ("broad", vec![(200.0, 0.6), (900.0, 0.5)]),
         ("resonant", vec![(70.0, 0.98), (420.0, 0.95), (1200.0, 0.8)]),
@@ -62,7 +63,7 @@ fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
     }
 }
 
-/// A spectrum in closed form: the one-sided density over the frequency in hertz, in any unit.
+/// A spectrum in closed form: the one-sided density as a function of the frequency in hertz, in any unit.
 type Density = fn(f64) -> f64;
 
 /// |1 / (1 - 2 r cos(w) z⁻¹ + r² z⁻²)|² for a pair of poles of radius `radius`.
@@ -73,7 +74,7 @@ fn resonance(radius: f64, centre_hz: f64, frequency_hz: f64) -> f64 {
     1.0 / (Complex::new(1.0, 0.0) + z * a + z * z * (radius * radius)).norm_sqr()
 }
 
-/// Spectra that are hard on an estimate: what is strong leaks into what is weak.
+/// Spectra that are hard to estimate, because strong parts leak into weak ones.
 fn hard_spectra() -> Vec<(&'static str, Density)> {
     vec![
         ("notch of 80 dB", |f| {
@@ -82,7 +83,7 @@ fn hard_spectra() -> Vec<(&'static str, Density)> {
         }),
         ("resonance at 3 Hz", |f| resonance(0.999, 3.0, f)),
         ("resonance at 2490 Hz", |f| resonance(0.999, 2490.0, f)),
-        // Lines about as narrow as a minute resolves, over a floor.
+        // Lines about as narrow as a recording of a minute can resolve, above a floor.
         ("lines at 200 and 200.5 Hz", |f| {
             let line = |at: f64| 1.0 / (1.0 + ((f - at) / 0.05).powi(2));
             line(200.0) + line(200.5) + 1e-8
@@ -98,7 +99,8 @@ fn hard_spectra() -> Vec<(&'static str, Density)> {
     ]
 }
 
-/// Gaussian noise of a given density, by a transform much longer than what is taken of it: its ends do not meet.
+/// Gaussian noise of a given density. The transform is much longer than the part that is used, so the ends of that part
+/// do not join.
 fn noise_of(density: Density, samples: usize, seed: u64) -> Vec<f64> {
     let length = (4 * samples).next_power_of_two();
     let step_hz = f64::from(RATE_HZ) / length as f64;
@@ -114,7 +116,7 @@ fn noise_of(density: Density, samples: usize, seed: u64) -> Vec<f64> {
     scaled(signal, power.sqrt().recip())
 }
 
-/// A(z) of reflection coefficients, without its leading 1.
+/// A(z) of the reflection coefficients, without its leading 1.
 fn polynomial(reflection: &[f64]) -> Vec<f64> {
     let mut a: Vec<f64> = Vec::new();
     for &k in reflection {
@@ -127,7 +129,7 @@ fn polynomial(reflection: &[f64]) -> Vec<f64> {
     a
 }
 
-/// Shares of the power in third-octave bands from 2 Hz to 2 kHz, by sums over `steps` frequencies per band.
+/// Fractions of the power in third-octave bands from 2 Hz to 2 kHz, computed by sums over `steps` frequencies per band.
 fn band_shares(density: impl Fn(f64) -> f64, steps: usize) -> Vec<f64> {
     let edge = |tenth: f64| 10f64.powf(tenth / 10.0);
     let between = |low: f64, high: f64| {
@@ -143,7 +145,7 @@ fn band_shares(density: impl Fn(f64) -> f64, steps: usize) -> Vec<f64> {
     bands.into_iter().map(|power| power / total).collect()
 }
 
-/// The worst error in dB of a model in the bands within 50 dB of the strongest one.
+/// The worst error of a model, dB, in the bands within 50 dB of the strongest band.
 fn worst_band_db(truth: Density, reflection: &[f64]) -> f64 {
     const STEPS: usize = 1500;
     let a = polynomial(reflection);
@@ -164,7 +166,7 @@ fn worst_band_db(truth: Density, reflection: &[f64]) -> f64 {
         .unwrap()
 }
 
-/// The shares of closed forms are those of their integrals, not of a fit: nothing here is used by the fit.
+/// The expected fractions are integrals of the closed forms. They do not depend on the fit or use its code.
 #[test]
 fn hard_spectra_come_back_within_three_decibels() {
     let mut leaked = 0;
@@ -173,14 +175,15 @@ fn hard_spectra_come_back_within_three_decibels() {
         let bench = Bench::new();
         bench.write("hard.wav", wav(&[&signal], RATE_HZ));
         let set = RecordingSet::open(&[bench.path("hard.wav")]).unwrap();
-        // Some of them have their power below 10 Hz, and nobody's hand was in it.
+        // Some of the spectra have their power below 10 Hz, and no hand was involved, so there is nothing to filter
+        // out.
         let mut options = fit::Options::default();
         options.conditioning.high_pass = HighPass::None;
         let fit = fit::fit(&set, &options, |_| ()).unwrap();
         let model = &fit.textures[0].grid.models[0];
         let worst = worst_band_db(density, &model.reflection);
         assert!(worst.abs() < 3.0, "{name}: {worst} dB");
-        // As in the paper, with a rectangular window; otherwise the spectra would not be hard.
+        // The paper's method, a rectangular window, must fail on some of the spectra; otherwise they would not be hard.
         let lags = corrected(Autocorrelation::of(&signal, model.reflection.len()).lags);
         let plain = Prediction::levinson_durbin(&lags, model.reflection.len());
         leaked += usize::from(worst_band_db(density, &plain.reflection).abs() >= 3.0);
@@ -188,7 +191,7 @@ fn hard_spectra_come_back_within_three_decibels() {
     assert!(leaked >= 2, "{leaked}");
 }
 
-/// A rig with one woven surface, whose drum wanders a little.
+/// A rig with one woven surface, whose drum speed varies a little.
 const WEAVE: &str = r#"
 name = "weave"
 [recording]
@@ -222,7 +225,7 @@ shortest_mm = 0.1
 rms_m_s2 = [0.01, 0.01, 0.01]
 "#;
 
-/// Amplitude of `signal` at `frequency_hz` under a Hann window.
+/// Amplitude of `signal` at `frequency_hz`, with a Hann window.
 fn amplitude(signal: &[f64], frequency_hz: f64) -> f64 {
     let turn = core::f64::consts::TAU / f64::from(RATE_HZ);
     let mut weights = 0.0;
@@ -265,10 +268,11 @@ fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
         let motion = MotionPath::constant(MillimetresPerSecond(speed), Newton(0.8)).unwrap();
         let rendered = render(texture, &motion, 6.0, 3).unwrap();
         let played = rendered.accelerations_m_s2().split_off(RATE_HZ as usize);
-        // At the wavelength as found, which may be 0.1 % off: a drum that wanders has no exact speed.
+        // The frequency follows from the wavelength that was found, which may be 0.1 % off: the speed of this drum is
+        // not exact.
         let frequency_hz = f64::from(speed) / found[0].wavelength_mm;
         let whole = amplitude(&played, frequency_hz);
-        // Two hertz off is no line.
+        // Two hertz away there must be no line.
         let beside = amplitude(&played, frequency_hz + 2.0);
         assert!(beside < 0.1 * whole, "{speed} mm/s: {whole} {beside}");
         for window in played.chunks_exact(RATE_HZ as usize / 2) {

@@ -1,4 +1,4 @@
-//! The frontier of accuracy against time.
+//! The frontier of accuracy against computing time.
 
 use crate::support::{Bench, denim_rig_of, holds, json, text};
 use host_tools::evaluation::frontier::costs::Costs;
@@ -26,7 +26,7 @@ fn set(bench: &Bench, name: &str) -> RecordingSet {
     RecordingSet::open(&[bench.path(name)]).unwrap()
 }
 
-/// Two orders and two of the hard cases, because all of them take the command minutes.
+/// Options with two orders and two of the hard cases only, because all of them take minutes.
 fn options() -> Options {
     let wanted = ["H1b", "H2a/H2b, saw 1"];
     let cases = suite(Length::Short).into_iter();
@@ -59,7 +59,7 @@ fn run(material: &Material, options: &Options, threads: usize) -> Frontier {
 fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structures_promise() {
     let bench = simulated();
     let material = Material::takes(set(&bench, "rig5"), set(&bench, "rig6")).unwrap();
-    // A part of it, because all of it takes one thread half a minute.
+    // Only a part is computed, because all of it takes one thread half a minute.
     let small = Options {
         orders: vec![20],
         cases: options().cases.split_off(1),
@@ -74,7 +74,7 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     for (index, filter) in frontier.filters.iter().enumerate() {
         check_filter(&frontier, index, filter);
     }
-    // Only the lattice keeps the hard cases stable, and a lattice is on the front of the structures that do.
+    // Only the lattice keeps the hard cases stable. A lattice must be on the front of the structures that do.
     let safe = frontier.points.iter().filter(|point| point.on_safe_front);
     let structures: Vec<_> = safe.map(|p| frontier.filters[p.filter].structure).collect();
     assert!(!structures.is_empty());
@@ -86,7 +86,7 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     assert!(choices.is_sorted_by(|(_, a), (_, b)| {
         a.cycles <= b.cycles && a.total_error_db >= b.total_error_db
     }));
-    // Two takes differ as two pieces of one surface do.
+    // Two takes differ as much as two pieces of one surface.
     assert!(frontier.take_cost > 0.05 && frontier.take_band_error_db > 0.1);
     page_holds_all(&bench, &frontier);
 }
@@ -134,7 +134,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     let texts = picture.split("<text").skip(1);
     let texts = texts.map(|text| text.split(['>', '<']).nth(1).unwrap().trim());
     let labels: Vec<&str> = texts
-        // Ticks are numbers, or nothing where there is no room.
+        // Labels of ticks are numbers, or empty where there is no space.
         .filter(|text| !text.is_empty() && text.parse::<f64>().is_err())
         .collect();
     assert!(labels.len() <= 13, "SIMULATED and twelve: {labels:?}");
@@ -147,7 +147,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     }
     holds(&page, &["SIMULATED", "168 MHz", "Pareto"]);
     holds(&page, &[&frontier.rustc, &frontier.qemu]);
-    // The script that tells the pictures' values has the word.
+    // The script that shows the pictures' values contains this word.
     let (before, _) = page.split_once("<script").unwrap();
     assert!(!before.contains("NaN"), "a figure is missing");
     for peer in &Costs::measured().table().peers {

@@ -1,5 +1,5 @@
-//! Hard models of order 400: the Levinson-Durbin recursion against 60-digit arithmetic, and the lattice that keeps its
-//! bounds on the device's kernel.
+//! Hard models of order 400: the Levinson-Durbin recursion compared with 60-digit arithmetic, and the lattice, which
+//! keeps its bounds on the device's kernel.
 
 use std::sync::OnceLock;
 
@@ -29,7 +29,7 @@ fn assert_all_hold(outcomes: &[Outcome]) {
 #[test]
 fn the_lattice_holds_its_promises_in_every_hard_case() {
     assert_all_hold(outcomes());
-    // No exception is made for the six models of order 400.
+    // The limits hold without exception for the six models of order 400.
     for outcome in outcomes().iter().filter(|o| o.case.starts_with('H')) {
         assert!(!outcome.is_narrow(), "{}", outcome.case);
         assert!(outcome.is_within_common_limits(), "{}", outcome.case);
@@ -37,8 +37,8 @@ fn the_lattice_holds_its_promises_in_every_hard_case() {
     }
 }
 
-/// A test of a quarter of an hour on two cores:
-/// `cargo test --locked --release -p host-tools --test end-to-end hard_cases:: -- --ignored`.
+/// This test takes a quarter of an hour on two cores: `cargo test --locked --release -p host-tools --test end-to-end
+/// hard_cases:: -- --ignored`.
 #[test]
 #[ignore = "takes a quarter of an hour"]
 fn the_lattice_holds_its_promises_over_a_hundred_million_samples() {
@@ -52,7 +52,7 @@ fn the_lattice_holds_its_promises_over_a_hundred_million_samples() {
 fn the_models_are_those_of_the_fixtures() {
     for (model, case) in fixtures().iter().zip(fixture_cases()) {
         assert_eq!(model.name, case["name"]);
-        // H4's equations have a condition number of 1e10, and the formula in float64 differs from the fixture in the
+        // H4's equations have a condition number of 1e10, so the formula in float64 differs from the fixture in the
         // last digits.
         let difference = largest_difference(&model.reflection, &numbers(&case, "k"));
         assert!(difference < 1e-4, "{}", model.name);
@@ -75,8 +75,8 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     differences.fold(0.0, f64::max)
 }
 
-/// Tolerances, because round-off grows with the condition number of the normal equations: about 2e4 for H1, 1e6 for H2,
-/// 1e10 for H4.
+/// Tolerance of a case. Round-off grows with the condition number of the normal equations: about 2e4 for H1, 1e6 for
+/// H2, 1e10 for H4.
 fn tolerance(name: &str) -> f64 {
     match name {
         "H1a" | "H1b" => 1e-12,

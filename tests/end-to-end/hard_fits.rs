@@ -14,7 +14,7 @@ fn tone(frequency_hz: f64) -> Vec<f64> {
     (0..SAMPLES).map(|n| (step * n as f64).sin()).collect()
 }
 
-/// Noise through four equal pole pairs: steep above 200 Hz.
+/// Noise through four equal pole pairs, with a steep slope above 200 Hz.
 fn low_passed() -> Vec<f64> {
     let (radius, angle) = (0.85f64, TAU * 120.0 / f64::from(RATE_HZ));
     let pair = [-2.0 * radius * angle.cos(), radius * radius];
@@ -26,7 +26,7 @@ fn low_passed() -> Vec<f64> {
     scaled(&signal, power.sqrt().recip())
 }
 
-/// The rows of the table, each with the verdict or warning that the command must report, if any.
+/// The signals, each with the verdict or warning that the command must report, if any.
 fn signals() -> Vec<(&'static str, Vec<f64>, Option<&'static str>)> {
     let broadband = noise(5, SAMPLES);
     let hum = tone(50.0).into_iter().zip(&broadband);
@@ -49,13 +49,14 @@ fn signals() -> Vec<(&'static str, Vec<f64>, Option<&'static str>)> {
     ]
 }
 
-/// Without the white-noise correction and the stop at the last sound order, several of these give |k| above one.
+/// Without the white-noise correction and the stop at the last valid order, several of these signals give |k| above
+/// one.
 #[test]
 fn the_products_own_models_are_stable_with_and_without_a_taper() {
     for (name, signal, _) in signals() {
         let mean = signal.iter().sum::<f64>() / signal.len() as f64;
         let step = TAU / signal.len() as f64;
-        // Rectangular and Hann's.
+        // A rectangular window, and a Hann window.
         for depth in [0.0, 0.5] {
             let window = |n: i32| 1.0 - depth - depth * (step * f64::from(n)).cos();
             let tapered = (0..).zip(&signal).map(|(n, x)| (x - mean) * window(n));
@@ -69,7 +70,8 @@ fn the_products_own_models_are_stable_with_and_without_a_taper() {
     }
 }
 
-/// Every row through the command, at the paper's order: it gives a library without NaN, and names what is wrong.
+/// Fits every signal with the command at the paper's order. The result is a library without NaN, and the command
+/// reports what is wrong.
 #[test]
 fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
     let bench = Bench::new();
@@ -103,11 +105,11 @@ fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
             assert_eq!(order < ORDER, is_told, "{name}: order {order}");
         }
     }
-    // The library can be read.
+    // The library must be readable.
     bench.succeed("inspect a.lib");
 }
 
-/// A list of trials of texture `felt`, each of them at a speed and a force, all of them sounding.
+/// A list of trials of the texture `felt` at these speeds and forces, none of them silent.
 fn felt(trials: &[(f64, f64)]) -> Bench {
     let bench = Bench::new();
     let trials = (0..).zip(trials).map(|(seed, &(speed, force))| {
@@ -118,7 +120,7 @@ fn felt(trials: &[(f64, f64)]) -> Bench {
     bench
 }
 
-/// A silent node between which power is interpolated would make light touch too loud.
+/// With a silent node, interpolation of the power would make light touch too loud.
 #[test]
 fn trials_at_rest_or_without_contact_are_left_out_with_a_note() {
     let bench = felt(&[(0.0, 0.5), (100.0, 0.0), (100.0, 0.5), (200.0, 0.5)]);

@@ -1,5 +1,6 @@
-//! Inputs that were made to hurt: numbers in files that size memory, shapes that cost more than their length,
-//! characters that a terminal obeys, names that are one name on some system, and outputs that are closed or full.
+//! Hostile inputs: numbers in files that determine how much memory is allocated, structures that cost more than their
+//! length, characters that control a terminal, names that are equal on some systems, and outputs that are closed or
+//! full.
 
 use std::process::{Command, Output, Stdio};
 
@@ -7,7 +8,7 @@ use crate::support::{Bench, RATE_HZ, holds, noise, refusal, text, two_textures, 
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n,sample_rate_hz\n";
 
-/// A second of noise, whose header states this rate.
+/// A second of noise in a file whose header states this rate.
 fn recording(rate_hz: u32) -> Vec<u8> {
     let mut bytes = wav(&[&noise(1, 5000)], RATE_HZ);
     let format = bytes.windows(4).position(|four| four == b"fmt ");
@@ -16,7 +17,7 @@ fn recording(rate_hz: u32) -> Vec<u8> {
     bytes
 }
 
-/// The library of a small set, in a folder with that set.
+/// The library of a small set, in the folder of the set.
 fn fitted() -> Bench {
     let bench = two_textures(|signal| [signal.to_vec()]);
     bench.succeed("fit set --out good.lib");
@@ -35,7 +36,7 @@ fn within_memory(bench: &Bench, arguments: &str) -> Output {
         .expect("there is a shell")
 }
 
-/// Runs `stylus` with at most 4 GB of address space, which must end with code 2 and one line; gives that line.
+/// Runs `stylus` with at most 4 GB of address space. It must end with code 2 and one line, which is returned.
 #[cfg(target_os = "linux")]
 fn refuse_within_memory(bench: &Bench, arguments: &str) -> String {
     refusal(&within_memory(bench, arguments), arguments)
@@ -76,7 +77,7 @@ fn rates_that_no_recording_has_are_refused_with_file_and_remedy_and_size_no_memo
     assert!(!bench.path("a.lib").exists());
 }
 
-/// Rates of the range with a long common period, at which a block of the conversion is longest.
+/// Rates with a long common period, for which a block of the conversion is longest, over the whole permitted range.
 #[cfg(target_os = "linux")]
 #[test]
 fn rates_of_the_whole_range_are_converted_in_bounded_memory() {
@@ -85,7 +86,7 @@ fn rates_of_the_whole_range_are_converted_in_bounded_memory() {
         bench.write("a.wav", recording(rate_hz));
         let output = within_memory(&bench, "fit a.wav --out a.lib");
         let message = text(&output.stderr);
-        // A fraction of a second is too short for a fit, which is said in one line.
+        // A fraction of a second is too short for a fit, which the command reports in one line.
         let ended = output.status.code();
         assert!(matches!(ended, Some(0 | 2)), "{rate_hz} Hz\n{message}");
         assert!(!message.contains("sample rate of"), "{message}");
@@ -126,7 +127,7 @@ fn sizes_in_a_wav_header_size_no_memory() {
         let message = refuse_within_memory(&bench, &format!("fit {name}.wav --out a.lib"));
         holds(&message, &[name, words]);
     }
-    // What is in the file may be there: titles do not keep a recording from being read.
+    // Other chunks in the file are permitted: a recording with titles can be read.
     let title = b"LIST\x04\0\0\0INFOjunk\x03\0\0\0abc\0";
     let titled = [&good[..data], title, &good[data..]];
     bench.write("titled.wav", titled.concat());
@@ -158,17 +159,17 @@ fn files_are_read_up_to_the_size_of_their_kind() {
         evaluate set --library good.lib | good.lib.fit.json | bytes, the most of
         render good.lib --texture silk --motion long.csv --out a.wav | long.csv | bytes, the most of",
     );
-    // What does not end is read up to the limit, or not at all.
+    // An input that does not end is read up to the limit, or not at all.
     bench.refuse_each(
         "inspect long | the most of a library
         fit long.wav --out o.lib | is a device",
     );
 }
 
-/// Characters that a terminal obeys: a colour, the same of C1, deletion, and text turned around.
+/// Characters that control a terminal: a colour, a C1 control sequence, deletion, and reversed text.
 const OBEYED: &str = "a\u{1b}[31m\u{9b}2J\u{7f}\u{202e}z";
 
-/// Runs `stylus` with these arguments; gives all that it printed, and checks that nothing of it is obeyed.
+/// Runs `stylus` with these arguments, and returns all that it printed. Checks that no control character is in it.
 fn shown(bench: &Bench, arguments: &[&str]) -> String {
     let child = bench.spawn(arguments.iter().copied());
     let output = child.wait_with_output().expect("it ends");
@@ -205,7 +206,7 @@ fn characters_that_a_terminal_obeys_are_shown_wherever_they_come_from() {
     assert!(shown(&bench, &read).contains("\\u{7f}"));
 }
 
-/// Runs `stylus` with a closed pipe in place of the chosen outputs.
+/// Runs `stylus` with closed pipes as the chosen outputs.
 fn with_closed(bench: &Bench, arguments: &str, out: bool, err: bool) -> Output {
     let closed = || {
         let (reader, writer) = std::io::pipe().expect("there is a pipe");
@@ -241,7 +242,7 @@ fn closed_outputs_are_no_panic_and_the_exit_code_says_what_was_lost() {
         assert_eq!(code(arguments, false, true), Some(2), "{arguments}");
         assert_eq!(code(arguments, true, true), Some(2), "{arguments}");
     }
-    // Warnings that nobody reads leave the result.
+    // If nobody can read the warnings, the result is still written.
     let render = "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --pcm16 0.001 --out loud.wav";
     assert!(text(&bench.run(render).stderr).contains("warning"));
     std::fs::remove_file(bench.path("loud.wav")).unwrap();

@@ -1,6 +1,6 @@
-//! Inputs as a tired person gives them: lists without a scale, values in other units, tables as a spreadsheet saves
-//! them, motions that end before they begin. What is doubtful is said in a line, and what cannot be is refused with its
-//! place.
+//! Inputs as a tired person writes them: lists without a scale, values in other units, tables as a spreadsheet saves
+//! them, motions that end before they begin. The command reports doubtful input in a line, and refuses impossible input
+//! with its place.
 
 use crate::support::{
     Bench, RATE_HZ, all_pole, holds, integers, json, noise, scaled, text, two_textures, wav,
@@ -16,7 +16,7 @@ fn recording(seed: u64) -> Vec<u8> {
     wav(&[&all_pole(&[-0.6, 0.7], &noise(seed, 10_000))], RATE_HZ)
 }
 
-/// The set `set` with a trial of noise for each of these textures, speeds and forces.
+/// Writes the set `set`, with a trial of noise for each of these textures, speeds and forces.
 fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
     let trials = (0..).zip(trials);
     let trials = trials.map(|(seed, &(texture, v, f))| (texture, v, f, recording(seed)));
@@ -70,7 +70,7 @@ fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
         format!("{header}\n{}", rows.collect::<String>())
     };
     let seconds = |n: usize| format!("{}.{:03}", n / 1000, n % 1000);
-    // Across midnight, where a date tells that time goes on.
+    // The times pass midnight, where the date shows that time continues.
     let iso = |n: usize| match n / 1000 {
         0 | 1 => format!("2026-12-31T23:59:5{}+01:00,{{x}}", seconds(n + 8000)),
         _ => format!("2027-01-01T00:00:0{}+01:00,{{x}}", seconds(n - 2000)),
@@ -100,7 +100,8 @@ fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
     holds(&refused, &["line 2", "'12:00:00 PM'", "pandas.to_datetime"]);
 }
 
-/// The same samples as loggers, shells and spreadsheets write them, each with the words in which it is told.
+/// The same samples as loggers, shells and spreadsheets write them, each with the words by which the command reports
+/// it.
 #[test]
 fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
     let bench = Bench::new();
@@ -248,7 +249,7 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
     let told = bench.told(&fit);
     holds(&told, &["1 of 2 recordings hold integers", "scale_m_s2"]);
     holds(&told, &["a level of 0.099 m/s² RMS", "--scale"]);
-    // A scale answers the question, whatever it is, and so does an option.
+    // Any scale in the list resolves the doubt, and so does an option.
     for (header, row, option, rms) in [
         (",scale_m_s2", ",1", "", 0.1),
         (",scale_m_s2", ",98.1", "", 9.81),
@@ -266,7 +267,7 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
     }
 }
 
-/// A table of noise on three axes about these means, in samples of `unit_m_s2`, with this header.
+/// A table with this header: noise on three axes around these means, in units of `unit_m_s2`.
 fn table_of(header: &str, means: [f64; 3], unit_m_s2: f64, is_whole: bool) -> String {
     let axes: Vec<Vec<f64>> = (1..4).map(|seed| noise(seed, 10_000)).collect();
     let mut table = format!("{header}\n");
@@ -396,7 +397,7 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
     );
 }
 
-/// A table of noise at 1 kHz, whose times, s, are those of `stamp` times `factor`.
+/// A table of noise at 1 kHz. Its times are `stamp`, s, multiplied by `factor`.
 fn stamped(header: &str, factor: f64, stamp: impl Fn(usize) -> f64) -> String {
     let rows = noise(7, 4000).into_iter().enumerate();
     let rows = rows.map(|(n, x)| format!("{:.7},{x}\n", factor * stamp(n)));
@@ -426,7 +427,7 @@ fn every_remedy_for_times_that_are_refused_works() {
         (seconds(&back), "must rise", "--even-times"),
         (seconds(&bunches), "bunches of 20", "--even-times"),
         (none.collect(), "no sample rate", "--sample-rate 1000"),
-        // In the file: a part without the gap.
+        // The file's own columns select a part without the gap.
         (seconds(&paused), "a gap of 9.001", "--duration 2.5"),
     ] {
         bench.write("a.csv", &text);
@@ -501,7 +502,7 @@ fn a_duration_beyond_the_file_is_told_with_both() {
 #[test]
 fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid_otherwise() {
     let bench = Bench::new();
-    // Four nominal speeds by five nominal forces, each measured to within 2 %.
+    // Four nominal speeds with five nominal forces each, measured to within 2 %.
     let measured = |n: i32| {
         let off = |k: i32| 1.0 + f64::from((n * k) % 9 - 4) / 230.0;
         let (speed, force) = (50.0 * f64::from(n / 5 + 1), 0.4 * f64::from(n % 5 + 1));
@@ -526,7 +527,7 @@ fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid
     let content = json(&bench.succeed("inspect b.lib --json"));
     let speeds = content["textures"][0]["speeds_mm_s"].as_array();
     assert_eq!(speeds, json("[50.0, 100.0, 150.0, 200.0]").as_array());
-    // What judges the library takes its trials for those of the fit.
+    // The evaluation must recognise the trials as those of the fit.
     bench.succeed("evaluate set --library b.lib --synthesis 2 --json b.json");
     let judged = bench.report("b.json");
     for trial in judged["trials"].as_array().expect("trials") {
@@ -558,7 +559,7 @@ fn fitted() -> Bench {
     bench
 }
 
-/// One rule in every motion: a speed's sign is its direction, and a force at or below zero is no contact.
+/// One rule holds in every motion: a speed's sign is its direction, and a force at or below zero means no contact.
 #[test]
 fn the_sign_of_a_speed_is_its_direction_and_a_negative_force_no_contact_in_every_motion() {
     let bench = fitted();
@@ -647,7 +648,7 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
         bench.write("a.csv", text);
         holds(&bench.refuse(command), words);
     }
-    // A comment above does not move the line that is named.
+    // A comment above does not change the line number in the message.
     let list = format!("# mine\n{HEADER}\n# next\n\nsilk-50-0.5.wav,silk,50,x\n");
     bench.write("set/trials.csv", list);
     let refused = bench.refuse("fit set --out o.lib");
@@ -741,8 +742,8 @@ fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
     assert!(!bench.path("trials.csv").exists());
 }
 
-/// Tables with the Cluster Haptic Texture Dataset's traits: gravity, accelerations in g at uneven times of 8.6 kHz, and
-/// forces in millinewtons.
+/// Tables that resemble the Cluster Haptic Texture Dataset: gravity, accelerations in g at uneven times around 8.6 kHz,
+/// and forces in millinewtons.
 #[test]
 fn tables_in_g_at_uneven_times_are_listed_by_their_names_and_fitted_as_they_are() {
     let bench = Bench::new();
@@ -754,7 +755,7 @@ fn tables_in_g_at_uneven_times_are_listed_by_their_names_and_fitted_as_they_are(
         let (mut time, mut accelerations) = (0.001, String::from("time,X,Y,Z\n"));
         let first = (900 * take + 100 * speed + milli) as usize;
         for random in &noise[first..first + 12_000] {
-            // The same signal at these times, whatever their steps.
+            // The signal is the same function of time, whatever the time steps are.
             let turns = (150.0 + 2.0 * v) * time;
             let texture = 0.05 * (core::f64::consts::TAU * turns).sin() * v / 30.0;
             let z = -0.98 + texture + 0.01 * random;

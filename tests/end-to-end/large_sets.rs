@@ -1,6 +1,6 @@
-//! Sets of many trials: a fit's memory goes with their number, and no faster.
+//! Sets of many trials: the memory of a fit grows in proportion to their number, and no faster.
 //!
-//! The trials are short, so that thousands are made and fitted in seconds.
+//! The trials are short, so that thousands of them are generated and fitted in seconds.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -10,22 +10,23 @@ use std::time::Duration;
 
 use crate::support::{Bench, RATE_HZ, all_pole, holds, noise, wav};
 
-/// Samples of a trial.
+/// Number of samples per trial.
 const SAMPLES: usize = 500;
 
-/// Speeds, mm/s, and forces, N, of every texture.
+/// Speeds, mm/s, and also forces, N, of every texture.
 const AXIS: std::ops::RangeInclusive<usize> = 1..=10;
 
-/// Trials of a texture.
+/// Number of trials per texture.
 const TEXTURE_TRIALS: usize = 100;
 
-/// Most bytes of memory that each of the [`WAYS`] may take for one trial more. One library keeps what models are fitted
-/// to, and samples twice, up to a bound that is not reached here: in four bytes to be compared, in eight to be played.
-/// The bounds are a tenth above the largest of a dozen runs, because runs differ by a tenth.
+/// Largest memory, bytes, that each of the [`WAYS`] may use per additional trial. For one library, a fit keeps the data
+/// that models are fitted to, and the samples twice, up to a bound that is not reached here: with four bytes for
+/// comparison, and with eight bytes for playing. The bounds are a tenth above the largest of a dozen runs, because runs
+/// differ by a tenth.
 const MOST_TRIAL_BYTES: [f64; 3] = [8192.0 + 12.0 * SAMPLES as f64, 2400.0, 2400.0];
 
-/// Writes the set `set` of `trials` trials, each of noise of its own. Beside its list stands another, `few.csv`, by
-/// which the trials of a texture are at two speeds only, so that all fit in one library.
+/// Writes the set `set` of `trials` trials, each with noise of its own. Next to its list is a second list, `few.csv`,
+/// where the trials of a texture are at only two speeds, so that all fit in one library.
 fn generate(bench: &Bench, trials: usize) {
     let mut list = String::from("file,texture,speed_mm_s,force_n\n");
     let mut few = list.clone();
@@ -48,16 +49,16 @@ fn generate(bench: &Bench, trials: usize) {
     bench.write("set/few.csv", few);
 }
 
-/// Runs `stylus` in the folder; gives its largest resident memory, bytes, its exit code and what it told.
+/// Runs `stylus` in the folder. Returns its largest resident memory, bytes, its exit code and its messages.
 ///
-/// The kernel's own record of the peak is read every few milliseconds, because it goes with the process.
+/// The kernel's own record of the peak is read every few milliseconds, because it vanishes with the process.
 fn watched(bench: &Bench, arguments: &str) -> (f64, Option<i32>, String) {
     let told = bench.path("told");
     let mut child = Command::new(env!("CARGO_BIN_EXE_stylus"))
         .args(arguments.split_whitespace())
         .current_dir(bench.path(""))
         .env("XDG_CONFIG_HOME", bench.path("no-configuration"))
-        // Each thread has buffers of its own, and their number is the computer's.
+        // Each thread has buffers of its own, and their number would depend on the computer.
         .env("RAYON_NUM_THREADS", "2")
         .stdout(File::create(bench.path("said")).unwrap())
         .stderr(File::create(&told).unwrap())
@@ -77,14 +78,14 @@ fn watched(bench: &Bench, arguments: &str) -> (f64, Option<i32>, String) {
     (peak_bytes, ended.code(), told)
 }
 
-/// Runs `stylus` as [`watched`] does, which must succeed.
+/// Runs `stylus` like [`watched`]. It must succeed.
 fn succeeds(bench: &Bench, arguments: &str) -> f64 {
     let (peak_bytes, code, told) = watched(bench, arguments);
     assert_eq!(code, Some(0), "stylus {arguments}: {told}");
     peak_bytes
 }
 
-/// Largest resident memory of the process with this status, bytes; none after its end.
+/// Largest resident memory of the process with this status file, bytes; `None` after the end of the process.
 fn high_water_mark(status: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(status).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -103,7 +104,7 @@ fn measured(trials: usize) -> [f64; 3] {
     let one = format!("{fit} set/few.csv --excitation gaussian --out one.lib");
     let one = succeeds(&bench, &one);
     let each = succeeds(&bench, &format!("{fit} set --each --out each"));
-    // Another excitation, by which no trial is computed again.
+    // The excitation differs, so that no trial has to be computed again.
     let again = format!("{fit} set --each --out again --parts each/parts --excitation gaussian");
     let again = succeeds(&bench, &again);
     for folder in ["each", "again"] {
@@ -126,7 +127,7 @@ fn a_fit_s_memory_grows_by_a_few_kilobytes_per_trial_at_most() {
     }
 }
 
-/// Writes `times` times `line` after `begin`.
+/// Writes a file with `begin`, followed by `line` repeated `times` times.
 fn write_many(bench: &Bench, name: &str, begin: &str, line: &str, times: usize) {
     let mut file = BufWriter::new(File::create(bench.path(name)).unwrap());
     file.write_all(begin.as_bytes()).unwrap();
@@ -138,7 +139,7 @@ fn write_many(bench: &Bench, name: &str, begin: &str, line: &str, times: usize) 
 
 #[test]
 fn a_table_takes_the_memory_of_its_samples_however_long_or_wide_it_is() {
-    /// Bound of the peak memory beyond that of a fit of the short table, bytes.
+    /// Largest permitted difference of the peak memory from that of a fit of the short table, bytes.
     const MOST_BYTES: f64 = 24e6;
     let bench = Bench::new();
     let samples = all_pole(&[-0.9, 0.5], &noise(1, 10_000));

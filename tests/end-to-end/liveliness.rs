@@ -1,5 +1,5 @@
-//! Liveliness from the command line: textures with an excitation and a level of their own, which are written by hand,
-//! against recordings made by the same rule.
+//! Liveliness through the command: textures with an excitation and a level of their own, which are written by hand,
+//! compared with recordings made by the same rule.
 
 use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, wav};
 use model_format::{
@@ -17,7 +17,8 @@ fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
     scaled(&raw, 1.0 / rms)
 }
 
-/// Levels in steps of 0.25 dB, one each 20 ms: a smoothed walk of 3.5 dB, of a mean square of 1.
+/// Levels in steps of 0.25 dB, one per 20 ms: smoothed noise with a standard deviation of 3.5 dB. The mean square of
+/// the gains is 1.
 fn levels(seed: u64, entries: usize) -> Vec<i8> {
     let mut state = 0.0;
     let decibels: Vec<f64> = noise(seed, entries + 50)
@@ -36,7 +37,7 @@ fn levels(seed: u64, entries: usize) -> Vec<i8> {
         .collect()
 }
 
-/// 8 s of a surface: impulsive noise, its level and a filter.
+/// 8 s of a surface: impulsive noise with varying level, through a filter.
 fn recording(seed: u64) -> Vec<f64> {
     let levels = levels(seed + 1000, 410);
     let source = impulsive(seed, 40_000);
@@ -52,7 +53,7 @@ fn recording(seed: u64) -> Vec<f64> {
     all_pole(&POLES, &excited)
 }
 
-/// Codes of the mu-law with mu = 255.
+/// A codebook of `samples`, in codes of the mu-law with mu = 255.
 fn codebook(samples: &[f64]) -> CodebookSpec {
     let peak = samples.iter().fold(0.0f64, |peak, x| peak.max(x.abs()));
     let code = |x: &f64| {
@@ -65,7 +66,7 @@ fn codebook(samples: &[f64]) -> CodebookSpec {
     }
 }
 
-/// Two takes, and a library of the first, plain and with parts.
+/// Two takes, and libraries of the first take, with and without parts.
 fn bench() -> Bench {
     let bench = Bench::new();
     for (folder, seed) in [("set", 1), ("takes", 2)] {
@@ -90,7 +91,7 @@ fn bench() -> Bench {
         step_samples: 100,
         entries: levels(78, 400),
     });
-    // Nearly all of its energy is in 5 ms.
+    // Nearly all of the click's energy is within 5 ms.
     let mut click = noise(79, 8000);
     click[4000..4025].iter_mut().for_each(|x| *x *= 60.0);
     let rms = (click.iter().map(|x| x * x).sum::<f64>() / 8000.0).sqrt();
@@ -110,7 +111,7 @@ fn bench() -> Bench {
     bench
 }
 
-/// The figures of one signal of the first texture.
+/// The figures of one signal, which `role` names, for the first texture.
 fn of<'j>(evaluation: &'j Value, role: &str) -> &'j Value {
     let rows = evaluation["textures"][0]["liveliness"].as_array().unwrap();
     let is = |row: &&Value| row["role"] == role || row["role"]["version"] == role;
@@ -169,18 +170,19 @@ fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_wi
     assert_eq!(parts, "residual + modulation");
     holds(&said, &["recording", "synthesis:", "residual +"]);
     holds(&said, &["Gaussian", "other recording"]);
-    // The texture without its parts plays what a texture that never had any plays.
+    // Without its parts, the texture must play the same as a texture that never had any.
     let (_, stripped) = evaluated(&bench, "fed.lib", "--played gaussian");
     let (_, plain) = evaluated(&bench, "plain.lib", "");
     let synthesis = |of_all: &Value| of(of_all, "synthesis")["median"].clone();
     assert_eq!(synthesis(&stripped), synthesis(&plain));
     assert_eq!(synthesis(&stripped), of(&evaluation, "gaussian")["median"]);
-    // A texture without parts has no other version.
+    // A texture without parts is played in no other version.
     let rows = plain["textures"][0]["liveliness"].as_array().unwrap();
     assert_eq!(rows.len(), 3, "{rows:?}");
 }
 
-/// SIMULATED denim, whose threads are not evenly spaced: blocks that were not fitted, judged by the band's modulation.
+/// Denim, SIMULATED, whose threads are not evenly spaced. Blocks that were not fitted are judged by the modulation of
+/// the band.
 #[test]
 fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
     let bench = Bench::new();

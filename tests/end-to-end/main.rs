@@ -1,5 +1,5 @@
-//! Tests of the command as a user runs it, with devices and links that fail: one program, because each test program
-//! links the whole product.
+//! Tests of the command as a user runs it, with devices and links that fail. They are one program, because each test
+//! program links the whole product.
 
 #[cfg(target_os = "linux")]
 mod broker;

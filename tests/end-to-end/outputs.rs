@@ -1,4 +1,4 @@
-//! Outputs: what they never replace, when a command says so, and what is left where it is broken off.
+//! Outputs: what commands never replace, when they report that, and what is left if they are interrupted.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use crate::hatt;
 use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, signal as send, text, two_textures};
 
-/// Commands that write a file, at the place of `{}`.
+/// Commands that write a file; `{}` stands for its name.
 const FILES: [&str; 11] = [
     "fit set --order 4 --out {}",
     "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out {}",
@@ -26,17 +26,17 @@ const FILES: [&str; 11] = [
     "calibrate --response --yes --link tcp:127.0.0.1:9 --svg {}",
 ];
 
-/// Number of commands at the beginning of [`FILES`] whose work takes no time and no device.
+/// Number of commands at the beginning of [`FILES`] that take little time and need no device.
 const QUICK: usize = 5;
 
-/// Commands that write a folder, at the place of `{}`.
+/// Commands that write a folder; `{}` stands for its name.
 const FOLDERS: [&str; 3] = [
     "simulate-rig --rig rig.toml --out {}",
     "segment stroke.csv --texture felt --out {}",
     "frontier --data set --orders 4 --out {}",
 ];
 
-/// A stroke that is steady at one speed and force.
+/// A stroke with a steady speed and force.
 fn stroke(seconds: usize) -> String {
     let mut csv = String::from("# SIMULATED\ntime_s,x_m_s2,speed_mm_s,force_n\n");
     let samples = noise(7, seconds * RATE_HZ as usize);
@@ -47,7 +47,7 @@ fn stroke(seconds: usize) -> String {
     csv
 }
 
-/// A folder with all inputs of the commands.
+/// A folder with the inputs of all commands.
 fn inputs() -> Bench {
     let bench = two_textures(|signal| [signal.to_vec()]);
     bench.succeed("fit set --out good.lib --order 4");
@@ -64,7 +64,7 @@ pub fn make_pipe(path: &Path) {
     assert!(made.expect("mkfifo is there").success());
 }
 
-/// All that is below `folder`, with the bytes of files, and links as they are.
+/// Everything below `folder`: the bytes of files, and links as links.
 fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
@@ -90,7 +90,7 @@ fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// Runs `command` with the output `name`, which must be refused in a line with this word and change nothing.
+/// Runs `command` with the output `name`. It must be refused in a line with this word, and change nothing.
 fn refuse(bench: &Bench, command: &str, name: &str, word: &str) {
     let before = content(&bench.path("."));
     let arguments = command.replace("{}", name);
@@ -162,12 +162,12 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         let command = format!("{command} --overwrite");
         refuse(&bench, &command, name, "is an input");
     }
-    // A library gets its scenes in place: that is what the command is for.
+    // This command adds scenes to the library in place, which is its purpose.
     let compile = FILES[2].replace("{}", "good.lib");
     bench.succeed(&format!("{compile} --overwrite"));
 }
 
-/// Commands that write a file, at the place of `{}`, each with all options that read something.
+/// Commands that write a file, for whose name `{}` stands. Each has all options that read something.
 const READERS: [&str; 13] = [
     "fit set --parts parts --out {}",
     "render good.lib --texture silk --motion stroke.csv --plant plant.toml --out {}",
@@ -184,7 +184,7 @@ const READERS: [&str; 13] = [
     "trials set --pattern {texture}-{speed}-0.5.wav --force 0.5 --list {}",
 ];
 
-/// Commands that write a folder, at the place of `{}`, each with all options that read something.
+/// Commands that write a folder, for whose name `{}` stands. Each has all options that read something.
 const FOLDER_READERS: [&str; 4] = [
     "simulate-rig --rig rig.toml --out {}",
     "segment stroke.csv hand.csv --texture felt --out {}",
@@ -192,7 +192,7 @@ const FOLDER_READERS: [&str; 4] = [
     "evaluate set --library good.lib --takes other --report {}",
 ];
 
-/// The files that `command` names, and those in the folders that it names, but for those that it is to change.
+/// The files that `command` names, and those in the folders that it names, except those that it is meant to change.
 fn inputs_of(bench: &Bench, command: &str) -> Vec<String> {
     let words = command.split(' ');
     let words = words.map(|word| word.rsplit('=').next().unwrap_or(word));
@@ -226,7 +226,7 @@ fn no_input_of_any_command_is_replaced_by_its_output() {
         assert!(!inputs.is_empty(), "{command}");
         for name in inputs {
             let command = format!("{command} --overwrite");
-            // A list is made in the folder of the recordings.
+            // This command writes a list in the folder of the recordings.
             let out = if command.starts_with("trials") {
                 name.trim_start_matches("set/")
             } else {
@@ -239,17 +239,17 @@ fn no_input_of_any_command_is_replaced_by_its_output() {
         let command = format!("{command} --overwrite");
         refuse(&bench, &command, ".", "holds an input");
     }
-    // With --each the libraries are in a folder that grows.
+    // With --each the libraries are written to a folder that may exist already.
     let list = "file,texture,speed_mm_s,force_n\nlibs/silk.lib,silk,50,1\n";
     bench.write("each.csv", list);
     bench.write("libs/silk.lib", bench.read("set/silk-50-0.5.wav"));
     let each = "fit each.csv --each --out libs";
     refuse(&bench, each, "libs/silk.lib", "is an input");
-    // So are recordings, with their list.
+    // Recordings and their list are also written to such a folder.
     bench.write("libs/trials.csv", "speed_mm_s,force_n\n50,1\n");
     let record = "record libs --texture felt --yes --trials libs/trials.csv --link tcp:127.0.0.1:9";
     refuse(&bench, record, "libs/trials.csv", "is an input");
-    // A list is made again over the earlier one, whatever its name.
+    // A list is written over the previous one, whatever its name.
     let list = "trials set --pattern {texture}-{speed}-{force}.wav --overwrite --list";
     for name in ["trials.csv", "takes.csv", "takes.csv"] {
         bench.succeed(&format!("{list} {name}"));
@@ -307,7 +307,7 @@ fn what_is_there_is_replaced_where_that_is_asked_for_and_a_link_is_followed() {
     }
 }
 
-/// Starts `stylus`, whose signals do what `env` says, whatever started the tests.
+/// Starts `stylus`, with the signal handling that `env` sets, independent of how the tests were started.
 fn start(bench: &Bench, env: &str, arguments: &str) -> Child {
     let script = format!("exec env {env} \"$0\" \"$@\"");
     Command::new("sh")
@@ -326,7 +326,8 @@ fn has_begun(bench: &Bench) -> bool {
     names.any(|name| name.starts_with(".stylus-"))
 }
 
-/// Sends `signal` to `arguments` as soon as it has begun to write, or `after` so long; gives the signal that ended it.
+/// Runs `arguments` and sends `signal` as soon as the command has begun to write, or after the time `after`. Returns
+/// the signal that ended the command.
 fn signalled(
     bench: &Bench,
     (env, arguments): (&str, &str),
@@ -350,7 +351,7 @@ fn signalled(
 
 const RENDER: &str = "render good.lib --texture silk --speed 100 --force 1 --seconds 600 --out out";
 
-/// At any moment there is all or nothing, and an earlier result stays.
+/// At any moment the output is complete or missing, and an earlier result stays.
 #[test]
 fn an_interrupt_leaves_all_or_nothing_and_no_hidden_file() {
     let bench = inputs();
@@ -387,7 +388,7 @@ fn an_interrupt_leaves_all_or_nothing_and_no_hidden_file() {
     assert_eq!(bench.read("out"), b"earlier\n");
 }
 
-/// As `nohup` starts a command: a terminal that closes is no reason to end.
+/// The command is started like by `nohup`: it must not end when the terminal closes.
 #[test]
 fn a_command_that_was_started_without_the_hang_up_signal_goes_on_after_it() {
     let bench = inputs();
@@ -396,8 +397,8 @@ fn a_command_that_was_started_without_the_hang_up_signal_goes_on_after_it() {
     assert!(bench.path("out").is_file() && !has_begun(&bench));
 }
 
-/// Runs `stylus` with files of at most this many blocks of 512 bytes, as on a full disk. The limit's signal does what
-/// it does by itself.
+/// Runs `stylus` with files limited to `blocks` blocks of 512 bytes, as on a full disk. The signal at the limit keeps
+/// its default action.
 fn on_a_full_disk(bench: &Bench, blocks: u32, arguments: &str) -> Output {
     let script = format!("ulimit -f {blocks}; exec \"$0\" {arguments}");
     Command::new("sh")

@@ -1,4 +1,4 @@
-//! The pages against the command: each command is described, and no option is named that there is not.
+//! Compares the pages with the command: every command is described, and every option that is named exists.
 
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -23,22 +23,22 @@ const PAGES: [(&str, &str); 6] = [
     ),
 ];
 
-/// The page of a board's first hour, which names options of `cargo tasks` too.
+/// The page of a board's first hour. It names options of `cargo tasks` too.
 const BRINGUP: &str = include_str!("../../firmware/BRINGUP.md");
 
-/// The command line of `cargo tasks hil`, whose options are fields of these names.
+/// The source of `cargo tasks hil`, whose fields have the names of its options.
 const HIL: &str = include_str!("../../host-tools/tasks/src/hil.rs");
 
-/// Commands that only lead to others.
+/// Commands that only group other commands.
 const GROUPS: [&str; 2] = ["scene", "settings"];
 
 /// Options of other programs that the pages name.
 const OF_OTHERS: [&str; 4] = ["--port", "--version", "--range", "--warm"];
 
-/// Options of `cargo tasks hil` that only pages for boards name.
+/// Options of `cargo tasks hil` that are named only in pages about boards.
 const OF_HIL: [&str; 2] = ["--flash", "--minutes"];
 
-/// The output of `stylus` for `arguments` and `--help`.
+/// The output of `stylus` with `arguments` and `--help`.
 fn help(arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
         .args(arguments)
@@ -49,7 +49,7 @@ fn help(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("help is text")
 }
 
-/// The names in the list of commands that `help` has.
+/// The names in the list of commands in `help`.
 fn commands(help: &str) -> Vec<String> {
     let list = help.split_once("Commands:\n").map_or("", |(_, list)| list);
     let names = list
@@ -105,7 +105,7 @@ fn every_option_that_a_page_names_is_there() {
     }
 }
 
-/// The lines of commands in `page`: those of its fences without a language.
+/// The command lines in `page`: the lines in code blocks without a language.
 fn command_lines(page: &str) -> Vec<&str> {
     let mut fence = None;
     let mut lines = Vec::new();
@@ -128,7 +128,7 @@ fn every_command_of_a_boards_first_hour_is_one() {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
             ["cargo", "stylus", ref arguments @ ..] => {
-                // With --help behind them, all arguments before are parsed, and nothing is done.
+                // With --help at the end, all arguments before it are parsed, and nothing is done.
                 let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
                     .args(arguments)
                     .arg("--help")

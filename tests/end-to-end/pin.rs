@@ -1,4 +1,4 @@
-//! Codes at the stylus's pin, judged by a second path in floating point that shares no code with the device.
+//! Codes at the stylus's pin, compared with a second computation in floating point that shares no code with the device.
 
 use std::sync::LazyLock;
 
@@ -12,19 +12,19 @@ use model_format::{
     TextureSpec, encode,
 };
 
-/// Output gain of the settings that are played with here: their default, V per m/s².
+/// Output gain of the settings used here, V per m/s². It is the default.
 const GAIN: f64 = 0.01;
 
-/// Volts of one step of the converter.
+/// Voltage of one step of the converter.
 const STEP_V: f64 = 3.3 / 4096.0;
 
-/// Length of what is judged: samples of the kernel, 6.6 s.
+/// Number of the kernel's samples that are judged: 6.6 s.
 const JUDGED: usize = 1 << 15;
 
-/// Samples before that, in which the soft start and the DC blocker's beginning pass.
+/// Number of samples before those. They contain the soft start and the settling of the DC blocker.
 const BEFORE: usize = 5_000;
 
-/// Taps of the three filters from 5 to 40 kHz, in 2^-31, as `safety/interpolator.rs` describes their design.
+/// Taps of the three filters from 5 to 40 kHz, in units of 2^-31. `safety/interpolator.rs` describes their design.
 const FILTERS: [&[i64]; 3] = [
     &[
         208_552_727,
@@ -67,7 +67,7 @@ const FILTERS: [&[i64]; 3] = [
     ],
 ];
 
-/// The signal at twice the rate, through a filter that begins at rest.
+/// The signal at twice its rate, through a filter that starts at rest.
 fn doubled(signal: &[f64], taps: &[i64]) -> Vec<f64> {
     let value = |index: usize| {
         let reachable = taps.iter().enumerate().take(index + 1);
@@ -79,7 +79,7 @@ fn doubled(signal: &[f64], taps: &[i64]) -> Vec<f64> {
     (0..2 * signal.len()).map(value).collect()
 }
 
-/// The kernel's samples in converter steps, without their slow mean.
+/// The kernel's samples in converter steps, without their slowly varying mean.
 fn without_mean(samples: &[OutputSample]) -> Vec<f64> {
     let mut mean = 0.0;
     let without = |steps: f64| {
@@ -95,7 +95,7 @@ fn in_steps(samples: &[OutputSample]) -> Vec<f64> {
     samples.iter().map(steps).collect()
 }
 
-/// The codes of a stylus, as steps above mid-scale.
+/// The codes that a stylus puts out, in steps above mid-scale.
 fn at_the_pin(samples: &[OutputSample]) -> Vec<f64> {
     let settings = settings([("soft-start", 1.0), ("power-limit", 1.0)]).unwrap();
     let mut pin = Pin::new(samples.iter().copied(), PlayRate::Hz5000, &settings);
@@ -105,7 +105,7 @@ fn at_the_pin(samples: &[OutputSample]) -> Vec<f64> {
     codes
 }
 
-/// Power in each bin of the last [`JUDGED`] samples, or of the codes that belong to them, through a Hann window.
+/// Power per frequency bin of the last [`JUDGED`] samples, or of the codes that belong to them, with a Hann window.
 struct Bins {
     powers: Vec<f64>,
     bin_hz: f64,
@@ -139,7 +139,7 @@ fn felt(signal: &[f64], rate_hz: u32) -> f64 {
     Bins::of(signal, rate_hz).power(20.0, 1000.0)
 }
 
-/// Samples of a mean square of `rms` squared, from 20 to 1000 Hz.
+/// Samples scaled so that their RMS from 20 to 1000 Hz is `rms`.
 fn levelled(signal: &[f64], rms: f64) -> Vec<OutputSample> {
     let scale = rms / felt(signal, RATE_HZ).sqrt() * 2f64.powi(20);
     signal
@@ -148,7 +148,7 @@ fn levelled(signal: &[f64], rms: f64) -> Vec<OutputSample> {
         .collect()
 }
 
-/// Noise by the kernel from a lattice with these reflection coefficients.
+/// Noise that the kernel plays through a lattice with these reflection coefficients.
 fn texture(reflection: &[f64]) -> Vec<f64> {
     let codes = reflection.iter().map(|k| (k * 32_768.0) as i16).collect();
     let node = NodeSpec {
@@ -210,7 +210,7 @@ fn third_octaves_at_the_pin_are_those_of_the_kernel_down_to_a_fiftieth() {
             let samples = levelled(signal, rms);
             let kernel = Bins::of(&in_steps(&samples), RATE_HZ);
             let pin = Bins::of(&at_the_pin(&samples), PIN_HZ);
-            // From 25 to 1000 Hz.
+            // These are the bands from 25 to 1000 Hz.
             for band in 14..=30 {
                 let [low, high] =
                     [-0.5, 0.5].map(|half| 10f64.powf((f64::from(band) + half) / 10.0));
@@ -237,7 +237,7 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
     assert!((pin / (kernel * GAIN) - 1.0).abs() < 0.1, "{pin} {kernel}");
     assert!((louder / pin - 2.0).abs() < 0.1, "{louder} {pin}");
 
-    // A scene of one texture is at the pin what the texture is.
+    // A scene of one texture puts out the same as the texture.
     let scene = "name = \"steady\"\n[[surface]]\ntexture = \"felt\"\n";
     bench.write("steady.toml", scene);
     let render_scene = "scene render steady.toml --library cloths.lib --speed 90 --force 0.7";
@@ -252,7 +252,7 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
     assert!(!bench.path("no.wav").exists());
 }
 
-/// RMS of a file's second half.
+/// RMS of the second half of a file.
 fn rms(bench: &Bench, name: &str, rate_hz: u32) -> f64 {
     let samples = bench.samples(name, rate_hz);
     let half = &samples[samples.len() / 2..];

@@ -1,9 +1,9 @@
-//! The pages of `evaluate --report` and `compare` as files: what they hold, and what is refused. Their readers' side,
-//! in a browser, is in `tests/browser`.
+//! The pages of `evaluate --report` and `compare` as files: what they contain, and what is refused. How they behave in
+//! a browser is tested in `tests/browser`.
 
 use crate::support::{Bench, RATE_HZ, holds, json, noise, rig_of, scaled, text, two_textures, wav};
 
-/// Simulated recordings of two textures, one much louder than the other, and their library.
+/// Simulated recordings of two textures, one of them much louder than the other, and their library.
 fn simulated() -> Bench {
     let bench = Bench::new();
     let rig = rig_of("60, 120, 240", "0.4, 0.8, 1.2");
@@ -25,7 +25,7 @@ fn texts_of(page: &str, tag: &str) -> Vec<String> {
         .collect()
 }
 
-/// Asserts that a page has recording and synthesis of every node.
+/// Asserts that a page has a recording and a synthesis of every node.
 fn check_nodes(page: &str) {
     let nodes = page.split("id=\"nodes\">").nth(1).unwrap();
     let nodes = json(nodes.split("</script>").next().unwrap());
@@ -36,7 +36,7 @@ fn check_nodes(page: &str) {
         let clips = own["clips"].as_array().unwrap();
         assert_eq!(clips.len(), 9);
         for clip in clips.iter().flat_map(|pair| pair.as_array().unwrap()) {
-            // Half a second at least, of 5 kHz in 16 bits, in base64.
+            // A clip has at least half a second at 5 kHz, in 16 bits and base64.
             assert!(clip.as_str().unwrap().len() > 5000 * 4 / 3);
         }
     }
@@ -51,7 +51,7 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     );
     holds(&said, &["folder/index.html", "SIMULATED"]);
     let page = text(&bench.read("folder/index.html"));
-    // Zero has no sign.
+    // A zero is shown without a sign.
     for text in texts_of(&page, "td") {
         let is_zero = text.parse::<f64>().is_ok_and(|value| value == 0.0);
         assert!(!(is_zero && text.starts_with('-')), "{text}");
@@ -72,13 +72,13 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
         "mismatch C, %",
     ];
     holds(&page, &parts);
-    // A recording and a synthesis of each texture, and denim without its weave's lines, as WAV files in the page.
+    // The page holds a recording and a synthesis of each texture, and denim without its weave's lines, as WAV files.
     assert_eq!(page.matches("<audio controls").count(), 5);
     assert_eq!(page.matches("src=\"data:audio/wav;base64,").count(), 5);
     assert!(page.contains("denim, 120 mm/s, 0.8 N: recorded (SIMULATED)"));
     assert!(page.len() < 4_000_000, "{}", page.len());
     check_nodes(&page);
-    // Maps of C have one scale: the bar's numbers are the last three texts before the quantity.
+    // All maps of C have one scale: the numbers of the colour bar are the last three texts before the quantity's name.
     let bars: Vec<Vec<String>> = page
         .split("class=\"plot\"")
         .filter(|svg| svg.contains("C over the grid"))
@@ -88,7 +88,7 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
         })
         .collect();
     assert_eq!((bars.len(), &bars[0]), (2, &bars[1]));
-    // Every picture is a file of its own.
+    // Every picture is also a separate file.
     let entries = std::fs::read_dir(bench.path("folder")).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let pictures = names.filter(|name| name.rsplit('.').next() == Some("svg"));
@@ -99,11 +99,11 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     assert_eq!(removed.len(), 2);
 }
 
-/// Half a minute of the processor; `tests/run long` runs it.
+/// Takes half a minute of processor time; `tests/run long` runs it.
 #[test]
 #[ignore = "half a minute of the processor"]
 fn the_sounds_of_a_page_take_24_megabytes_at_most_and_those_left_out_are_said() {
-    /// Two sounds of 3 s per texture, 16 bits at 20 kHz, are beyond the bound with so many.
+    /// With so many textures, two sounds of 3 s each, 16 bits at 20 kHz, exceed the bound.
     const TEXTURES: u64 = 106;
     const MOST_BYTES: usize = 24_000_000;
     let bench = Bench::new();
@@ -145,7 +145,8 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
     bench.succeed(&other);
     assert_ne!(bench.read("page.html"), one);
 
-    // Textures of Gaussian noise: one pair with both its kinds beside themselves, and no part but the level.
+    // The textures use Gaussian noise. So one pair of different sounds is left, each of the two kinds is also compared
+    // with itself, and the level is the only part that can be tested.
     for (design, trials) in [
         ("similarity", "42 trials"),
         ("staircase", "up to 14 trials"),

@@ -1,4 +1,4 @@
-//! A rig whose motor and sensor are heard beside a texture that is known: broadband noise and tones that follow the
+//! A rig whose motor and sensor are heard in addition to a known texture: broadband noise and tones that follow the
 //! speed, along a direction of their own.
 
 use std::f64::consts::{PI, TAU};
@@ -12,26 +12,26 @@ use crate::support::{
 
 const SECONDS: usize = 40;
 const SPEEDS_MM_S: [f64; 3] = [50.0, 100.0, 200.0];
-/// Third octaves that are compared: from 40 Hz to 2 kHz.
+/// Third-octave bands that are compared, from 40 Hz to 2 kHz.
 const BANDS: std::ops::Range<usize> = 3..21;
-/// Directions of texture and motor, 61° apart.
+/// Directions of texture and motor. They are 61° apart.
 const TEXTURE: [f64; 3] = [0.6, 0.0, 0.8];
 const MOTOR: [f64; 3] = [0.8, 0.6, 0.0];
 /// Tones of the motor: frequency per speed, Hz per mm/s, and amplitude at 100 mm/s, m/s².
 const TONES: [(f64, f64); 2] = [(1.37, 0.15), (6.85, 0.08)];
 
-/// The texture's predictor: resonances of 60 Hz width.
+/// The predictor of the texture: resonances with a bandwidth of 60 Hz.
 fn surface() -> Vec<f64> {
     let radius = (-PI * 60.0 / f64::from(RATE_HZ)).exp();
     predictor(RATE_HZ, &[(120.0, radius), (700.0, radius)])
 }
 
-/// The broadband noise's predictor.
+/// The predictor of the broadband noise.
 fn hiss() -> Vec<f64> {
     vec![-0.4]
 }
 
-/// Factor of an excitation of unit variance for `rms`, m/s², through `a`.
+/// Factor by which an excitation of unit variance gives `rms`, m/s², after the filter `a`.
 fn factor(a: &[f64], rms: f64) -> f64 {
     rms / power_between(a, RATE_HZ, 0.0, f64::from(RATE_HZ) / 2.0).sqrt()
 }
@@ -47,7 +47,7 @@ fn through(a: &[f64], rms: f64, seed: u64) -> Vec<f64> {
     scaled(&signal, factor)
 }
 
-/// The part of a motor of this strength at `speed`.
+/// Noise of a motor of this strength at `speed`.
 fn motor_noise(speed: f64, motor: f64, seed: u64) -> Vec<f64> {
     let mut sum = through(&hiss(), levels(speed, motor).1, seed);
     let phases = noise(seed + 7, TONES.len());
@@ -60,7 +60,7 @@ fn motor_noise(speed: f64, motor: f64, seed: u64) -> Vec<f64> {
     sum
 }
 
-/// The set `set` of one texture at 1 N, and of the motor alone at 0 N, of one axis or of three.
+/// The set `set`: one texture at 1 N, and only the motor at 0 N, on one axis or on three.
 fn recorded(motor: f64, axes: usize) -> Bench {
     let bench = Bench::new();
     let [mut list, mut of_motor, mut of_contact] = [header(), header(), header()];
@@ -100,7 +100,7 @@ fn header() -> String {
     "file,texture,speed_mm_s,force_n\n".to_owned()
 }
 
-/// Power of texture and motor at `speed` in a third octave, (m/s²)².
+/// Power of texture and of motor at `speed` in a third-octave band, (m/s²)².
 fn powers(band: usize, speed: f64, motor: f64, axes: usize) -> (f64, f64) {
     let (low, high) = band_edges_hz(band);
     let of = |a: &[f64], rms: f64| factor(a, rms).powi(2) * power_between(a, RATE_HZ, low, high);
@@ -128,7 +128,7 @@ fn errors(bench: &Bench, library: &str, speed: f64, truth: &[(f64, f64)]) -> Vec
     BANDS.zip(truth).map(error).collect()
 }
 
-/// The paper's fit: what is compared are spectra.
+/// Options of the paper's fit, because only spectra are compared.
 const PLAIN: &str = "--excitation gaussian --modulation none --lines none";
 
 fn is_the_texture_where_it_is_as_strong_as_the_motor(motor: f64, axes: usize) {
@@ -200,10 +200,10 @@ fn what_is_fitted_without_the_noise_is_judged_without_it() {
     let said = bench.succeed(evaluate);
     let words = "noise is taken off the recordings as it was for the fit";
     holds(&said, &[words, "spectrum as near"]);
-    // With the motor's noise in the recordings, many bands are 3 dB off.
+    // Without this, the motor's noise in the recordings would put many bands 3 dB off.
     let off = &bench.report("f.json")["textures"][0]["mean_band_error_db"];
     assert!(off.as_f64().expect("an error") < 1.0, "{off}");
-    // The noise of other takes is not known, so that they are compared as they are.
+    // The noise in other takes is not known, so they are compared as they are.
     bench.write("other/trials.csv", header() + "100-1.wav,felt,100,1\n");
     let other = through(&surface(), 0.4, 77);
     bench.write("other/100-1.wav", wav(&[&other], RATE_HZ));
@@ -220,12 +220,12 @@ fn recordings_that_are_named_do_what_trials_at_no_force_do() {
     let named = format!("fit set/contact.csv --floor-recording set/motor.csv {quick} --out");
     bench.succeed(&format!("{named} named.lib"));
     assert_eq!(read("own.lib"), read("named.lib"));
-    // Also by shards, whose results are not those without the noise.
+    // The same holds for shards, whose results differ from those without the noise.
     bench.succeed("fit set/contact.csv --out note.lib --order 40 --parts parts");
     bench.succeed(&format!("{named} parts.lib --parts parts"));
     assert_eq!(read("own.lib"), read("parts.lib"));
     assert_ne!(read("own.lib"), read("note.lib"));
-    // The blocks that judge are fitted in the same way.
+    // The blocks that are used for judging are fitted in the same way.
     bench.succeed("evaluate set/contact.csv --library named.lib");
     bench.write("mono.wav", wav(&[&noise(1, 20_000)], RATE_HZ));
     let fit = format!("fit set/contact.csv --out a.lib {quick}");

@@ -1,4 +1,4 @@
-//! `stylus page`: one file with kernel, library, clips and spectra, and what it says of them.
+//! `stylus page`: one file with kernel, library, clips and spectra, and what it states about them.
 
 use std::collections::BTreeSet;
 
@@ -71,7 +71,7 @@ fn recordings_are_fitted_as_fit_does_and_come_with_clips_spectra_and_costs() {
         let levels = |key: &str| STANDARD.decode(texture[key].as_str().unwrap()).unwrap();
         let (model, recorded) = (levels("model_base64"), levels("recorded_base64"));
         assert_eq!((model.len(), recorded.len()), (4 * bands, 4 * bands));
-        // Mean difference of a model of order 400 and the recording that it is of.
+        // Mean difference between a model of order 400 and the recording that it was fitted to.
         let apart = model.iter().zip(&recorded).map(|(m, r)| m.abs_diff(*r));
         let apart = apart.map(f64::from).sum::<f64>() / 2.0 / model.len() as f64;
         assert!(apart < 2.0, "{apart} dB");
@@ -118,7 +118,7 @@ fn a_clip_is_the_middle_of_its_nodes_recording() {
         };
         let file = format!("set/{}", clip["file"].as_str().unwrap());
         let samples = bench.samples(&file, RATE_HZ);
-        // The clip and its joint of 150 samples lie in the middle.
+        // The clip, with its joint of 150 samples, is taken from the middle of the recording.
         let begin = (samples.len() - 2150) / 2;
         let pairs = codes[150..].iter().zip(&samples[begin + 150..]);
         let (mut error, mut energy) = (0.0, 0.0);
@@ -152,7 +152,7 @@ fn what_makes_no_page_is_refused_with_the_remedy() {
 fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_megabytes() {
     let bench = Bench::new();
     let output = bench.run("demo --out demo");
-    // Of data that it makes itself there is nothing to warn of.
+    // The command generates this data itself, so there is nothing to warn of.
     let warned = text(&output.stderr);
     assert!(!warned.contains("warning"), "{warned}");
     let said = text(&output.stdout) + &text(&output.stderr);
@@ -161,7 +161,7 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
     assert!(!said.lines().any(is_wide), "{said}");
     holds(&said, &["SIMULATED", "demo/page.html"]);
     holds(&said, &["demo/report/index.html"]);
-    // A surface with impulses, one that holds still, a calm one.
+    // One surface has impulses, one has a steady level, and one is calm.
     let plays = [
         "scratched: recorded snippets",
         "denim: Gaussian + lines",
@@ -185,7 +185,7 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
     holds(&data["clip_note"], &["nearest"]);
 }
 
-/// Impulsive noise: Gaussian numbers to the third power, of a kurtosis far above 3.
+/// Impulsive noise: Gaussian numbers to the third power, with a kurtosis far above 3.
 fn impulsive(signal: &[f64]) -> Vec<f64> {
     let rms = (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt();
     signal.iter().map(|x| (x / rms).powi(3)).collect()
@@ -221,6 +221,6 @@ fn what_plays_is_hardly_ever_beyond_full_scale_whatever_excites_it() {
         assert!(share < 1e-3, "{share} {full_scale}");
         scales.push(full_scale / rms(loudest));
     }
-    // Not by so much that noise is hardly heard.
+    // The scale is not so small that noise is hardly heard.
     assert!(scales[0] < 5.0 && scales[1] < 12.0, "{scales:?}");
 }

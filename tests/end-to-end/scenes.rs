@@ -1,11 +1,11 @@
-//! Scenes, from their text to what the stylus plays, through the command.
+//! Scenes through the command, from their text to what the stylus plays.
 
 use std::sync::OnceLock;
 
 use crate::support::{Bench, RATE_HZ, holds, json, rig_of, scaled, two_textures};
 use model_format::Library;
 
-/// A folder with a library of two textures at two speeds and forces, which all tests share.
+/// A folder with a library of two textures at two speeds and forces. All tests share the library.
 fn bench() -> Bench {
     static LIBRARY: OnceLock<Vec<u8>> = OnceLock::new();
     let library = LIBRARY.get_or_init(|| {
@@ -122,7 +122,7 @@ fn compiling_replaces_scenes_of_the_same_name_and_leaves_all_else() {
     assert_eq!((a.scene_count(), b.scene_count()), (2, 2));
     assert_eq!(a.scene("two"), b.scene("two"));
     assert_eq!(b.scene("other").unwrap().surfaces[0].gain, 0.25);
-    // Without scenes the bytes are the same as before.
+    // With the scenes removed, the bytes are the same as before.
     let plain = Library::decode(&plain).unwrap();
     let again = host_tools::scene::with_scenes(&plain, &[]).unwrap();
     assert_eq!(again, read("cloths.lib"));
@@ -131,7 +131,7 @@ fn compiling_replaces_scenes_of_the_same_name_and_leaves_all_else() {
     assert!(!bench.path("c.lib").exists());
 }
 
-/// The number of a line of [`TWO`], its replacement, and the message about it.
+/// The number of a line of [`TWO`], the text that replaces it, and the message about that text.
 const FAULTS: &str = r#"
 2 | nam = "two" | unknown field `nam`
 2 | name = "" | the name is empty
@@ -159,7 +159,7 @@ const FAULTS: &str = r#"
 38 | gain_db = 30 | is 30 dB
 "#;
 
-/// Checks that a scene of this text is refused with `problem` at `line`.
+/// Checks that a scene with this text is refused with `problem` at `line`.
 fn is_told(bench: &Bench, text: &str, line: usize, problem: &str) {
     bench.write("bad.toml", text);
     let message = bench.refuse("scene check bad.toml --library cloths.lib");
@@ -177,7 +177,7 @@ fn what_is_wrong_with_a_scene_is_said_with_its_line() {
         let line: usize = line.parse().expect("a number");
         let mut lines: Vec<&str> = TWO.lines().collect();
         lines[line - 1] = bad;
-        // A missing key is told of its table, and a pole of its section.
+        // A missing key is reported at its table, and an unstable pole at its section.
         let told = match bad {
             "" => 17,
             "frequency_hz = 2" => 34,
@@ -257,7 +257,7 @@ fn a_tap_that_was_rendered_is_found_again() {
         "name = \"plate\"\n[[surface]]\n[surface.tap]\nfrequency_hz = 310\ndecay_s = 0.009\n\
          gain_m_s2_per_n_s = 0.2\nlimit_m_s2 = 100\n",
     );
-    // 0.5 N within an update's 2 ms: 250 N/s.
+    // The force rises by 0.5 N within an update of 2 ms, so by 250 N/s.
     let mut motion = String::from("time_s,speed_mm_s,force_n\n0,0,0\n");
     for begin_s in [0.2, 0.6, 1.0] {
         let [risen, end, gone] = [0.002, 0.1, 0.11].map(|after_s| begin_s + after_s);
@@ -276,7 +276,7 @@ fn a_tap_that_was_rendered_is_found_again() {
         let value = found[key].as_f64().unwrap();
         assert!((value - expected).abs() < tolerance, "{key} is {value}");
     }
-    // The printed text can be pasted into a scene, which plays the same taps.
+    // The printed text can be pasted into a scene, which then plays the same taps.
     let printed = bench.succeed("scene fit-tap taps.wav --force-rates 250");
     let table = &printed[printed.find("[surface.tap]").unwrap()..];
     let again = format!("name = \"again\"\n[[surface]]\n{table}");
@@ -312,7 +312,7 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
         (power / samples.len() as f64).sqrt()
     };
     let steady = render("steady-denim", "--speed 0 --force 0.5 --seconds 1");
-    // Constant motion plays whatever the speed.
+    // With a constant motion, the scene plays at any speed.
     assert!(rms(&steady[2500..]) > 0.5);
 
     let cloths = render("four-cloths", "--motion across.csv");

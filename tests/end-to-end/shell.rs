@@ -1,10 +1,10 @@
-//! The command for a shell and its user: variables of the environment, quiet and colours.
+//! The command for a shell and its user: environment variables, quiet mode and colours.
 
 use std::process::{Command, Output, Stdio};
 
 use crate::support::{Bench, refusal, text, two_textures};
 
-/// Runs `stylus` in the folder of `bench` with these variables.
+/// Runs `stylus` in the folder of `bench` with these environment variables.
 fn run_with(bench: &Bench, variables: &[(&str, &str)], arguments: &str) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_stylus"));
     for name in ["NO_COLOR", "STYLUS_LINK", "STYLUS_QUIET", "TERM"] {
@@ -42,7 +42,7 @@ fn of_links_the_command_line_wins_over_the_environment() {
 #[test]
 fn quiet_leaves_results_warnings_and_errors_alone_on_both_streams() {
     let bench = two_textures(|signal| [signal.to_vec()]);
-    // A note, and a warning.
+    // This fit prints a note and a warning.
     let fit = "fit set --order 4 --snap 0.001 --out a.lib --overwrite";
     let note = "no speed or force is moved";
     let loud = run_with(&bench, &[("STYLUS_QUIET", "0")], fit);
@@ -56,7 +56,7 @@ fn quiet_leaves_results_warnings_and_errors_alone_on_both_streams() {
         assert_eq!(text(&quiet.stderr), "", "{command}");
         assert_eq!(text(&quiet.stdout), text(&loud.stdout), "{command}");
     }
-    // What is doubtful is said all the same, and so are errors.
+    // Warnings are printed all the same, and so are errors.
     let quiet = [("STYLUS_QUIET", "true")];
     let still = "render a.lib --texture silk --speed 0 --force 1 --seconds 1 --out o.wav";
     assert!(text(&run_with(&bench, &quiet, still).stderr).starts_with("warning: "));
@@ -67,7 +67,7 @@ fn quiet_leaves_results_warnings_and_errors_alone_on_both_streams() {
     assert!(message.starts_with("stylus: nowhere"), "{message}");
 }
 
-/// Progress on a terminal, by the pseudo-terminal of util-linux.
+/// Runs `stylus` on the pseudo-terminal of util-linux, and returns its output.
 fn on_a_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &str) -> String {
     let command = format!("{} {arguments}", env!("CARGO_BIN_EXE_stylus"));
     let output = Command::new("script")
@@ -102,7 +102,7 @@ fn colours_and_progress_are_for_terminals() {
     let fit = "fit set --order 4 --out a.lib --overwrite";
     assert!(on_a_terminal(&bench, &plain, fit).contains("fitting "));
     assert!(!on_a_terminal(&bench, &plain, &format!("{fit} -q")).contains(ESCAPE));
-    // What a terminal would obey in the words of the line, or in the environment, is shown.
+    // Control characters in the arguments or in the environment are shown, so the terminal does not obey them.
     let hostile = [("STYLUS_LINK", "tcp:\u{1b}[31mred:1")];
     for arguments in ["status --help", "fti\u{1b}[2J"] {
         let shown = on_a_terminal(&bench, &hostile, arguments);

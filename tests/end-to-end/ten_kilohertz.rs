@@ -1,4 +1,4 @@
-//! Libraries at 10 kHz: fitted to recordings of that rate or made of published models, checked and rendered.
+//! Libraries at 10 kHz: fitted to recordings of that rate or built from published models, checked and rendered.
 
 use crate::hatt;
 use crate::support::{
@@ -8,7 +8,7 @@ use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 
 const FAST_HZ: u32 = 10_000;
 
-/// Power of a signal at 10 kHz in these multiples of 10 Hz, by sums over Hann windows of 0.1 s.
+/// Power of a signal at 10 kHz at these multiples of 10 Hz, computed by sums over Hann windows of 0.1 s.
 fn power_by_sums(signal: &[f64], bins: std::ops::RangeInclusive<u32>) -> f64 {
     let windows = signal.as_chunks::<1000>().0;
     let mut power = 0.0;
@@ -52,7 +52,7 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
     let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
     let level = decibels(mean_square(&played) / mean_square(&signal));
     assert!(level.abs() < 0.3, "{level} dB");
-    // The third resonance is above 2.5 kHz, where no library at 5 kHz has anything.
+    // The third resonance is above 2.5 kHz, which no library at 5 kHz can reproduce.
     let expected = 0.02f64.powi(2) * power_between(&a, FAST_HZ, 3_195.0, 3_405.0);
     let error = decibels(power_by_sums(&played, 320..=340) / expected);
     assert!(error.abs() < 0.5, "{error} dB about 3300 Hz");
@@ -60,7 +60,7 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
     holds(&refused, &["10000 Hz"]);
 }
 
-/// The closed form of the fixture holds the whole way, from the file to the samples.
+/// The fixture's closed form holds all the way from the file to the samples.
 #[test]
 fn published_models_of_ten_kilohertz_are_played_at_that_rate_as_the_file_defines_them() {
     let bench = Bench::new();

@@ -1,8 +1,8 @@
-//! Damage of 40 kinds at three strengths, done to signals that are shaped like real takes, and what triage says of it.
+//! Damages signals that resemble real takes in 40 ways at three strengths, and checks what triage reports.
 //!
-//! The signals are made from numbers alone: a heavy-tailed residual, a level that varies by 5 dB within the take, most
-//! power at low frequencies; their kurtosis is that of real takes. A damage that passes without a verdict must change
-//! the fitted spectrum by less than its bound.
+//! The signals are generated: a heavy-tailed residual, a level that varies by 5 dB within the take, and most power at
+//! low frequencies. Their kurtosis is that of real takes. Damage that passes without a verdict must change the fitted
+//! spectrum by less than its bound.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -23,7 +23,8 @@ const FAST_HZ: u32 = 44_100;
 /// Duration of a take, s.
 const SECONDS: f64 = 4.0;
 
-/// A surface: the corner of its low-pass, Hz, and resonances as frequency, Hz, bandwidth, Hz, and gain.
+/// A surface: the corner frequency of its low-pass filter, Hz, and its resonances as frequency, Hz, bandwidth, Hz, and
+/// gain.
 struct Surface {
     corner_hz: f64,
     resonances: &'static [(f64, f64, f64)],
@@ -63,7 +64,7 @@ fn slow(
 }
 
 impl Surface {
-    /// A take with an RMS of 0.5 m/s², in 16 bits.
+    /// Generates a take with an RMS of 0.5 m/s², in 16 bits.
     fn take(&self, seed: u64, rate_hz: u32, seconds: f64) -> Vec<f64> {
         let rate = f64::from(rate_hz);
         let samples = (seconds * rate) as usize;
@@ -111,7 +112,7 @@ fn scaled_to(signal: &[f64], level: f64) -> Vec<f64> {
     scaled(signal, level / rms(signal))
 }
 
-/// Rounded to steps of 2⁻¹⁵ of 16 m/s².
+/// Rounds to steps of 2⁻¹⁵ of 16 m/s².
 fn sixteen_bits(signal: &[f64]) -> Vec<f64> {
     let rounded = signal.iter().map(|x| (x * 2048.0).round() / 2048.0);
     rounded.collect()
@@ -122,7 +123,7 @@ fn kurtosis(signal: &[f64]) -> f64 {
     signal.iter().map(|x| x.powi(4)).sum::<f64>() / signal.len() as f64 / (power * power)
 }
 
-/// Magnitude that the share `share` of samples exceeds.
+/// Magnitude that the fraction `share` of the samples exceeds.
 fn quantile(signal: &[f64], share: f64) -> f64 {
     let mut sorted: Vec<f64> = signal.iter().map(|x| x.abs()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -139,7 +140,8 @@ fn tone(frequency_hz: f64, amplitude: f64) -> impl Fn(f64) -> f64 {
     move |time| amplitude * (TAU * frequency_hz * time).sin()
 }
 
-/// Files of a set; the last is the damaged one.
+/// Files of a set, the damaged one last, and how they are fitted: `felt` as one texture, a duration in seconds, or
+/// empty.
 struct Files(Vec<(&'static str, Vec<u8>)>, &'static str);
 
 fn files(axes: &[Vec<f64>], rate_hz: u32) -> Files {
@@ -151,13 +153,13 @@ fn one(signal: Vec<f64>) -> Files {
     files(&[signal], RATE_HZ)
 }
 
-/// The take, and a copy of it.
+/// A set with the take and a copy of it.
 fn two(original: &[f64], copy: &[f64]) -> Files {
     let [original, copy] = [original, copy].map(|signal| wav(&[signal], RATE_HZ));
     Files(vec![("first.wav", original), ("take.wav", copy)], "")
 }
 
-/// A take of a surface: its index, its seed, and its samples at the models' rate.
+/// A take of a surface: the surface, its seed, and its samples at the models' rate.
 struct Take<'a> {
     surface: &'a Surface,
     seed: u64,
@@ -183,7 +185,7 @@ impl<'a> Take<'a> {
         self.surface.take(self.seed, FAST_HZ, SECONDS)
     }
 
-    /// With `edit` done to the samples.
+    /// The take after `edit` was applied to its samples.
     fn edited(&self, edit: impl FnOnce(&mut Vec<f64>)) -> Files {
         let mut signal = self.clean.clone();
         edit(&mut signal);
@@ -191,18 +193,19 @@ impl<'a> Take<'a> {
     }
 }
 
-/// Expectation for one kind at one strength.
+/// Expected result for one kind of damage at one strength.
 #[derive(Clone, Copy)]
 enum Expected {
-    /// A verdict of this name.
+    /// A verdict of this name is reported.
     Caught(&'static str),
-    /// An error with this word.
+    /// The set is refused with an error that contains this word.
     Refused(&'static str),
-    /// No verdict, because the fitted spectrum changes by no more than this, dB (mean over third octaves).
+    /// No verdict is reported, because the fitted spectrum changes by no more than this, dB (mean over third-octave
+    /// bands).
     Weak(f64),
-    /// A verdict of this name, or none where the spectrum changes by no more than this, dB.
+    /// A verdict of this name is reported, or none if the spectrum changes by no more than this, dB.
     Either(&'static str, f64),
-    /// No verdict, because a texture can be like that; the spectrum changes by no more than this, dB.
+    /// No verdict is reported, because a real texture may look the same. The spectrum changes by no more than this, dB.
     Alike(f64),
 }
 
@@ -210,14 +213,14 @@ use Expected::{Alike, Caught, Either, Refused, Weak};
 
 type Damage = fn(&Take<'_>, usize) -> Files;
 
-/// Strengths: weak, middle, strong.
+/// Number of strengths: weak, middle, strong.
 const STRENGTHS: usize = 3;
 
 fn sample(at_s: f64) -> usize {
     (at_s * f64::from(RATE_HZ)) as usize
 }
 
-/// Replaces `count` stretches of `seconds`, evenly spread, by `value` of their first sample.
+/// Fills `count` evenly spread stretches of `seconds` with `value` of their first sample.
 fn held(signal: &mut [f64], count: usize, seconds: f64, value: impl Fn(f64) -> f64) {
     for number in 0..count {
         let first = (2 * number + 1) * signal.len() / (2 * count);
@@ -237,7 +240,7 @@ fn taps(signal: &mut [f64], times: &[f64], height: f64) {
 }
 
 fn hum(take: &Take<'_>, strength: usize, lines: &[(f64, f64)]) -> Files {
-    // Relative to the RMS of the take.
+    // The factor is relative to the RMS of the take.
     let amplitude = 0.5 * 2f64.sqrt() * [0.01, 0.3, 1.0][strength];
     let sum = |time: f64| {
         let of = |&(hz, gain): &(f64, f64)| tone(hz, gain * amplitude)(time);
@@ -251,7 +254,7 @@ fn clipped(signal: &[f64], share: f64) -> Vec<f64> {
     signal.iter().map(|x| x.clamp(-limit, limit)).collect()
 }
 
-/// Samples as CSV with these times.
+/// The samples as CSV with the times `time_s`.
 fn timed(signal: &[f64], time_s: impl Fn(usize) -> f64) -> Files {
     let mut text = String::from("time_s,a\n");
     for (n, x) in signal.iter().enumerate() {
@@ -260,7 +263,7 @@ fn timed(signal: &[f64], time_s: impl Fn(usize) -> f64) -> Files {
     Files(vec![("take.csv", text.into_bytes())], "")
 }
 
-/// Three axes with their own mixtures of the take and of others.
+/// Three axes, each with its own mixture of the take and another one.
 fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
     let mix = |own: f64, number: u64, gain: f64| -> Vec<f64> {
         let both = take.clean.iter().zip(take.other(number));
@@ -396,7 +399,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
         let mut bytes = wav(&[&t.clean], RATE_HZ);
         let keep = [0.99, 0.5, 0.05][s] * bytes.len() as f64;
         bytes.truncate(keep as usize);
-        // A part that is still there can be used.
+        // The part that is still present can be used.
         Files(vec![("take.wav", bytes)], "0.1")
     }, [Caught("truncated"); 3]),
     ("exact duplicate", |t, s| {
@@ -413,7 +416,8 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
     ("too short", |t, s| t.edited(|x| x.truncate(sample([0.3, 0.1, 0.02][s]))), [Caught("too-short"); 3]),
 ];
 
-/// Fits the files, each a texture of its own unless they share one; a truncated file is used for its first 0.1 s.
+/// Fits the files. Each is a texture of its own unless they share one. Only the first 0.1 s of a truncated file are
+/// used.
 fn fitted(files: &Files) -> Result<Fit, String> {
     let bench = Bench::new();
     let mut list = String::from("file,texture,speed_mm_s,force_n,duration_s\n");
@@ -428,7 +432,7 @@ fn fitted(files: &Files) -> Result<Fit, String> {
         writeln!(list, "{name},{texture},{speed},1,{duration}").unwrap();
     }
     bench.write("trials.csv", list);
-    // Without what triage has no part in.
+    // These options leave out everything that does not involve triage.
     let options = Options {
         order: Order::Fixed(80),
         excitation: ExcitationChoice::Gaussian,
@@ -440,7 +444,7 @@ fn fitted(files: &Files) -> Result<Fit, String> {
     fit::fit(&set, &options, |_| ()).map_err(|e| e.to_string())
 }
 
-/// Levels of third octaves from 31.5 to 1000 Hz, dB, of an autoregressive model.
+/// Levels of an autoregressive model in third-octave bands from 31.5 to 1000 Hz, dB.
 fn levels(model: &Model) -> Vec<f64> {
     let a = step_up(&model.reflection);
     let gain = model.output_power * error_share(&model.reflection);
@@ -498,13 +502,13 @@ fn signals_shaped_like_real_takes_have_no_verdict() {
     assert!((8.0..18.0).contains(&median), "{kurtoses:?}");
 }
 
-/// One surface of three for each kind.
+/// Uses one of the three surfaces for each kind.
 #[test]
 fn damage_of_40_kinds_is_found_at_the_strengths_that_matter() {
     judge_damage(false);
 }
 
-/// All three: `cargo test --locked -p host-tools --test end-to-end triage:: -- --ignored --nocapture`.
+/// Uses all three surfaces: `cargo test --locked -p host-tools --test end-to-end triage:: -- --ignored --nocapture`.
 #[test]
 #[ignore = "long: 400 fits"]
 fn damage_is_found_on_every_surface() {
@@ -553,7 +557,7 @@ fn judge_damage(on_every_surface: bool) {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Reads the content of a file as the only recording of a set.
+/// Reads a file with this content as the only recording of a set.
 fn read(content: &str) -> Result<Vec<Vec<f64>>, String> {
     let bench = Bench::new();
     bench.write("a.csv", content);

@@ -11,17 +11,17 @@ pub use test_helpers::{holds, near, noise};
 /// Sample rate of the recordings made here, Hz.
 pub const RATE_HZ: u32 = 5000;
 
-/// A temporary folder, and the command run in it.
+/// A temporary folder in which the command is run.
 pub struct Bench {
     folder: TempDir,
-    /// True if commands replace what is there, as tests do that write a file twice.
+    /// True if commands may replace existing files, as in tests that write a file twice.
     overwrites: bool,
-    /// Variables of the environment of every command.
+    /// Environment variables of every command.
     variables: Vec<(&'static str, String)>,
 }
 
 impl Bench {
-    /// An empty folder.
+    /// Creates an empty folder.
     pub fn new() -> Self {
         Self {
             folder: TempDir::new().expect("there is room for a folder"),
@@ -36,7 +36,7 @@ impl Bench {
         self
     }
 
-    /// Returns the bench with commands that replace nothing unless they are asked to.
+    /// Returns the bench with commands that replace existing files only on request.
     pub fn careful(self) -> Self {
         Self {
             overwrites: false,
@@ -49,14 +49,15 @@ impl Bench {
         self.folder.path().join(name)
     }
 
-    /// Writes a file, and makes the folders above it.
+    /// Writes a file, and creates its folders.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().expect("it is in the folder")).expect("made");
         std::fs::write(path, content).expect("there is room for a file");
     }
 
-    /// Writes recordings, `0.wav` and so on, and their list: of each its texture, speed, mm/s, force, N, and bytes.
+    /// Writes recordings, `0.wav` and so on, and their list. Each trial has its texture, speed, mm/s, force, N, and
+    /// bytes.
     pub fn write_set(&self, folder: &str, trials: &[(&str, f64, f64, Vec<u8>)]) {
         let mut list = String::from("file,texture,speed_mm_s,force_n\n");
         for (number, (texture, speed, force, file)) in trials.iter().enumerate() {
@@ -71,12 +72,12 @@ impl Bench {
         std::fs::read(self.path(name)).unwrap_or_else(|failure| panic!("{name}: {failure}"))
     }
 
-    /// A report that was written as JSON.
+    /// Reads a report that was written as JSON.
     pub fn report(&self, name: &str) -> Value {
         json(&text(&self.read(name)))
     }
 
-    /// Samples of a WAV file of floats, which must have this rate.
+    /// Samples of a WAV file of floats, which must have the rate `rate_hz`.
     pub fn samples(&self, name: &str, rate_hz: u32) -> Vec<f64> {
         let bytes = self.read(name);
         let reader = hound::WavReader::new(&bytes[..]).expect("it is a WAV file");
@@ -85,7 +86,7 @@ impl Bench {
         samples.map(|sample| f64::from(sample.unwrap())).collect()
     }
 
-    /// Runs `stylus` with words split at spaces, in the folder.
+    /// Runs `stylus` in the folder; the arguments are split at spaces.
     pub fn run(&self, arguments: &str) -> Output {
         self.command(arguments.split_whitespace())
             .output()
@@ -124,7 +125,7 @@ impl Bench {
         out
     }
 
-    /// Runs `stylus`, which must succeed, and returns its standard error, each message in a line.
+    /// Runs `stylus`, which must succeed, and returns its standard error with one line per message.
     pub fn told(&self, arguments: &str) -> String {
         let output = self.run(arguments);
         let told = text(&output.stderr);
@@ -132,7 +133,8 @@ impl Bench {
         told.replace("\n  ", " ")
     }
 
-    /// Runs each command of a table, `arguments | word | word` in a line, which must be refused with its words.
+    /// Runs each command of a table, which must be refused. Each line is `arguments | word | word`, and the message
+    /// must contain the words.
     pub fn refuse_each(&self, table: &str) {
         for row in table.trim().lines() {
             let (arguments, words) = row.trim().split_once(" | ").expect("it has words");
@@ -163,14 +165,14 @@ impl Bench {
     }
 }
 
-/// A fake stylus, and a folder whose commands are for it.
+/// A fake stylus, and a folder whose commands use the stylus's link.
 pub fn attached(stylus: fake_stylus::FakeStylus) -> (fake_stylus::FakeStylus, Bench) {
     let bench = Bench::new().with("STYLUS_LINK", stylus.link());
     (stylus, bench)
 }
 
-/// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces; `axes` makes the
-/// axes of a recording of an autoregressive signal.
+/// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces. `axes` turns an
+/// autoregressive signal into the axes of a recording.
 pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]) -> Bench {
     let bench = Bench::new();
     let mut list = String::from("file,texture,speed_mm_s,force_n\n");
@@ -189,7 +191,7 @@ pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]
     bench
 }
 
-/// The paper's rig at these speeds and forces, as text.
+/// The paper's rig with these speeds and forces, as text.
 pub fn rig_of(speeds: &str, forces: &str) -> String {
     let paper = host_tools::rig::RigFile::paper();
     let lines = paper.text().lines();
@@ -201,7 +203,7 @@ pub fn rig_of(speeds: &str, forces: &str) -> String {
     lines.collect()
 }
 
-/// As [`rig_of`], with denim alone.
+/// Like [`rig_of`], with denim only.
 pub fn denim_rig_of(speeds: &str, forces: &str) -> String {
     let rig = rig_of(speeds, forces);
     let (head, textures) = rig.split_once("[[texture]]").expect("it has textures");
@@ -209,12 +211,12 @@ pub fn denim_rig_of(speeds: &str, forces: &str) -> String {
     format!("{head}[[texture]]{denim}")
 }
 
-/// `signal` times `factor`.
+/// Multiplies `signal` by `factor`.
 pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {
     signal.iter().map(|x| factor * x).collect()
 }
 
-/// Arguments that play the first texture of a library of the fake stylus along a constant motion.
+/// Arguments that play the first texture of a library of the fake stylus with a constant motion.
 pub const PLAY: [&str; 7] = [
     "play",
     "--texture",
@@ -225,7 +227,7 @@ pub const PLAY: [&str; 7] = [
     "1",
 ];
 
-/// A report that was printed as JSON.
+/// Parses a report that was printed as JSON.
 pub fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
 }
@@ -235,7 +237,7 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Noise through the all-pole filter y(n) = e(n) - Σ a(i) y(n-i).
+/// Passes `excitation` through the all-pole filter y(n) = e(n) - Σ a(i) y(n-i).
 pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     let mut output: Vec<f64> = Vec::with_capacity(excitation.len());
     for (n, e) in excitation.iter().enumerate() {
@@ -247,7 +249,7 @@ pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     output
 }
 
-/// Coefficients of an all-pole process at `rate_hz` by its poles, each a frequency, Hz, and a radius, with its
+/// Coefficients of an all-pole process at `rate_hz` with these poles: frequency, Hz, and radius, each with its
 /// conjugate.
 pub fn predictor(rate_hz: u32, poles: &[(f64, f64)]) -> Vec<f64> {
     let mut polynomial = vec![1.0];
@@ -265,8 +267,8 @@ pub fn predictor(rate_hz: u32, poles: &[(f64, f64)]) -> Vec<f64> {
     polynomial.split_off(1)
 }
 
-/// Power of an all-pole process between two frequencies, for excitation of unit variance, by its density in closed
-/// form.
+/// Power of an all-pole process between two frequencies, for an excitation of unit variance, from the closed form of
+/// its density.
 pub fn power_between(a: &[f64], rate_hz: u32, low_hz: f64, high_hz: f64) -> f64 {
     const STEPS: u32 = 2000;
     let step_hz = (high_hz - low_hz) / f64::from(STEPS);
@@ -288,7 +290,7 @@ pub fn decibels(ratio: f64) -> f64 {
     10.0 * ratio.log10()
 }
 
-/// A WAV file's bytes, 32-bit float, one channel per axis.
+/// The bytes of a WAV file in 32-bit float, with one channel per axis.
 pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     let frames = (0..axes[0].len()).flat_map(|index| axes.iter().map(move |axis| axis[index]));
     let spec = hound::WavSpec {
@@ -300,7 +302,7 @@ pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     wav_of(spec, frames.map(|sample| sample as f32))
 }
 
-/// A WAV file's bytes, one channel of integers of this many bits.
+/// The bytes of a WAV file with one channel of integers of `bits` bits.
 pub fn integers(signal: &[f64], bits: u16) -> Vec<u8> {
     let spec = hound::WavSpec {
         channels: 1,
@@ -324,7 +326,7 @@ fn wav_of<T: hound::Sample>(spec: hound::WavSpec, samples: impl Iterator<Item = 
     bytes.into_inner()
 }
 
-/// Waits until `is_there`, for 20 s at most.
+/// Waits until `is_there` returns true, for at most 20 s.
 pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !is_there() {
@@ -342,8 +344,8 @@ pub fn interrupt(child: &Child) {
     assert!(signal("INT", child.id()));
 }
 
-/// Sends the signal called `name` to `process`, and returns true if it was there. By the shell's own `kill`, because a
-/// small system has no other.
+/// Sends the signal called `name` to `process`, and returns true if the process existed. Uses the shell's own `kill`,
+/// because a small system has no other.
 #[cfg(unix)]
 pub fn signal(name: &str, process: u32) -> bool {
     let sent = Command::new("sh")
@@ -354,7 +356,7 @@ pub fn signal(name: &str, process: u32) -> bool {
     sent.expect("a shell is there").success()
 }
 
-/// The one line on standard error of `output`, which must be a refusal with code 2.
+/// Returns the one line on standard error of `output`, which must be a refusal with code 2.
 pub fn refusal(output: &Output, arguments: &str) -> String {
     let message = text(&output.stderr);
     assert_eq!(

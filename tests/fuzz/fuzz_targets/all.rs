@@ -1,5 +1,5 @@
-//! All targets in one program, which is built and linked once: `STYLUS_FUZZ_TARGET` names the one to run. With
-//! `STYLUS_FUZZ_SEEDS` it writes the seeds of all of them below that folder instead, and ends.
+//! All targets in one program, which is built and linked only once. `STYLUS_FUZZ_TARGET` names the target to run. If
+//! `STYLUS_FUZZ_SEEDS` is set, the program writes the seeds of all targets below that folder instead, and ends.
 #![no_main]
 
 use std::env;

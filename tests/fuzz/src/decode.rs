@@ -1,7 +1,7 @@
-//! Decoding of any bytes: they are refused with a typed error, or are a library that can be read, written again byte
-//! for byte, and played.
+//! Decodes arbitrary bytes. They must be refused with a typed error, or be a library that can be read, written again
+//! byte for byte, and played.
 //!
-//! Each input is tried as it is and with a prefix that fits it, because no fuzzer guesses a checksum.
+//! Each input is tried both as it is and with a prefix that fits it, because no fuzzer guesses a checksum.
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::scene::Scene;
 use model_format::{
@@ -14,7 +14,7 @@ use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 #[path = "../../../model-format/tests/library/walk.rs"]
 mod walk;
 
-/// Judges `input` as a library.
+/// Checks `input` as a library.
 pub fn judge(input: &[u8]) {
     judge_whole(input);
     if let Some(library) = with_fitting_prefix(input) {
@@ -22,7 +22,7 @@ pub fn judge(input: &[u8]) {
     }
 }
 
-/// `input` with the right magic, version, reserved field, length and checksum.
+/// Returns `input` with the right magic, version, reserved field, length and checksum.
 fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
     const PREFIX_BYTES: usize = 16;
     let mut bytes = b"HTXL".to_vec();
@@ -53,7 +53,7 @@ fn judge_whole(bytes: &[u8]) {
     }
 }
 
-/// Moves over the grid, beyond it, and to rest, where it must be silent.
+/// Moves over the texture's grid, beyond it, and to rest, where it must be silent.
 fn play(texture: Texture<'_>) {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
     let last = (
@@ -69,7 +69,7 @@ fn play(texture: Texture<'_>) {
     ] {
         let motion = Motion::new(MillimetresPerSecond(speed), Newton(force));
         let motion = motion.expect("axes are finite");
-        // By the speed, and to places that no hand reaches in a block.
+        // First the position follows from the speed, then it jumps to places that no hand reaches within a block.
         for position in [None, Some(0.3), Some(f32::MAX), Some(-1.0e9), None] {
             let position = position.map(Position::from_mm);
             synthesis.follow_to(motion, position, UPDATE_INTERVAL_SAMPLES);
@@ -82,7 +82,7 @@ fn play(texture: Texture<'_>) {
     assert_eq!(synthesis.next_sample().0, 0);
 }
 
-/// Strikes each region, moves to its middle, and lifts; the voices must be gone two blocks later.
+/// Strikes each region, moves to its middle, and lifts. The voices must have ended two blocks later.
 fn play_scene(scene: &Scene, library: &Library<'_>) {
     let plan = Plan::new(scene, library).expect("it is in a valid library");
     let mut player: ScenePlayer<'_> = ScenePlayer::new(plan, 1);

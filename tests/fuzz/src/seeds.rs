@@ -1,6 +1,6 @@
-//! Seeds of the fuzzer, in a folder for each target. For the decoder they are small valid libraries,
-//! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host,
-//! a small file of each kind.
+//! Seeds of the fuzzer, in one folder per target. The decoder's seeds are small valid libraries: grids of one and of
+//! several nodes, orders 0 to 400, and every optional part. For each parser of the host there is a small file of each
+//! kind.
 
 use std::error::Error;
 use std::path::Path;
@@ -12,10 +12,10 @@ use model_format::{
     encode_with_scenes, limits,
 };
 
-/// Writes the seeds of every target into its folder below `root`.
+/// Writes the seeds of every target into the target's folder below `root`.
 ///
 /// # Errors
-/// A folder or file that cannot be written.
+/// A folder or file cannot be written.
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     #[cfg(feature = "parsers")]
     crate::parsers::seeds::write(root)?;
@@ -24,7 +24,7 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     libraries(&folder)
 }
 
-/// Writes the libraries.
+/// Writes the decoder's seeds into `folder`.
 fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
     let mut all = textures();
     for (index, texture) in all.iter().enumerate() {
@@ -86,7 +86,7 @@ fn textures() -> Vec<TextureSpec> {
     all
 }
 
-/// A texture with three lines, of which two wander.
+/// A texture with three lines, two of which have wander.
 fn wandering_lines() -> TextureSpec {
     let mut wandering = texture("wandering lines".into(), 3, 2);
     let mut lines = lines_of(3).lines;
@@ -106,7 +106,7 @@ fn moments() -> TextureSpec {
     let mut moments = texture("moments".into(), 5, 2);
     moments.parts = parts(1, false, moments.nodes.len());
     if let Some(excitation) = &mut moments.parts.excitation {
-        // Ones in blocks: each code of three bits is the highest magnitude, and the level of a block is 0.
+        // Blocks of equal samples: each code of three bits is the highest magnitude, and the level of each block is 0.
         let block = [&[0xdb, 0xb6, 0x6d].repeat(8)[..], &[0]].concat();
         let codes: Vec<i8> = block.repeat(20).into_iter().map(u8::cast_signed).collect();
         let mut codebook = CodebookSpec { peak: 1.0, codes };
@@ -117,7 +117,7 @@ fn moments() -> TextureSpec {
     moments
 }
 
-/// So many lines of a texture of 2 × 2 nodes, of which only the last is neither at rest nor out of contact.
+/// `lines` lines for a texture of 2 × 2 nodes. Only the last node is both in motion and in contact.
 fn lines_of(lines: usize) -> LinesSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 0.5 * (at + 1) as f32,
@@ -129,13 +129,14 @@ fn lines_of(lines: usize) -> LinesSpec {
     LinesSpec::from(lines)
 }
 
-/// So many codebooks, all of the shortest length, and a level track of the shortest.
+/// `codebooks` codebooks, all of the shortest length, and, if `modulation` is true, a level track of the shortest
+/// length.
 fn parts(codebooks: usize, modulation: bool, nodes: usize) -> PartsSpec {
     let excitation = (codebooks > 0).then(|| ExcitationSpec {
         codebooks: (0..codebooks)
             .map(|number| CodebookSpec {
                 peak: 1.0 + number as f32,
-                // One in (1 + number)² samples is at the peak.
+                // One of (1 + number)² samples is at the peak.
                 codes: (0..limits::MIN_CODEBOOK_SAMPLES)
                     .map(|n| i8::from(n % (1 + number).pow(2) == 0) * 127)
                     .collect(),
@@ -220,7 +221,7 @@ fn texture(name: String, order: usize, size: usize) -> TextureSpec {
     TextureSpec::new(&name, &axis(100.0), &axis(0.5), nodes)
 }
 
-/// Values of alternating sign that fall with the square of the index.
+/// Codes of alternating sign, whose magnitude falls with the square of the index.
 fn codes(order: usize) -> CodeSpec {
     let falling = (1..=order as i32)
         .map(|index| (if index % 2 == 0 { 1 } else { -1 }) * 20_000 / (index * index));

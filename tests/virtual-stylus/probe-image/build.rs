@@ -1,4 +1,4 @@
-//! Tells cargo which file of this folder the linker uses.
+//! Shows cargo the folder with the linker's file `memory.x`.
 
 fn main() {
     println!("cargo::rustc-link-search={}", env!("CARGO_MANIFEST_DIR"));

@@ -1,7 +1,8 @@
-//! A plant between the output's pin and the accelerometer's, in the place of amplifier, coil and hand.
+//! A plant between the output's pin and the accelerometer's pins. It stands for amplifier, coil and hand.
 //!
-//! The plant goes on in steps of one code's time, and a new code begins a step: the converter's codes come at just that
-//! interval. A pin that nothing drives is at mid-scale, as the amplifier's input holds it.
+//! The plant advances in steps as long as one code of the converter. A new code begins a step, because the codes come
+//! at exactly that interval. A pin that nothing drives counts as mid-scale, because the amplifier's input holds it
+//! there.
 
 use stylus_plant::Plant;
 
@@ -11,25 +12,25 @@ use crate::sensors::{FULL_SCALE, MID_SCALE, REFERENCE_VOLTS};
 
 /// Channels of the accelerometer's axes.
 const AXES: [u8; 3] = [15, 10, 6];
-/// Time of a step.
+/// Duration of a step, nanoseconds.
 const STEP_NS: u64 = 25_000;
-/// Code of the output's mid-scale, and its codes.
+/// The output's code at mid-scale, and the number of its codes.
 const OUTPUT_MID_SCALE: f64 = 2048.0;
 const OUTPUT_CODES: f64 = 4096.0;
 
-/// Pins with the accelerometer of a plant; the other channels are those of other pins.
+/// Pins on which the accelerometer of a plant is connected. All other channels are read from `others`.
 #[derive(Debug)]
 pub struct ActuatedPins {
     plant: Plant,
     others: Box<dyn Pins>,
     volts: f64,
     enabled: bool,
-    /// Instant up to which the plant has gone.
+    /// Instant that the plant has reached, nanoseconds.
     now_ns: u64,
 }
 
 impl ActuatedPins {
-    /// The accelerometer of `plant`, and `others`.
+    /// Connects the accelerometer of `plant`; `others` has all other channels.
     pub fn new(plant: Plant, others: Box<dyn Pins>) -> Self {
         Self {
             plant,

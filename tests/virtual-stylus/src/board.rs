@@ -23,17 +23,18 @@ use crate::part::Part;
 use crate::serial::Line;
 
 const NAME: &str = "virtual-stylus";
-/// 400 MHz at two cycles per instruction, where a Cortex-M7 often retires two instructions per cycle.
+/// Pessimistic rate of the core: 400 MHz at two cycles per instruction. A Cortex-M7 often retires two instructions per
+/// cycle.
 pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
     NonZeroU64::new(200_000_000).expect("not zero");
-/// The NUCLEO-H743ZI2: 8 MHz from the probe, if it comes, and 32.768 kHz.
+/// Crystals of the NUCLEO-H743ZI2: 8 MHz from the debug probe, if the probe supplies it, and 32.768 kHz.
 const HIGH_SPEED_HZ: u64 = 8_000_000;
 const LOW_SPEED_HZ: u64 = 32_768;
 const SERIAL: &str = "USART3";
-/// The part's unique identifier of 96 bits (section 61.1).
+/// Address of the part's unique identifier, which has 96 bits (section 61.1).
 const UNIQUE_ID_ADDRESS: u64 = 0x1FF1_E800;
 const UNIQUE_ID: &[u8; 12] = b"VIRTUAL-0001";
-/// The size of the flash, KB (section 61.2).
+/// Address of the size of the flash, KB (section 61.2).
 const FLASH_SIZE_ADDRESS: u64 = 0x1FF1_E880;
 const FLASH_KB: u16 = 2048;
 
@@ -101,8 +102,8 @@ impl StylusBoard {
     }
 }
 
-/// Noise from `seed` for all RAM of the part, in pieces of 64 bits with their addresses, as power-on leaves it. It is
-/// none of the emulator's images, which are placed again at each reset.
+/// Noise from `seed` for all RAM of the part, as after power-on: addresses with 64 bits each. The noise is not an image
+/// of the emulator, because the emulator places its images again at each reset.
 pub fn noise(seed: u64) -> impl Iterator<Item = (u64, u64)> {
     let mut chance = Chance(seed);
     MEMORY

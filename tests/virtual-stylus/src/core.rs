@@ -1,20 +1,22 @@
-//! The core, with unreadable words and busy banks of flash, and audits of a tick instruction by instruction.
+//! The core, with unreadable words and busy banks of flash, and with audits of a tick instruction by instruction.
 //!
-//! The emulator's core reads flash as plain memory. Here pages with unreadable words go over the bus, where a read of
-//! such a word is a bus error, as in section 4.7.8: a precise bus fault.
+//! The emulator's core reads flash as plain memory. Here pages with unreadable words are read over the bus. There, a
+//! read of an unreadable word is a bus error, as in section 4.7.8, and so a precise bus fault.
 //!
-//! A bank that is programmed or erased goes over the bus too. A load from it does not happen, and the core stands
-//! still, until the bank is idle; then the instruction begins again. So does an instruction that is to be fetched from
-//! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. Code
-//! that runs elsewhere stands still, too, if the MPU lets the processor fetch ahead from the busy bank with the code.
-//! The instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
-//! counter go on. Where the MPU hides the busy bank, it refuses what would be fetched from there, so the core runs on;
-//! the MPU and the program counter are looked at every [`LOOK`] instructions.
+//! A bank that is being programmed or erased is read over the bus too. A load from a busy bank does not happen: the
+//! core stands still until the bank is idle, and then the instruction begins again. The same holds for an instruction
+//! that is to be fetched from a busy bank. No interrupt is taken meanwhile. This is the worst case, because the part
+//! may take an interrupt during a fetch. Code that runs elsewhere stands still, too, if the MPU lets the processor
+//! fetch ahead from the busy bank with the code. The instructions that the core could have executed meanwhile are
+//! counted as executed, so virtual time and the cycle counter continue. Where the MPU hides the busy bank, it refuses
+//! fetches from there, so the core continues to run. The MPU and the program counter are checked every [`LOOK`]
+//! instructions.
 //!
-//! A loop that polls the status of a busy bank, or a converter's calibration, stands still from its fourth poll to the
-//! next event of the part, and polls again, because an erasure would cost millions of polls. A loop that has long done
-//! nothing but read the cycle counter, or wait for an oscillator with its limit by that counter, is executed once per
-//! [`polls::WAIT_INSTRUCTIONS`]. Waits by the clock are longer by some microseconds. A count of polls would be smaller.
+//! A loop that polls the status of a busy bank, or a converter's calibration, stands still from its fourth poll until
+//! the next event of the part, and then polls again, because an erasure would cost millions of polls. A loop that has
+//! long done nothing but read the cycle counter, or wait for an oscillator with a limit by that counter, is executed
+//! once per [`polls::WAIT_INSTRUCTIONS`]. Waits that a clock limits therefore last some microseconds longer. A loop
+//! that counted its polls would count fewer.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -40,14 +42,14 @@ use turns::{MPU_CTRL, MPU_ENABLE, Turns};
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
 const USB: std::ops::Range<u64> = usb::BASE..usb::BASE + usb::BYTES;
 const AXI_SRAM: std::ops::Range<u64> = 0x2400_0000..0x2408_0000;
-/// AXI_TARG7_FN_MOD, and its bit READ_ISS_OVERRIDE (section 2.2, AXI interconnect registers).
+/// The register AXI_TARG7_FN_MOD, and its bit READ_ISS_OVERRIDE (section 2.2, AXI interconnect registers).
 const AXI_SRAM_ISSUING: u64 = 0x5100_8108;
 const ONE_READ: u64 = 1;
-/// PWR_CSR1 (section 6.8.2).
+/// Address of PWR_CSR1 (section 6.8.2).
 const POWER_STATUS: u64 = 0x5802_4804;
-/// Distance of the reads that old silicon corrupts here; on the part it depends on what else is read.
+/// Spacing of the reads that old silicon corrupts here, bytes. On the part it depends on the other reads.
 const MISREAD_BYTES: u64 = 64;
-/// Registers and bits that make interrupts pending: ICSR.NMIPENDSET, and that of interrupt 1 in NVIC_ISPR0 (ARM DDI
+/// Registers and bits that make interrupts pending: ICSR.NMIPENDSET, and the bit of interrupt 1 in NVIC_ISPR0 (ARM DDI
 /// 0403E, B3.2.4 and B3.4.5).
 const PENDING: [(Interrupt, u64, u64); 2] = [
     (Interrupt::NonMaskable, 0xE000_ED04, 1 << 31),
@@ -61,37 +63,38 @@ const REGIONS: u64 = 16;
 /// GDB's number of the program status register, whose low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
-/// Largest number of places in a report, enough to find the code.
+/// Largest number of addresses in a report. It suffices to find the code.
 const PLACES_KEPT: usize = 16;
 
-/// Bytes of a bank.
+/// Length of a bank, bytes.
 const BANK: u64 = BYTES as u64 / 2;
 /// The bank with the code, as a bit of [`Busy::banks`].
 const CODE_BANK: u8 = 1;
 /// The bank without the code, as a bit of [`Busy::banks`].
 const OTHER_BANK: u8 = 2;
-/// Instructions between two looks at the MPU while the bank with the code is busy: a microsecond.
+/// Instructions between two checks of the MPU while the bank with the code is busy: about a microsecond.
 const LOOK: u32 = 256;
 /// The status of a bank of the flash: FLASH_SR1 and FLASH_SR2 (section 4.9.5).
 const FLASH_STATUS: [u64; 2] = [0x5200_2010, 0x5200_2110];
-/// The control of ADC1 and of ADC2, which ends a calibration by an event (section 25.6.3).
+/// Instructions between two checks of the MPU while the bank with the code is busy: about a microsecond.
 const CONVERTER_CONTROL: [u64; 2] = [0x4002_2008, 0x4002_2108];
-/// Time for which a bank's reads stay on the bus after it was busy, so that an upload, or an exchange of images, routes
-/// it once. Reads of the bank with the code do so while the MPU is off: the bootloader reads little but what it moves.
+/// Time for which a bank's reads stay on the bus after it was busy. An upload, or an exchange of images, thus reroutes
+/// the bank's pages only once. For the bank with the code this applies only while the MPU is off: then the bootloader
+/// runs, which reads little besides what it moves.
 const LINGER: VirtualNanos = VirtualNanos(20_000_000);
 
-/// One run through the tick's handler, instruction by instruction.
+/// One run through the tick's handler, recorded instruction by instruction.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Audit {
-    /// Instructions from the handler's first to the one that returns, both counted.
+    /// Number of instructions from the handler's first to its return, including both.
     pub instructions: u64,
     /// Address of the instruction that returned.
     pub exit: u64,
     /// Instructions fetched from flash.
     pub flash_fetches: u64,
-    /// Loads from flash.
+    /// Number of loads from flash.
     pub flash_reads: u64,
-    /// Addresses of the first of those instructions, each once.
+    /// Addresses of the first of the instructions that used flash, each listed once.
     pub places: Vec<u64>,
 }
 
@@ -111,7 +114,7 @@ enum Asked {
     Done(Audit),
 }
 
-/// A handle that asks the core for an audit and takes its outcome.
+/// A handle that requests an audit from the core and takes its outcome.
 #[derive(Clone, Debug, Default)]
 pub struct Auditor(Arc<Mutex<Asked>>);
 
@@ -130,7 +133,7 @@ impl Auditor {
         matches!(*self.asked(), Asked::Running(_))
     }
 
-    /// Returns the outcome of an audit that has ended, once.
+    /// Returns the outcome of an audit that has ended. Each outcome is returned only once.
     pub fn take(&self) -> Option<Audit> {
         let mut asked = self.asked();
         match std::mem::take(&mut *asked) {
@@ -143,7 +146,8 @@ impl Auditor {
     }
 }
 
-/// The registers that the core has read or written: by address, in words, the bits that it has ever written as ones.
+/// The registers that the core has read or written. Each word's address maps to the bits that were ever written as
+/// ones.
 #[derive(Clone, Debug, Default)]
 pub struct Touched(Arc<OnceLock<Mutex<BTreeMap<u64, u64>>>>);
 
@@ -170,7 +174,7 @@ impl Touched {
     }
 }
 
-/// Wraps this core around the one that `spec` makes.
+/// Wraps this core around the core that `spec` creates.
 pub fn wrap(
     spec: &mut CoreSpec,
     unreadable: Unreadable,
@@ -214,16 +218,16 @@ struct Core {
     busy: Busy,
     /// Instructions that count as executed because the core stood still.
     stalled: u64,
-    /// Address for whose bank the core waits.
+    /// Address in the bank for which the core waits.
     stall: Option<u64>,
     polls: Polls,
     /// Number of instructions retired when the bank with the code became busy.
     busy_since: u64,
-    /// Number of instructions retired at which the MPU is looked at next.
+    /// Number of retired instructions at which the MPU is checked next.
     next_look: u64,
-    /// The MPU's region of the code in the bank that is busy.
+    /// The MPU's region that covers the code in the busy bank.
     code_region: Option<u64>,
-    /// Instant per bank until which its reads go over the bus.
+    /// Instant per bank until which the bank's reads go over the bus.
     on_bus_until: [VirtualNanos; 2],
     /// The banks whose reads go over the bus, a bit per bank.
     on_bus: u8,
@@ -239,8 +243,8 @@ struct Core {
 }
 
 impl Core {
-    /// Sends pages with unreadable words and banks that are busy over the bus, all of the flash during an audit, and
-    /// the AXI SRAM while it is misread.
+    /// Routes over the bus: pages with unreadable words, banks that are or were just busy, all of the flash during an
+    /// audit, the pages that [`Ram::pages`] names, and the AXI SRAM while its reads are corrupted.
     fn route(&mut self) {
         let page = self.inner.page_size();
         let mut wanted: BTreeSet<u64> = if self.auditing.is_some() {
@@ -267,7 +271,7 @@ impl Core {
         self.routed = wanted;
     }
 
-    /// Follows the banks that became busy or idle at `now`.
+    /// Updates the routing for the banks that became busy or idle at `now`.
     fn follow_busy(&mut self, now: VirtualNanos) {
         let busy = self.busy.banks();
         if busy & CODE_BANK != 0 && self.on_bus & CODE_BANK == 0 {
@@ -292,7 +296,7 @@ impl Core {
         }
     }
 
-    /// True if the core stands still: for the access that it has put off, or for its next instruction.
+    /// Returns whether the core stands still, because of a load that it has put off or because of its next instruction.
     fn stands_still(&mut self) -> bool {
         if let Some(address) = self.stall {
             if self.busy.holds(address) {
@@ -314,8 +318,9 @@ impl Core {
         self.stall.is_some()
     }
 
-    /// True if the MPU is looked at now and lets the processor fetch from the bank with the code: by the last region
-    /// around its first address when it became busy. Subregions are left out.
+    /// Returns true if a check of the MPU is due and the MPU lets the processor fetch from the bank with the code. The
+    /// region with the highest number that covers the bank's first address decides; it is determined when the bank
+    /// becomes busy. Subregions are ignored.
     fn may_fetch_ahead(&mut self) -> bool {
         const BACKGROUND: u64 = 1 << 2;
         const NEVER: u64 = 1 << 28;
@@ -356,7 +361,7 @@ impl Core {
         read.unwrap_or_default()
     }
 
-    /// Runs while the bank with the code is busy, so that the next fetch can be looked at soon.
+    /// Runs at most [`LOOK`] instructions while the bank with the code is busy, so that the next fetch is checked soon.
     fn run_beside_busy_code(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let step = budget.min(LOOK);
         let (exit, retired, _) = self.run_inner(step, bus, true);
@@ -366,8 +371,8 @@ impl Core {
         }
     }
 
-    /// Runs the inner core, and puts off the load that has to wait for its bank; also the number of loads from flash. A
-    /// stretch `goes_on` past an event unless a model has changed what is routed.
+    /// Runs the inner core, and puts off a load that has to wait for its bank. Returns the number of loads from flash,
+    /// too. If `goes_on`, the stretch continues past an event unless a model has changed what is routed.
     fn run_inner(&mut self, budget: u32, bus: &mut dyn CoreBus, goes_on: bool) -> (Exit, u64, u64) {
         let changes = (
             self.unreadable.changes(),
@@ -438,19 +443,19 @@ impl Core {
     }
 }
 
-/// The bus, with checks of the reads of flash.
+/// The bus, with checks of each access, such as reads of flash.
 struct Seen<'a> {
     bus: &'a mut dyn CoreBus,
     unreadable: &'a Unreadable,
     ram: &'a Ram,
     busy: &'a Busy,
     polls: &'a mut Polls,
-    /// Instructions that count as executed besides those of the inner core.
+    /// Instructions that count as executed in addition to those of the inner core.
     stalled: u64,
-    /// Address of a load that has to wait for its bank.
+    /// Address of a load that was put off because its bank is busy.
     put_off: Option<u64>,
-    /// Number of changes of the unreadable words and of the RAM's codes, and the busy banks, when the stretch began;
-    /// `None` for a stretch that has to end.
+    /// Number of changes of the unreadable words, number of changes of the RAM's codes, and the busy banks, all as the
+    /// stretch began. `None` for a stretch that has to end.
     changes: Option<(u64, u64, u8)>,
     defects: &'a Defects,
     touched: &'a Touched,
@@ -510,7 +515,7 @@ impl CoreBus for Seen<'_> {
     }
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        // A word that a model has just marked must be routed before the core goes on.
+        // A word that a model has just marked as unreadable must be routed before the core continues.
         let changes = (
             self.unreadable.changes(),
             self.ram.changes(),
@@ -579,7 +584,7 @@ impl Processor for Core {
             return self.step(exception, bus);
         }
         if let Some(left_out) = self.polls.take(budget) {
-            // An interrupt that has come meanwhile is taken before the next poll.
+            // An interrupt that has become pending meanwhile is taken before the next poll.
             self.stalled += u64::from(left_out);
             let is_whole = left_out == budget;
             let exit = if is_whole {
@@ -617,8 +622,8 @@ impl Processor for Core {
         reason = "the emulator's trait hands memory over by pointer; here it is only passed on"
     )]
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller promises this method what the inner one's caller has to promise, and the inner processor
-        // is dropped with this one, so every promise that lasts until the drop lasts long enough.
+        // SAFETY: the caller gives this method the promises that the inner method requires. The inner processor is
+        // dropped together with this one, so every promise that lasts until the drop lasts long enough.
         unsafe { self.inner.map(start, length, host, writable) }
     }
 

@@ -7,7 +7,7 @@ use crate::model::oscillators::Clocks;
 
 /// REV_ID of revision V (section 60.5.8).
 const REVISION_V: u16 = 0x2003;
-/// BOR_LEV as a board's first hour sets it; new parts have 0.
+/// BOR_LEV as it is set in a board's first hour; new parts have 0.
 const SET_BROWN_OUT_LEVEL: u8 = 3;
 /// Supply of the NUCLEO-H743ZI2, mV.
 const RAIL_MILLIVOLTS: u32 = 3300;
@@ -41,27 +41,27 @@ fn is_old(revision: u16) -> bool {
     revision < 0x2000
 }
 
-/// Differences of the converters of old silicon.
+/// Differences of the converters between old silicon and revision V.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OldConverter {
     is_old: bool,
 }
 
 impl OldConverter {
-    /// The converters of silicon of `revision`.
+    /// The converters of a part with this `revision`.
     pub fn of(revision: u16) -> Self {
         Self {
             is_old: is_old(revision),
         }
     }
 
-    /// Clock of a converter to which the emulator, whose part is revision V, gives `hz`: old silicon does not halve
-    /// it (section 25.4.3).
+    /// Returns the clock of a converter, given the rate `hz` that the emulator computes for revision V. Old silicon
+    /// does not halve the clock (section 25.4.3).
     pub fn hz(self, hz: u64) -> u64 {
         if self.is_old { 2 * hz } else { hz }
     }
 
-    /// Flags that this silicon has of those in `flags` of `ADC_ISR`: old silicon has no `LDORDY` (section 25.6.1).
+    /// Returns those of the `flags` of `ADC_ISR` that this silicon has: old silicon has no `LDORDY` (section 25.6.1).
     pub fn flags(self, flags: u64) -> u64 {
         const LDORDY: u64 = 1 << 12;
         if self.is_old { flags & !LDORDY } else { flags }
@@ -79,19 +79,19 @@ pub enum Interrupt {
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Interrupts that the core has not taken yet: the non-maskable one, and that of the voltage detector.
+    /// Interrupts that the core has not taken yet: the non-maskable one, and the voltage detector's.
     interrupts: [AtomicBool; 2],
-    /// Reads of the AXI SRAM are corrupted unless they are issued one at a time (ES0392 section 2.2.9).
+    /// True if reads of the AXI SRAM are corrupted unless they are issued one at a time (ES0392 section 2.2.9).
     old_silicon: AtomicBool,
     one_read_at_a_time: AtomicBool,
 }
 
-/// Signals of the part to the core besides the bus; handles of one state.
+/// Signals from the part to the core that do not use the bus. All clones share one state.
 #[derive(Clone, Debug, Default)]
 pub struct Defects(Arc<Shared>);
 
 impl Defects {
-    /// The defects of silicon of `revision`.
+    /// The defects of a part with this `revision`.
     pub fn of(revision: u16) -> Self {
         let defects = Self::default();
         let old = is_old(revision);

@@ -1,4 +1,4 @@
-//! The emulator's thread, which runs the image to given instants and does jobs between them.
+//! The emulator's thread, which runs the image up to given instants and executes jobs between them.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -30,11 +30,11 @@ const TICK_HANDLER: &str = "TIM6_DAC";
 pub struct Options {
     /// Content of the flash before the image is put into it.
     pub flash: Contents,
-    /// Leaves the image out of the flash, and runs its content, as after a power cut.
+    /// Does not put the image into the flash, and runs the flash's own content, as after a power cut.
     pub keep_flash: bool,
     /// Signals on the converter's pins.
     pub pins: Box<dyn Pins>,
-    /// Fills all RAM with noise from this seed before the start; without, RAM holds zeros.
+    /// Fills all RAM with noise from this seed before the start. Without a seed, RAM holds zeros.
     pub ram_noise: Option<u64>,
     /// Silicon, clocks and supply.
     pub electrical: Electrical,
@@ -58,12 +58,12 @@ impl Default for Options {
     }
 }
 
-/// A power cut, and the content of the flash after it.
+/// A power cut that was captured, and the content of the flash after it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PowerCut {
-    /// The operation that would have been cut.
+    /// The operation that would have been interrupted.
     pub operation: Operation,
-    /// The moment of it.
+    /// Progress of the operation at the cut.
     pub moment: Moment,
     /// The content of the flash after the cut.
     pub contents: Contents,
@@ -77,7 +77,7 @@ pub(crate) enum Command {
     Do(Job),
 }
 
-/// The thread's own side.
+/// What the thread owns between two stretches of the run.
 pub(crate) struct Hands {
     commands: Receiver<Command>,
     stops: Sender<u64>,
@@ -170,7 +170,7 @@ impl Driver<StylusBoard> for Hands {
     ) -> Option<VirtualNanos> {
         self.stops.send(stop.at.0).ok()?;
         loop {
-            // Without the other end of the channel the run is over.
+            // If the other end of the channel is gone, the run is over.
             match self.commands.recv().ok()? {
                 Command::RunUntil(at_ns) => return Some(VirtualNanos(at_ns)),
                 Command::Do(job) => job(session, self, host),
@@ -179,7 +179,7 @@ impl Driver<StylusBoard> for Hands {
     }
 }
 
-/// The test's ends of the channels of commands and of stops, and the thread.
+/// The ends that the test keeps of the channels of commands and of stops, and the thread.
 pub(crate) type Ends = (Sender<Command>, Receiver<u64>, JoinHandle<Result<()>>);
 
 /// Puts the ELF file at `image` into the flash and switches the power on, on a new thread. Returns the channel of its

@@ -21,7 +21,7 @@ pub enum Error {
         /// The reason.
         reason: String,
     },
-    /// Another run keeps its flash in the file.
+    /// Another run uses the file for its flash.
     #[error(
         "{path}: another virtual stylus keeps its flash in it: end that one, or name another file with --flash"
     )]

@@ -1,7 +1,7 @@
-//! The file that keeps the flash from run to run. One run has it at a time.
+//! The file that keeps the flash from run to run. Only one run can use it at a time.
 //!
-//! The lock is the operating system's, on the open file: it goes with the process, however that ends. The file is
-//! written in place, because a lock on a file that is replaced would be one on the file before it.
+//! The lock is the operating system's lock on the open file, so it vanishes with the process, however the process ends.
+//! The file is written in place: if it were replaced by a new file, the lock would remain on the old one.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Seek, SeekFrom, Write};
@@ -18,7 +18,7 @@ pub struct FlashFile {
 }
 
 impl FlashFile {
-    /// Opens the file at `path`, or creates it, and locks it. Returns the file with its content. A new or empty file
+    /// Opens the file at `path`, or creates it, and locks it. Returns the file and its content. A new or empty file
     /// holds an erased flash.
     ///
     /// # Errors
@@ -28,7 +28,7 @@ impl FlashFile {
             path: path.to_owned(),
             reason,
         };
-        // Before it is opened, because a pipe would make that wait.
+        // This is checked before the file is opened, because opening a pipe would wait.
         if std::fs::metadata(path).is_ok_and(|found| !found.is_file()) {
             return Err(told("is not a regular file".to_owned()));
         }
@@ -54,7 +54,7 @@ impl FlashFile {
         Ok((Self { path, file }, contents))
     }
 
-    /// Writes `contents` over what the file holds.
+    /// Overwrites the file with `contents`.
     ///
     /// # Errors
     /// The file cannot be written.

@@ -1,8 +1,8 @@
-//! The stylus's flashed image, unmodified, on an emulated STM32H743 in virtual time.
+//! Runs the stylus's flashed image, unmodified, on an emulated STM32H743 in virtual time.
 //!
 //! The emulator is `rigless`: the core, the memories and most of the part. The peripherals that it lacks are in
-//! [`model`]; the head of each model names the sections of RM0433 that it follows, and what it leaves out. Beyond that
-//! this board leaves out caches, wait states, everything analogue, and the assignment of functions to pins.
+//! [`model`]. The module doc of each model names the sections of RM0433 that it follows, and what it leaves out. Also
+//! left out are caches, wait states, everything analogue, and the assignment of functions to pins.
 //!
 //! [`VirtualStylus`] runs an image for tests, from instant to instant. Between two runs a test reads state, feeds
 //! inputs or cuts the power. The core retires

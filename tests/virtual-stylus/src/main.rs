@@ -24,7 +24,7 @@ use virtual_stylus::sockets::{SerialSocket, UsbSocket};
 use virtual_stylus::tick::TickStatistics;
 use virtual_stylus::{Options, ResetCause, RunReport, VirtualStylus};
 
-/// Virtual time between two comparisons with the wall clock, without a program or host on a socket.
+/// Virtual time between two comparisons with the wall clock, if no program or host is on a socket.
 const STEP_NS: u64 = 1_000_000;
 /// Virtual time between two comparisons with the wall clock, with a program at the serial line.
 const SERIAL_STEP_NS: u64 = 250_000;
@@ -32,7 +32,7 @@ const SERIAL_STEP_NS: u64 = 250_000;
 const USB_STEP_NS: u64 = 125_000;
 const NANOS_PER_SECOND: f64 = 1e9;
 
-/// Exit code of a start that the user can mend, as of the product's command.
+/// Exit code if the user can correct the reason why the run did not start. The product's command uses the same code.
 const EXIT_UNUSABLE: u8 = 2;
 
 /// Runs the stylus's image, unmodified, on an emulated STM32H743 in virtual time
@@ -75,12 +75,12 @@ struct Arguments {
     commands: bool,
 }
 
-/// Things of a run besides the stylus.
+/// What a run has besides the stylus: links, the flash's file and the announcement.
 struct Around {
     serial: Option<SerialSocket>,
     usb: Option<UsbSocket>,
     flash: Option<FlashFile>,
-    /// The announcement by which `stylus devices` finds the stylus, as long as the stylus runs.
+    /// The announcement by which `stylus devices` finds the stylus. It lasts as long as the stylus runs.
     announced: Option<Announcement>,
 }
 
@@ -94,7 +94,7 @@ impl Around {
         }
     }
 
-    /// Passes on what has come over the links, both ways.
+    /// Passes on, in both directions, what has arrived over the links.
     fn serve(&mut self, stylus: &mut VirtualStylus) {
         if let Some(serial) = &mut self.serial {
             serial.serve(stylus);
@@ -120,13 +120,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// Says why a run did not start or go on, in one line.
+/// Reports in one line why a run did not start or continue.
 fn failed(failure: &anyhow::Error, code: ExitCode) -> ExitCode {
     eprintln!("virtual-stylus: {failure:#}");
     code
 }
 
-/// Reads the files, takes the flash's, and opens the sockets.
+/// Reads the files, opens the flash's file, and opens the sockets.
 fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
     let (flash, contents) = match &arguments.flash {
         Some(path) => {
@@ -169,7 +169,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
     Ok((stylus, around))
 }
 
-/// Announces the links. An unusable folder is reported, and the run goes on.
+/// Announces the links. If the folder cannot be used, this is reported and the run continues.
 fn announce(links: &[String]) -> Option<Announcement> {
     if links.is_empty() {
         return None;
@@ -214,7 +214,8 @@ fn sensor_pins(lines: Vec<MotionLine>) -> Box<dyn Pins> {
     }))
 }
 
-/// Noise of a pin, codes: without any, a converter could not be told from one that is stuck. The same in every run.
+/// Noise of a pin, codes, the same in every run. Without noise, the converter could not be distinguished from one that
+/// is stuck.
 fn noise(channel: u8, at_ns: u64) -> f64 {
     /// Largest magnitude.
     const CODES: f64 = 4.0;
@@ -227,7 +228,7 @@ fn run(
     end_ns: u64,
     arguments: &Arguments,
 ) -> Result<()> {
-    /// Real time between two writes of the flash to its file, in case the run is interrupted.
+    /// Real time between two writes of the flash to its file. These writes keep the flash if the run is interrupted.
     const KEEP_EVERY: Duration = Duration::from_secs(5);
     /// Real time between two announcements of the virtual time.
     const TELL_EVERY: Duration = Duration::from_millis(100);
@@ -247,7 +248,8 @@ fn run(
         let virtual_time = Duration::from_nanos(stylus.now_ns());
         if let Some(announced) = (around.announced.as_mut()).filter(|_| told.elapsed() > TELL_EVERY)
         {
-            // A time that cannot be told makes the waits of programs shorter, and is no reason not to run.
+            // If the time cannot be announced, programs wait for less time than they should. That is no reason to end
+            // the run.
             let _ = announced.tell_time(virtual_time);
             told = Instant::now();
         }
@@ -277,7 +279,7 @@ enum Command {
     Reset,
 }
 
-/// The commands from the standard input; disconnected at its end.
+/// Receives the commands from the standard input. The channel is disconnected when the input ends.
 fn commands() -> Receiver<Command> {
     let (sender, commands) = channel();
     std::thread::spawn(move || {

@@ -15,18 +15,19 @@ struct Knot {
     position: f64,
 }
 
-/// A speed that is linear between instants and constant before the first and after the last, as an encoder counts it.
+/// The tool's speed over time, in counts of the encoder per second. It is linear between instants, and constant before
+/// the first and after the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     knots: Vec<Knot>,
 }
 
-/// A count of the encoder, and the instant it is reached.
+/// A change of the encoder's count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// Instant, in nanoseconds of virtual time.
+    /// Instant of the change, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// The count after it.
+    /// The count after the change.
     pub count: i64,
 }
 
@@ -36,7 +37,7 @@ impl Motion {
         Self::steady(0.0, 1.0)
     }
 
-    /// `speed` in mm/s for ever, with `mm_per_count`.
+    /// Moves at a constant `speed` in mm/s forever, with `mm_per_count`.
     pub fn steady(speed: f64, mm_per_count: f64) -> Self {
         Self {
             knots: vec![Knot {
@@ -47,10 +48,10 @@ impl Motion {
         }
     }
 
-    /// `speeds` in mm/s at instants in nanoseconds, with `mm_per_count`.
+    /// Moves at these `speeds`, in mm/s at instants in nanoseconds, with `mm_per_count`.
     ///
     /// # Errors
-    /// There are no speeds, an instant is not after the one before it, or a number is not finite.
+    /// There are no speeds, an instant is not after the previous instant, or a number is not finite.
     pub fn linear(speeds: &[(u64, f64)], mm_per_count: f64) -> Result<Self> {
         let ordered = speeds.windows(2).all(|pair| pair[0].0 < pair[1].0);
         let finite = speeds
@@ -76,14 +77,14 @@ impl Motion {
         Ok(Self { knots })
     }
 
-    /// Position of the wheel at `at_ns`, in counts from the first instant.
+    /// Position of the wheel at `at_ns`, in counts from its position at the first knot.
     pub fn position(&self, at_ns: u64) -> f64 {
         let (knot, acceleration, _) = self.segment(at_ns);
         let elapsed = (at_ns as f64 - knot.at_ns as f64) / NANOS_PER_SECOND;
         knot.position + knot.speed * elapsed + acceleration / 2.0 * elapsed * elapsed
     }
 
-    /// The first edge after `after_ns` of a wheel whose `count` exceeds the floor of its position by `offset`.
+    /// The first edge after `after_ns`. The encoder's present `count` is the position plus `offset`, rounded down.
     pub fn next_edge(&self, after_ns: u64, count: i64, offset: f64) -> Option<Edge> {
         let mut from_ns = after_ns;
         loop {
@@ -110,7 +111,8 @@ impl Motion {
         }
     }
 
-    /// The knot that counts at `at_ns`, the acceleration after it, and the end of the piece.
+    /// The knot from which the motion at `at_ns` is computed, the acceleration after the knot, and the end of the
+    /// segment.
     fn segment(&self, at_ns: u64) -> (Knot, f64, Option<u64>) {
         let next = self.knots.partition_point(|knot| knot.at_ns <= at_ns);
         let Some(last) = next.checked_sub(1) else {
@@ -128,7 +130,8 @@ fn seconds(nanos: u64) -> f64 {
     nanos as f64 / NANOS_PER_SECOND
 }
 
-/// The first non-negative time at which a point with `speed` and `acceleration` passes `distance`.
+/// The first non-negative time at which a point with `speed` and `acceleration` passes `distance` while it moves
+/// forward.
 fn reach(distance: f64, speed: f64, acceleration: f64) -> Option<f64> {
     let forward = |after: f64| speed + acceleration * after > 0.0;
     if distance <= 0.0 && (forward(0.0) || (speed == 0.0 && acceleration > 0.0)) {
@@ -149,7 +152,7 @@ fn reach(distance: f64, speed: f64, acceleration: f64) -> Option<f64> {
         .reduce(f64::min)
 }
 
-/// A line of a motion file, in the product's form.
+/// A line of a motion file, in the format that the product reads.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub struct MotionLine {
     /// Seconds.
@@ -160,7 +163,7 @@ pub struct MotionLine {
     pub force_n: f64,
 }
 
-/// Reads a motion file: `time_s,speed_mm_s,force_n`, lines from `#` on left out.
+/// Reads a motion file: `time_s,speed_mm_s,force_n`. Lines that start with `#` are skipped.
 ///
 /// # Errors
 /// The file cannot be read, or a line has another form.

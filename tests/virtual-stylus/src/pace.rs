@@ -1,14 +1,14 @@
-//! The virtual stylus's pace, beside the clock on the wall.
+//! Compares the virtual stylus's pace with the wall clock.
 
 use std::time::Duration;
 
 /// Real time over which the pace is measured.
 const INTERVAL: Duration = Duration::from_secs(10);
 
-/// Share of real time below which commands take noticeably longer.
+/// Ratio of virtual to real time below which commands take noticeably longer.
 const SLOW: f64 = 0.5;
 
-/// Intervals of a slow run between two words about it.
+/// Intervals of a slow run between two reports.
 const QUIET_INTERVALS: u32 = 6;
 
 /// Watches how much virtual time passes per real time.
@@ -16,14 +16,13 @@ const QUIET_INTERVALS: u32 = 6;
 pub struct Pace {
     /// Real and virtual time at the beginning of the interval.
     since: (Duration, Duration),
-    /// Number of intervals left in which nothing is reported.
+    /// Number of slow intervals that are still to pass without a report.
     quiet: u32,
 }
 
 impl Pace {
-    /// Returns the share of real time at which the stylus ran over the last interval, if that is slow and no slow
-    /// interval was reported within the last minute. `real` and `of_stylus` are the real and the virtual time since the
-    /// run began.
+    /// Returns the ratio of virtual to real time over the last interval, if that is slow and no slow interval was
+    /// reported within the last minute. `real` and `of_stylus` are the real and the virtual time since the run began.
     pub fn slow(&mut self, real: Duration, of_stylus: Duration) -> Option<f64> {
         let (since, before) = self.since;
         let passed = real.saturating_sub(since);
@@ -48,7 +47,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Seconds of real time at which a run at this share of real time is reported as slow.
+    /// Seconds of real time at which a run with a constant ratio `share` of virtual to real time is reported as slow.
     fn told(share: f64, seconds: u64) -> Vec<u64> {
         let mut pace = Pace::default();
         let is_told = |&at: &u64| {

@@ -1,7 +1,7 @@
-//! The part: the emulator's STM32H743 with the board's models in place of, or around, some of its own.
+//! The part: the emulator's STM32H743, where models of this board replace or wrap some of the emulator's models.
 //!
 //! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as in
-//! section 8.4.4 and table 56; only a power cut, which ends the run, loses RAM.
+//! section 8.4.4 and table 56. Only a power cut, which ends the run, loses RAM.
 
 use rigless::device::{Device, DeviceContext, ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
@@ -34,11 +34,11 @@ use crate::model::usb::host::Host;
 use crate::model::usb::{self, Usb};
 use crate::model::watchdog::Watchdog;
 
-/// TIM6 and TIM7 among the basic timers, and TIM3 among the general ones.
+/// Indices of TIM6 and TIM7 among the basic timers, and of TIM3 among the general ones.
 const TIM6: usize = 0;
 const TIM7: usize = 1;
 const TIM3: usize = 1;
-/// The amplifier's enable in port E.
+/// Pin of port E that enables the amplifier.
 const AMPLIFIER_PIN: u32 = 9;
 /// The button B1: its port, C, and its pin.
 const PORT_C: usize = 2;
@@ -63,7 +63,8 @@ struct Slots {
     debug: usize,
 }
 
-/// Observer of a reset of the USB core by the clock controller, of which the core's window is not told.
+/// Observes a reset of the USB core by the clock controller, because the emulator does not report it to the core's
+/// window.
 #[derive(Debug, Default)]
 struct UsbReset {
     asked: bool,
@@ -77,7 +78,7 @@ impl Device for UsbReset {
     }
 }
 
-/// Observer of the trimming of HSI48, whose registers are the register file's.
+/// Observes the trimming of HSI48, whose registers are in the register file.
 #[derive(Debug, Default)]
 struct Trimming {
     changed: bool,
@@ -101,17 +102,17 @@ fn registers(rest: &mut Stm32h743, slot: usize) -> &mut RegisterFile {
     rest.bus_mut().slot_mut(slot).registers_mut()
 }
 
-/// Clock of USB, Hz (section 57.4.2), and the code of `USBSEL` that takes it from HSI48 (section 8.7.20).
+/// Clock of USB, Hz (section 57.4.2), and the code of `USBSEL` that selects HSI48 for it (section 8.7.20).
 const USB_HZ: i64 = 48_000_000;
 const USB_FROM_HSI48: u64 = 3;
-/// Code of `PLLSRC` for HSI (section 8.7.11).
+/// Code of `PLLSRC` that selects HSI (section 8.7.11).
 const PLLS_FROM_HSI: u64 = 0;
-/// Code of `SYNCSRC` for the frames of USB2, which is the core OTG2 (CRS_CFGR; ST's driver calls it
+/// Code of `SYNCSRC` that selects the frames of USB2, which is the core OTG2 (CRS_CFGR; ST's driver calls it
 /// RCC_CRS_SYNC_SOURCE_USB2).
 const FRAMES_OF_USB2: u64 = 3;
 /// EXTI's line of the voltage detector (table 153).
 const DETECTOR_LINE: u64 = 1 << 16;
-/// Deviation of a clock that does not run.
+/// Deviation that stands for a clock that does not run, parts per million.
 const NO_CLOCK_PPM: i64 = 1_000_000;
 
 /// The part.
@@ -151,7 +152,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// The part as the power comes on, with `pins` at its converter; `defects` are told to the core.
+    /// The part as the power comes on, with `pins` at its converter. `defects` passes its defects to the core.
     ///
     /// # Errors
     /// The emulator's description of the part does not fit the models.
@@ -208,7 +209,8 @@ impl Part {
         Ok(part)
     }
 
-    /// Puts the revision into DBGMCU_IDC, above the device's identifier, and makes the converters those of it.
+    /// Puts the revision into DBGMCU_IDC, above the device's identifier, and gives the converters that revision's
+    /// differences.
     fn show_revision(&mut self) {
         let registers = registers(&mut self.rest, self.slots.debug);
         let device = registers.get(dbgmcu::Register::Idc) & 0xFFFF;
@@ -229,7 +231,7 @@ impl Part {
         }
     }
 
-    /// Has the internal oscillators deviate by so many parts per million from now on, as far as USB notices it.
+    /// Makes the internal oscillators deviate from now on, in parts per million. Only USB is affected by it here.
     pub fn drift(&mut self, hsi_ppm: i64, hsi48_ppm: i64) {
         let clocks = &mut self.electrical.clocks;
         (clocks.hsi_ppm, clocks.hsi48_ppm) = (hsi_ppm, hsi48_ppm);
@@ -262,7 +264,7 @@ impl Part {
         set + of_source
     }
 
-    /// Programs option bytes, as a probe does before the power comes on.
+    /// Programs option bytes, as a debug probe does before the power comes on.
     pub fn set_option_bytes(&mut self, change: impl FnOnce(&mut OptionBytes)) {
         let mut options = self.flash.inner.committed_options();
         change(&mut options);
@@ -270,13 +272,13 @@ impl Part {
         self.flash.inner.keep_options(options, registers);
     }
 
-    /// Makes the part one of another revision: `REV_ID` of `DBGMCU_IDC` (section 60.5.8).
+    /// Sets the part's revision: `REV_ID` of `DBGMCU_IDC` (section 60.5.8).
     pub fn set_revision(&mut self, revision: u16) {
         self.electrical.revision = revision;
         self.show_revision();
     }
 
-    /// Presses the button B1, which pulls PC13 up, or releases it.
+    /// Presses the button B1, which pulls PC13 up, or releases the button.
     pub fn press_button(&mut self, at: VirtualNanos, pressed: bool) {
         let level = pressed.then_some(Level::High);
         self.rest
@@ -285,8 +287,8 @@ impl Part {
             });
     }
 
-    /// Sets the supply. Where it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3).
-    /// Panics if the emulator's part lacks EXTI or PWR.
+    /// Sets the supply. If it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3). Panics
+    /// if the emulator's part lacks EXTI or PWR.
     pub fn set_supply(&mut self, millivolts: u32) {
         let before = self.is_supply_low();
         self.rest.set_supply(millivolts);
@@ -306,7 +308,7 @@ impl Part {
         pwr::csr1::PVDO.is_set(registers.get(pwr::Register::Csr1))
     }
 
-    /// Has watchdog and timer of the output wait while the core is halted, as a debugger does: `DBGMCU_APB4FZ1` and
+    /// Stops the watchdog and the output's timer while the core is halted, as a debugger does: `DBGMCU_APB4FZ1` and
     /// `DBGMCU_APB1LFZ1` (section 60.5.8).
     pub fn freeze_in_halt(&mut self) {
         let slot = self.rest.bus_mut().slot_mut(self.slots.debug);
@@ -324,7 +326,7 @@ impl Part {
         registers.set(dbgmcu::Register::Cr, 0);
     }
 
-    /// Protects these sectors of bank 1 from writing, a bit each, and no others (section 4.5.2).
+    /// Protects these sectors of bank 1 from writing, one bit per sector, and no others (section 4.5.2).
     pub fn protect_sectors(&mut self, sectors: u8) {
         let options = self.flash.inner.committed_options();
         let wpsn = [u64::from(!sectors), options.wpsn[1]];
@@ -333,7 +335,7 @@ impl Part {
         self.flash.inner.keep_options(options, registers);
     }
 
-    /// True if anything waits while the core is halted.
+    /// Returns true if any peripheral stops while the core is halted.
     pub fn is_frozen_in_halt(&self) -> bool {
         use dbgmcu::Register::{Apb1lfz1, Apb2fz1, Apb4fz1};
         let registers = self.rest.bus().slots()[self.slots.debug].registers();
@@ -342,8 +344,8 @@ impl Part {
             .any(|&register| registers.get(register) != 0)
     }
 
-    /// Has AXI SRAM's monitor find an error: bit 0 of `flags` one that was corrected, bit 1 one that was not (section
-    /// 3.4, RAMECC_M1SR).
+    /// Makes AXI SRAM's monitor report an error. In `flags`, bit 0 is a corrected error, and bit 1 an uncorrected one
+    /// (section 3.4, RAMECC_M1SR).
     ///
     /// # Errors
     /// The emulator's part has no such monitor.
@@ -354,21 +356,21 @@ impl Part {
         Ok(())
     }
 
-    /// Has a read of bank 1 correct an error: `SNECCERR1` (section 4.9.5).
+    /// Makes a read of bank 1 report a corrected error: `SNECCERR1` (section 4.9.5).
     pub fn correct_flash_error(&mut self) {
         let registers = registers(&mut self.rest, self.slots.flash);
         let flags = registers.get(flash::Register::Sr1);
         registers.set(flash::Register::Sr1, flash::sr1::SNECCERR.set(flags, 1));
     }
 
-    /// Has `work` done at `at` by the software of the host on USB.
+    /// Makes the software of the host on USB do `work` at `at`.
     pub fn drive_usb<T>(&mut self, at: VirtualNanos, work: impl FnOnce(&mut Host, u64) -> T) -> T {
         let (_, mut context) = self.rest.bus_mut().drive(at, self.slots.usb);
         self.usb.drive(&mut context, work)
     }
 
-    /// Hands each pulse of the timers' trigger outputs to the converters, at its instant, and the acknowledge of a
-    /// request to the one that asked.
+    /// Passes each pulse of the timers' trigger outputs to the converters at its instant, and each acknowledge to the
+    /// DAC.
     fn deliver_triggers(&mut self) {
         while let Some(at) = self.timer.around.take() {
             let bus = self.rest.bus_mut();
@@ -412,7 +414,7 @@ impl Mcu for Part {
     }
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
-        // The emulator's part resets the clock controller by what is kept over a reset.
+        // The emulator's part resets its clock controller to what a reset keeps.
         std::mem::swap(&mut self.rest.rcc, &mut self.rcc.inner);
         self.rest.reset(at, cause);
         std::mem::swap(&mut self.rest.rcc, &mut self.rcc.inner);

@@ -1,5 +1,5 @@
-//! Signals for the converter's pins, and the scales of the sensors on the board. Where nobody names others they are
-//! those of a device that was never set, so that the image reads the force and the path that a motion gives.
+//! Signals for the converter's pins, and the scales of the sensors on the board. The scales are the defaults of a
+//! device whose settings were never changed, so the image reads the force and the path that a motion specifies.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use model_format::link::Setting;
 use crate::model::adc::Pins;
 use crate::motion::MotionLine;
 
-/// The code of half the reference: an accelerometer at rest.
+/// Code of half the reference voltage, where an accelerometer is at rest.
 pub const MID_SCALE: u16 = 0x8000;
 
 /// A constant code per channel.
@@ -50,7 +50,7 @@ pub const REFERENCE_VOLTS: f64 = 3.3;
 /// Code of the converter's full scale.
 pub const FULL_SCALE: f64 = 65_535.0;
 
-/// The default of `setting`, to six digits, which is all that it has.
+/// The default of `setting`. The text that it is read from has six digits, which are all digits of the default.
 fn default_of(setting: Setting) -> f64 {
     let default = setting.spec().default.to_string();
     default.parse().expect("a number in decimals is a number")
@@ -61,7 +61,7 @@ pub fn newtons_per_volt() -> f64 {
     default_of(Setting::ForcePerVolt)
 }
 
-/// Volts of the force sensor without force.
+/// Volts of the force sensor if no force acts on it.
 pub fn force_zero_volts() -> f64 {
     let volts = default_of(Setting::ForceZero) / FULL_SCALE * REFERENCE_VOLTS;
     (volts * 1e6).round() / 1e6
@@ -72,7 +72,8 @@ pub fn mm_per_count() -> f64 {
     default_of(Setting::PathPerCount)
 }
 
-/// The force at an instant, N: linear between lines, constant beyond them, zero without any.
+/// The force at an instant, N: linear between lines, constant before the first and after the last, and zero without
+/// lines.
 pub fn force_at(lines: &[MotionLine], time_s: f64) -> f64 {
     let next = lines.partition_point(|line| line.time_s <= time_s);
     match (

@@ -1,5 +1,6 @@
-//! The far end of the serial line, in this process. Bytes for the image arrive from the instant at which the run goes
-//! on; bytes from the image are kept with their instants. No time of the host enters, so a run repeats exactly.
+//! The far end of the serial line, in this process. Bytes for the image arrive from the instant at which the run
+//! continues. Bytes from the image are kept with their instants. The host's clock has no influence, so a run repeats
+//! exactly.
 
 use std::collections::VecDeque;
 
@@ -11,7 +12,7 @@ use rigless::time::VirtualNanos;
 /// A byte that the image sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// End of its stop bit, in nanoseconds of virtual time.
+    /// Instant of the end of the byte's stop bit, in nanoseconds of virtual time.
     pub at_ns: u64,
     /// The byte.
     pub byte: u8,
@@ -25,17 +26,17 @@ pub struct Line {
 }
 
 impl Line {
-    /// Puts `bytes` on the line, behind those that wait.
+    /// Puts `bytes` on the line, after the bytes that wait already.
     pub fn put(&mut self, bytes: &[u8]) {
         self.to_image.extend(bytes);
     }
 
-    /// Bytes that the image's receiver has not begun to take.
+    /// Number of bytes that the image's receiver has not begun to receive.
     pub fn waiting(&self) -> usize {
         self.to_image.len()
     }
 
-    /// The bytes that the image has sent since the last call.
+    /// Returns the bytes that the image has sent since the last call.
     pub fn take(&mut self) -> Vec<Sent> {
         std::mem::take(&mut self.from_image)
     }

@@ -1,9 +1,9 @@
 //! Ports of the loopback interface for programs: the serial line (`--link tcp:127.0.0.1:PORT`), and a host on USB,
 //! which enumerates the device and carries out a program's bulk transfers (`--link usb-virtual:127.0.0.1:PORT`).
 //!
-//! An answer on the serial line goes out whole and at once. The emulator's own socket sends it byte by byte and lets
-//! the operating system collect bytes (Nagle's algorithm), so that each answer waited some 40 ms for the
-//! acknowledgement of its first byte: no line does that.
+//! An answer on the serial line is sent at once and as a whole. The emulator's own socket sends the answer byte by byte
+//! and lets the operating system collect bytes (Nagle's algorithm). Each answer then waits some 40 ms for the
+//! acknowledgement of its first byte, which does not happen on a real line.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -17,7 +17,7 @@ use crate::stylus::VirtualStylus;
 use crate::usb_host::UsbHost;
 use crate::usb_host::descriptor::bulk_endpoints;
 
-/// A port that is listened on. Nothing waits for it.
+/// A port that is open for connections. No call on it waits.
 #[derive(Debug)]
 struct Loopback(TcpListener);
 
@@ -36,7 +36,8 @@ impl Loopback {
         Ok(address.port())
     }
 
-    /// The next program that has connected, if there is one. Its bytes go out at once, and reading does not wait.
+    /// Returns the next program that has connected, if any. Bytes to it are sent at once, and reading from it does not
+    /// wait.
     fn accept(&self) -> Option<TcpStream> {
         let (stream, _) = self.0.accept().ok()?;
         stream.set_nonblocking(true).ok()?;
@@ -52,10 +53,10 @@ fn failure(port: u16) -> impl Fn(std::io::Error) -> Error {
     }
 }
 
-/// Bytes that may wait for the line; a program that sends more waits itself.
+/// Largest number of bytes that wait for the line. A program that sends more has to wait.
 const MOST_WAITING: usize = 4096;
 
-/// The socket, with the program that is connected.
+/// The socket of the serial line, with the connected program.
 #[derive(Debug)]
 pub struct SerialSocket {
     listener: Loopback,
@@ -74,16 +75,16 @@ impl SerialSocket {
         })
     }
 
-    /// The port.
+    /// The port that the socket listens on.
     ///
     /// # Errors
-    /// The system does not give it.
+    /// The system does not report it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }
 
-    /// Carries bytes both ways. A program that connects while another is there takes its place, as whoever plugs the
-    /// cable in last does. Without a program, the image's bytes are lost.
+    /// Carries bytes in both directions. A program that connects replaces the program that was connected before, like
+    /// whoever plugs the cable in last. Without a program, the image's bytes are lost.
     pub fn serve(&mut self, stylus: &mut VirtualStylus) {
         if let Some(stream) = self.listener.accept() {
             self.program = Some(stream);
@@ -108,7 +109,7 @@ impl SerialSocket {
     }
 }
 
-/// Reads at most `room` bytes that have come; `None` if the connection has ended.
+/// Reads at most `room` bytes that have arrived; `None` if the connection has ended.
 fn read_some(program: &mut TcpStream, room: usize) -> Option<Vec<u8>> {
     let mut bytes = vec![0; room];
     if room == 0 {
@@ -129,14 +130,14 @@ fn read_some(program: &mut TcpStream, room: usize) -> Option<Vec<u8>> {
     }
 }
 
-/// Sends `bytes`, waiting for a program that does not read; false if the connection has ended.
+/// Sends `bytes`, and waits while the program does not read. Returns false if the connection has ended.
 fn write_all(program: &mut TcpStream, bytes: &[u8]) -> bool {
     program.set_nonblocking(false).is_ok()
         && program.write_all(bytes).is_ok()
         && program.set_nonblocking(true).is_ok()
 }
 
-/// Virtual time from a pulled cable until it is plugged in again.
+/// Virtual time from pulling a cable to plugging it in again, ns.
 const UNPLUGGED_NS: u64 = 300_000_000;
 
 /// The host and its socket.
@@ -144,7 +145,7 @@ const UNPLUGGED_NS: u64 = 300_000_000;
 pub struct UsbSocket {
     listener: Loopback,
     usb: UsbHost,
-    /// Addresses of the endpoints to the device and from it, while it is configured.
+    /// Addresses of the OUT and the IN endpoint, while the device is configured.
     endpoints: Option<[u8; 2]>,
     program: Option<Program>,
 }
@@ -156,7 +157,7 @@ struct Program {
     bytes: VecDeque<u8>,
     out: VecDeque<TransferId>,
     input: VecDeque<TransferId>,
-    /// Largest number of transfers from the device that have waited.
+    /// Largest number of the program's IN transfers that have waited at once.
     most: usize,
 }
 
@@ -174,22 +175,22 @@ impl UsbSocket {
         })
     }
 
-    /// The port.
+    /// The port that the socket listens on.
     ///
     /// # Errors
-    /// The system does not give it.
+    /// The system does not report it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }
 
-    /// True if fewer transfers of the program wait for the device than before, so that it is about to ask for more. A
-    /// run that went on meanwhile would be faster than its program.
+    /// Returns true if fewer of the program's transfers wait for the device than before, so that the program is about
+    /// to request more. A run that continued meanwhile would be faster than its program.
     pub fn is_ahead(&self) -> bool {
         (self.program.as_ref()).is_some_and(|program| program.input.len() < program.most)
     }
 
-    /// Serves the socket and the device. Enumerates the device if it is not configured, which runs the stylus, and
-    /// plugs it in again some time after its cable was pulled.
+    /// Serves the socket and the device. Enumerates the device if it is not configured, which runs the stylus. Plugs
+    /// the cable in again some time after it was pulled.
     pub fn serve(&mut self, stylus: &mut VirtualStylus) {
         let runs = stylus.usb(|host, _| host.is_running());
         if self.endpoints.is_some() && !runs {
@@ -230,7 +231,7 @@ impl UsbSocket {
 }
 
 impl Program {
-    /// Serves the program; false if the connection has ended.
+    /// Serves the program. Returns false if the connection has ended.
     fn serve(
         &mut self,
         [output, input]: [u8; 2],
@@ -289,7 +290,7 @@ impl Program {
         answers.iter().all(|answer| self.write(answer))
     }
 
-    /// Reads the bytes that have come; false if the connection has ended.
+    /// Reads the bytes that have arrived. Returns false if the connection has ended.
     fn read(&mut self) -> bool {
         while let Some(bytes) = read_some(&mut self.stream, MOST_WAITING) {
             if bytes.is_empty() {
@@ -300,7 +301,7 @@ impl Program {
         false
     }
 
-    /// Sends a message, waiting for a program that does not read; false if the connection has ended.
+    /// Sends a message, and waits while the program does not read. Returns false if the connection has ended.
     fn write(&mut self, message: &FromBus) -> bool {
         write_all(&mut self.stream, &encode(message))
     }

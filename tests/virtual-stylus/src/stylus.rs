@@ -1,8 +1,8 @@
 //! A run of an image, which a test stops and inspects.
 //!
-//! The emulator runs on a thread of its own from one given instant to the next. Between two of them it waits, and runs
-//! closures with access to the board and its memory. If the emulator stops by itself, whatever asks it next panics with
-//! its reason.
+//! The emulator runs on a thread of its own from one given instant to the next. Between two instants it waits, and runs
+//! closures with access to the board and its memory. If the emulator stops by itself, the next call that needs it
+//! panics with the reason.
 
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -37,7 +37,7 @@ pub struct VirtualStylus {
 }
 
 impl VirtualStylus {
-    /// Puts the ELF file at `image` into the flash and switches the power on; nothing has run yet.
+    /// Puts the ELF file at `image` into the flash and switches the power on, without running anything yet.
     ///
     /// # Errors
     /// The image cannot be read or does not fit the flash.
@@ -61,7 +61,7 @@ impl VirtualStylus {
         Ok(stylus)
     }
 
-    /// The instant reached, in nanoseconds of virtual time.
+    /// The instant that the run has reached, in nanoseconds of virtual time.
     pub fn now_ns(&self) -> u64 {
         self.now_ns
     }
@@ -79,7 +79,8 @@ impl VirtualStylus {
         self.run_until(self.now_ns.saturating_add(nanos));
     }
 
-    /// Runs until `done` is true, which is evaluated every `step_ns`; false if it is not by `until_ns`.
+    /// Runs until `done` returns true; `done` is called every `step_ns`. Returns false if that has not happened by
+    /// `until_ns`.
     pub fn run_until_true(
         &mut self,
         until_ns: u64,
@@ -115,7 +116,7 @@ impl VirtualStylus {
         self.board(|board| board.part.amplifier.around.take_record())
     }
 
-    /// Puts `bytes` on the serial line; the image receives them as the run goes on.
+    /// Puts `bytes` on the serial line. The image receives them once the run continues.
     pub fn send(&mut self, bytes: &[u8]) {
         let bytes = bytes.to_vec();
         self.board(move |board| board.line().put(&bytes));
@@ -126,12 +127,12 @@ impl VirtualStylus {
         self.board(|board| Line::take(board.line()))
     }
 
-    /// Bytes on the serial line that the image's receiver has not begun to take.
+    /// Number of bytes on the serial line that the image's receiver has not begun to receive.
     pub fn waiting(&mut self) -> usize {
         self.board(|board| board.line().waiting())
     }
 
-    /// Has the software of the host on USB do `work`, which is also given the instant.
+    /// Makes the software of the host on USB do `work`, which also receives the present instant.
     pub fn usb<T: Send + 'static>(
         &mut self,
         work: impl FnOnce(&mut UsbHost, u64) -> T + Send + 'static,
@@ -151,7 +152,7 @@ impl VirtualStylus {
         self.board(move |board| board.part.encoder.around.set_motion(motion, now_ns));
     }
 
-    /// Disturbs both tracks of the encoder at each of `instants` by pulses of `width_ns`, see `Quadrature::disturb`.
+    /// Disturbs both tracks of the encoder at each of `instants` with pulses of `width_ns`, see `Quadrature::disturb`.
     pub fn disturb_encoder(&mut self, instants: Vec<u64>, width_ns: u64) {
         self.board(move |board| board.part.encoder.around.disturb(instants, width_ns));
     }
@@ -181,7 +182,7 @@ impl VirtualStylus {
         self.ask(|_, hands, _| hands.ticks.take_audits())
     }
 
-    /// Number of ticks whose return was not seen, which are in no figure.
+    /// Number of ticks whose return was not seen. They are missing from [`VirtualStylus::take_ticks`].
     pub fn unfollowed_ticks(&mut self) -> u64 {
         self.ask(|_, hands, _| hands.ticks.unfollowed())
     }
@@ -191,8 +192,8 @@ impl VirtualStylus {
         self.board(|board| board.part.flash.around.log().to_vec())
     }
 
-    /// Keeps the content that the flash would have if the power were cut at each of these operations (counted from 1)
-    /// and moments, while the run goes on. Replaces the cuts of the call before.
+    /// Keeps, for each of these operations (counted from 1) and moments, the content that the flash would have if the
+    /// power were cut there. The run continues. The cuts replace those of an earlier call.
     pub fn capture_power_cuts(&mut self, cuts: Vec<(u64, Moment)>) {
         self.ask(move |_, hands, _| hands.to_capture = cuts);
     }
@@ -213,17 +214,17 @@ impl VirtualStylus {
         self.board(|board| board.ram.errors())
     }
 
-    /// Addresses of the stores to RAM that came before the supply was known to be valid.
+    /// Addresses of the stores to RAM that came before the image had read that the supply is valid.
     pub fn refused_stores(&mut self) -> Vec<u64> {
         self.board(|board| board.ram.refused())
     }
 
-    /// Accesses that waited for a busy bank of the flash.
+    /// Numbers of accesses that waited for a busy bank of the flash.
     pub fn flash_stalls(&mut self) -> Stalls {
         self.ask(|_, hands, _| hands.busy.stalls())
     }
 
-    /// The resets of the part, the first power-on left out.
+    /// All resets of the part after the first power-on.
     pub fn resets(&mut self) -> Vec<Reset> {
         self.ask(|session, _, _| resets(session))
     }
@@ -239,7 +240,7 @@ impl VirtualStylus {
         self.board(move |board| board.part.set_supply(millivolts));
     }
 
-    /// Presses the button B1, or releases it.
+    /// Presses or releases the button B1.
     pub fn press_button(&mut self, pressed: bool) {
         let now = VirtualNanos(self.now_ns);
         self.board(move |board| board.part.press_button(now, pressed));
@@ -251,12 +252,12 @@ impl VirtualStylus {
         self.ask(move |session, _, host| session.reset_by_pin(at, 0, host));
     }
 
-    /// A word of 32 bits in memory, or `None` where there is no memory.
+    /// Reads a word of 32 bits from memory, or `None` if the address has no memory.
     pub fn read_word(&mut self, address: u64) -> Option<u32> {
         self.ask(move |_, _, host| host.read(address, Width::W32).ok().map(|word| word as u32))
     }
 
-    /// The register of `instance` at `offset`, as a debugger sees it.
+    /// Reads the register of `instance` at `offset`, as a debugger does.
     pub fn read_register(&mut self, instance: &'static str, offset: u64) -> Option<u32> {
         let now = VirtualNanos(self.now_ns);
         self.ask(move |session, _, _| {
@@ -273,7 +274,7 @@ impl VirtualStylus {
         self.ask(|_, hands, host| hands.contents(host))
     }
 
-    /// The accesses of the run that no model answered.
+    /// The accesses of the run that no model could serve.
     pub fn report(&mut self) -> RunReport {
         self.ask(|session, _, _| report(session))
     }
@@ -300,7 +301,7 @@ impl VirtualStylus {
         self.now_ns = self.stops.recv().unwrap_or_else(|_| self.over());
     }
 
-    /// Panics with the reason for which the run is over.
+    /// Panics with the reason why the run is over.
     fn over(&mut self) -> ! {
         self.commands = None;
         match self.thread.take().map(JoinHandle::join) {
@@ -315,7 +316,7 @@ impl Drop for VirtualStylus {
     fn drop(&mut self) {
         self.commands = None;
         if let Some(thread) = self.thread.take() {
-            // A panic of the thread has printed its own message.
+            // If the thread panicked, it has printed its own message.
             let _ = thread.join();
         }
     }
@@ -324,9 +325,9 @@ impl Drop for VirtualStylus {
 /// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetCause {
-    /// The image asked for it.
+    /// The image requested the reset.
     Software,
-    /// The watchdog ended its count.
+    /// The watchdog's count ended.
     Watchdog,
     /// Anything else.
     Other,
@@ -341,22 +342,22 @@ pub struct Reset {
     pub cause: ResetCause,
 }
 
-/// Accesses that the part would answer and no model does.
+/// Accesses that the part would serve but no model does.
 #[derive(Clone, Debug, Default)]
 pub struct RunReport {
-    /// Registers without a model, with counts of their reads and writes.
+    /// Registers without a model, with the numbers of their reads and writes.
     pub without_model: Vec<String>,
-    /// Unmapped addresses, and the places of the accesses.
+    /// Unmapped addresses, and the addresses of the instructions that accessed them.
     pub unmapped: Vec<String>,
-    /// Accesses that the part refuses, such as to an instance whose clock is off.
+    /// Accesses that the part refuses, for example to an instance whose clock is off.
     pub refused: Vec<String>,
-    /// Requests that models do not carry out.
+    /// Requests that the models do not carry out.
     pub told: Vec<String>,
-    /// Interrupts that reach no line of the core.
+    /// Interrupts that are connected to no line of the core.
     pub unrouted: Vec<String>,
 }
 
-/// The resets of the part, the first power-on left out.
+/// All resets of the part after the first power-on.
 fn resets(session: &Session<StylusBoard>) -> Vec<Reset> {
     let resets = session.resets().iter();
     resets
@@ -371,7 +372,7 @@ fn resets(session: &Session<StylusBoard>) -> Vec<Reset> {
         .collect()
 }
 
-/// The accesses of the run that no model answered.
+/// The accesses of the run that no model could serve.
 fn report(session: &mut Session<StylusBoard>) -> RunReport {
     let without_model = session.unimplemented().iter().map(|(address, met)| {
         format!(

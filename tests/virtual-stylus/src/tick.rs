@@ -1,8 +1,8 @@
-//! Cost of the tick's handler: instructions from its first to the one that returns, for every tick.
+//! Cost of the tick's handler: instructions from its first to its return, for every tick.
 //!
-//! The entry is watched by the handler's symbol. An audit of the first tick finds the instruction that returns, and so
-//! does an audit of each tick that returns by an unknown one; from then on that instruction is watched too. Exception
-//! entry and return (about a dozen cycles each) are not instructions, and are not counted.
+//! The entry is watched by the handler's symbol. An audit of the first tick finds the instruction that returns, which
+//! is watched from then on. If the return of a later tick is not seen, the next tick is audited, too. Exception entry
+//! and return (about a dozen cycles each) are not instructions, and are not counted.
 
 use rigless::emulator::{Hit, HitKind, Watch};
 
@@ -13,11 +13,11 @@ use crate::core::{Audit, Auditor};
 pub struct Tick {
     /// Instant of the handler's entry, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// Instructions from the handler's first to the one that returns, both counted.
+    /// Instructions from the handler's first to its return, including both.
     pub instructions: u32,
 }
 
-/// The figures of many ticks.
+/// Statistics of many ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TickStatistics {
     /// Number of ticks.
@@ -31,7 +31,7 @@ pub struct TickStatistics {
 }
 
 impl TickStatistics {
-    /// The figures of `ticks`, or `None` when there are none.
+    /// Computes the statistics of `ticks`, or `None` if there are no ticks.
     pub fn of(ticks: &[Tick]) -> Option<Self> {
         let mut counts: Vec<u32> = ticks.iter().map(|tick| tick.instructions).collect();
         counts.sort_unstable();
@@ -59,7 +59,7 @@ pub struct TickWatch {
 }
 
 impl TickWatch {
-    /// A watch of the handler at `handler`, if the image has one.
+    /// Creates a watch of the handler at address `handler`, if the image has a handler.
     pub fn new(handler: Option<u64>, auditor: Auditor) -> Self {
         Self {
             handler,
@@ -79,7 +79,7 @@ impl TickWatch {
         self.handler.map(Watch::Instruction)
     }
 
-    /// Audits every `every`th tick from now on, besides those whose return is unknown.
+    /// Audits every `every`th tick from now on, in addition to the ticks that are audited to find an unknown return.
     pub fn audit_every(&mut self, every: Option<u64>) {
         self.audit_every = every;
     }
@@ -94,7 +94,7 @@ impl TickWatch {
         std::mem::take(&mut self.audits)
     }
 
-    /// Number of ticks whose return was not seen, which are in no figure.
+    /// Number of ticks whose return was not seen. They are missing from [`TickWatch::take_ticks`].
     pub fn unfollowed(&self) -> u64 {
         self.unfollowed
     }
@@ -104,7 +104,7 @@ impl TickWatch {
         self.entered = None;
     }
 
-    /// Handles a hit of a watch; returns a further watch, if one is needed.
+    /// Handles a hit of a watch. Returns a further watch if one is needed.
     pub fn hit(&mut self, hit: &Hit) -> Option<Watch> {
         if hit.kind != HitKind::Instruction {
             return None;
@@ -125,7 +125,8 @@ impl TickWatch {
         None
     }
 
-    /// Handles the end of an audit; returns a further watch if the tick returned by an unknown instruction.
+    /// Handles the end of an audit. Returns a further watch if the tick returned by an instruction that was not known
+    /// yet.
     pub fn audited(&mut self) -> Option<Watch> {
         let audit = self.auditor.take()?;
         let (_, at_ns) = self.entered.take()?;

@@ -1,4 +1,4 @@
-//! Files that a fit takes: lists of trials, recordings as WAV and as CSV, and `HaTT`'s model files.
+//! Files that a fit reads: lists of trials, recordings as WAV and as CSV, and `HaTT`'s model files.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use model_format::{Provenance, SAMPLE_RATE_HZ};
 
 use super::place;
 
-/// Judges `input` as a list.
+/// Checks `input` as a list of trials.
 pub fn list(input: &[u8]) {
     let path = place::written("trials.csv", input);
     let set = match RecordingSet::from_list(&path) {
@@ -32,7 +32,7 @@ pub fn list(input: &[u8]) {
             .sum::<usize>(),
         set.trials.len()
     );
-    // Written as a list of its own, in two dialects, it is the same set.
+    // The set is written as a list again, in two dialects. Each must be read as the same set.
     for (separator, decimal) in [(",", "."), (";", ",")] {
         let list = place::written(
             "again.csv",
@@ -85,7 +85,8 @@ fn rewritten(trials: &[Trial], separator: &str, decimal: &str) -> String {
     text
 }
 
-/// Judges `input`: WAV if it begins as one, and CSV otherwise, whose first byte says whether a rate is given.
+/// Checks `input` as a recording: as WAV if it begins like one, otherwise as CSV after a first byte that determines
+/// whether a rate is given.
 pub fn recording(input: &[u8]) {
     if input.starts_with(b"RIFF") {
         read_as("recording.wav", input, None);
@@ -103,7 +104,7 @@ fn read_as(name: &str, content: &[u8], sample_rate_hz: Option<f64>) {
     };
     let samples = match recording::read(&trial(path.clone())) {
         Ok(samples) => samples,
-        // The conversion of rates names a failure of its own.
+        // Every refusal must name the file, including one by the conversion of rates.
         Err(error @ (Error::File { .. } | Error::Line { .. } | Error::Io { .. })) => {
             return place::check(&error, &path, content);
         }
@@ -149,7 +150,7 @@ fn wav(axes: &[Vec<f64>]) -> Vec<u8> {
     bytes
 }
 
-/// Judges `input` as a model file.
+/// Checks `input` as a model file.
 pub fn hatt(input: &[u8]) {
     let path = place::written("Models_fuzz.xml", input);
     let options = Options {
@@ -172,7 +173,7 @@ pub fn hatt(input: &[u8]) {
     for model in &toolkit.models {
         assert!(model.speed_mm_s.is_finite() && model.force_n.is_finite());
     }
-    // A grid that no slot holds is refused for all files together.
+    // A grid that does not fit a slot is refused for all files together.
     match plan(&sources, &options) {
         Ok(_) | Err(Error::Request(_)) => {}
         Err(error) => place::check(&error, &path, input),

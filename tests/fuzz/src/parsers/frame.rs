@@ -15,10 +15,10 @@ use postcard_rpc::Endpoint;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Judges `input` as a stream, and as one message.
+/// Checks `input` as a stream of frames, and as one message.
 pub fn judge(input: &[u8]) {
     let frames = decoded(input);
-    // What was decoded, sent again after any noise, is decoded to the same.
+    // The decoded frames are sent again after noise, and must be decoded to the same frames.
     let mut stream = vec![0];
     for frame in &frames {
         assert!(frame.len() <= MAX_DEVICE_FRAME_BYTES);
@@ -41,7 +41,7 @@ fn decoded(stream: &[u8]) -> Vec<Vec<u8>> {
     frames.collect()
 }
 
-/// Every answer of a device.
+/// Decodes a frame as every answer of a device.
 fn messages(frame: &[u8]) {
     answer::<InfoEndpoint>(frame);
     answer::<StatusEndpoint>(frame);
@@ -64,7 +64,8 @@ fn messages(frame: &[u8]) {
     answer::<SelfTestEndpoint>(frame);
 }
 
-/// An answer that is understood is encoded to bytes that mean the same. Bytes are compared, because of NaN.
+/// If an answer can be decoded, its encoding must mean the same. Bytes are compared, because NaN is not equal to
+/// itself.
 fn answer<E: Endpoint>(frame: &[u8])
 where
     E::Response: Serialize + DeserializeOwned,

@@ -1,4 +1,4 @@
-//! Files for what reads files, and errors that must name them.
+//! Files for the parsers, and checks that errors name these files.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use host_tools::support::error::Error;
 use tempfile::TempDir;
 
-/// The folder of this run. It stays after the run, because a fuzzer ends without clean-up; the system empties it.
+/// The folder of this run. It stays after the run, because a fuzzer ends without cleaning up; the system empties it.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER
@@ -26,7 +26,7 @@ pub fn written(name: &str, content: &[u8]) -> PathBuf {
     path
 }
 
-/// Checks that `error` names the file at `path`, and a line that `content` has.
+/// Checks that `error` names the file at `path`, and a line that exists in `content`.
 pub fn check(error: &Error, path: &Path, content: &[u8]) {
     let text = error.to_string();
     assert!(

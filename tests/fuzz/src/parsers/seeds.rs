@@ -7,7 +7,7 @@ use std::path::Path;
 #[allow(missing_docs)]
 mod hatt;
 
-/// Seeds of a target: its name, and its inputs.
+/// Seeds of one target: the target's name, and its inputs.
 type Seeds<'a> = (&'a str, Vec<Vec<u8>>);
 
 /// Writes the seeds of every parser.
@@ -78,7 +78,7 @@ const RECORD: &str = r#"{"library":"0123456789abcdef","options":{"order":"auto",
 "modulation":"auto","drop":["hum"],"lines":"auto","strict":false,"snap":0.03,"sample_rate_hz":5000},
 "excitations":[],"trials":[{"file":"a.wav","content":"00ff","start_s":0.5,"duration_s":null}],"lines":[]}"#;
 
-/// WAV files of integers and of floats, with other chunks before the samples; and tables.
+/// WAV files of integers and of floats, with other chunks before the samples, and tables.
 fn recordings() -> Vec<Vec<u8>> {
     let chunk = |id: &[u8; 4], content: &[u8]| {
         let length = (content.len() as u32).to_le_bytes();

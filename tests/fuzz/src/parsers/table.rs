@@ -1,4 +1,4 @@
-//! Tables of motions, of a free hand, of answers and of planned trials.
+//! Tables of motions, of strokes of a free hand, of answers and of planned trials.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
 use super::place;
 
-/// Judges `input` as a table of the kind that its first byte names.
+/// Checks `input` as a table of the kind that its first byte selects.
 pub fn judge(input: &[u8]) {
     let Some((kind, table)) = input.split_first() else {
         return;
@@ -44,7 +44,7 @@ fn motion(path: &Path, table: &[u8]) -> host_tools::support::error::Result<()> {
         assert!(motion.contact_at(share * end_s).is_none_or(|_| true));
     }
     assert!(motion.end_s(path).is_ok() == (end_s > 0.0));
-    // The same table with another separator is the same motion.
+    // The same table with another separator must be read as the same motion.
     let text = String::from_utf8_lossy(table);
     if !text.contains([';', '\t', ' ', '"', '#', '\r', '\u{feff}']) && text.contains(',') {
         let other = place::written("other.csv", text.replace(',', "\t").as_bytes());
@@ -86,7 +86,7 @@ fn planned(path: &Path) -> host_tools::support::error::Result<()> {
             "{:?};{:?};\"{name}\"\n",
             trial.speed_mm_s, trial.force_n
         ));
-        // Names that cannot be a folder's are refused apart.
+        // Names that cannot be a folder's name are refused by a separate check.
         let _ = trial.check();
     }
     let again = place::written("again.csv", text.as_bytes());

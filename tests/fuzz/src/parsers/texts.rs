@@ -22,7 +22,7 @@ fn library() -> &'static [u8] {
     })
 }
 
-/// Judges `input` as a scene's text.
+/// Checks `input` as a scene's text.
 pub fn scene(input: &[u8]) {
     let Ok(text) = std::str::from_utf8(input) else {
         return;
@@ -43,7 +43,7 @@ pub fn scene(input: &[u8]) {
     assert_eq!(again.scenes().next().as_ref(), Some(&compiled.scene));
 }
 
-/// Judges `input` as a rig's description.
+/// Checks `input` as a rig's description.
 pub fn rig(input: &[u8]) {
     let Ok(text) = std::str::from_utf8(input) else {
         return;
@@ -59,7 +59,7 @@ pub fn rig(input: &[u8]) {
     }
 }
 
-/// Judges `input` as a record.
+/// Checks `input` as a record of a fit.
 pub fn record(input: &[u8]) {
     let path = Path::new("fuzz/a.lib.fit.json");
     let record = match FitRecord::from_text(path, input) {
@@ -71,7 +71,7 @@ pub fn record(input: &[u8]) {
     assert_eq!(again.to_text().expect("a record is text"), text);
 }
 
-/// Judges `input` as words of a command line.
+/// Checks `input` as words of a command line.
 pub fn settings(input: &[u8]) {
     let Ok(text) = std::str::from_utf8(input) else {
         return;
@@ -80,7 +80,7 @@ pub fn settings(input: &[u8]) {
     let found = match changes(&words) {
         Ok(found) => found,
         Err(error) => {
-            // One of the words is named.
+            // The error must contain one of the words.
             let problem = error.to_string();
             assert!(
                 words.iter().any(|word| problem.contains(word.as_str())),
@@ -105,7 +105,7 @@ pub fn settings(input: &[u8]) {
         assert_eq!(before.value.is_nan(), after.value.is_nan());
         assert!(before.value.is_nan() || before.value.to_bits() == after.value.to_bits());
     }
-    // Values out of range are refused by name.
+    // Values out of range are refused with a message.
     if let Err(error) = SettingsChange::of(&found) {
         assert!(!error.to_string().is_empty());
     }

@@ -1,4 +1,4 @@
-//! Instructions of decoding libraries, of the longest step, and of plans.
+//! Counts instructions: for decoding libraries, for the longest step of decoding, and for plans.
 
 use core::hint::black_box;
 
@@ -9,8 +9,8 @@ use stylus_kernel::scene::Plan;
 use crate::counter::Counter;
 use crate::output::Output;
 
-/// Decodes each of `libraries`, plans each of its scenes and its first and last texture, all found by their names, and
-/// prints the costs.
+/// Decodes each of `libraries`. Plans each of its scenes and its first and last texture, all found by name. Prints the
+/// costs.
 pub fn measure(libraries: &[u8], counter: &Counter, output: &mut Output) {
     for bytes in Libraries(libraries) {
         let (mut all, mut longest, mut steps) = (0u64, 0, 0u32);
@@ -34,7 +34,8 @@ pub fn measure(libraries: &[u8], counter: &Counter, output: &mut Output) {
     }
 }
 
-/// The most instructions of a plan, from the name that a host asks for to the check of its cost.
+/// Largest number of instructions of a plan, from looking up the name that a host requests to the check of the plan's
+/// cost.
 fn plans(library: &Library<'_>, counter: &Counter) -> u32 {
     let mut most = 0;
     for scene in library.scenes() {

@@ -1,7 +1,7 @@
-//! A counter of instructions by the timer.
+//! Counts instructions with the timer.
 //!
 //! With `-icount shift=8` QEMU advances virtual time by 256 ns per instruction. SysTick runs at 25 MHz on the MPS2
-//! board, 6.4 ticks per instruction, so that a count is exact in spite of the tick that either end may lose.
+//! board, 6.4 ticks per instruction, so a count is exact although a tick may be lost at its beginning and at its end.
 
 use core::fmt;
 use core::hint::black_box;
@@ -9,12 +9,12 @@ use core::hint::black_box;
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 
-/// The period of SysTick, which counts down in 24 bits.
+/// The largest count of SysTick, which counts down in 24 bits.
 const MASK: u32 = 0x00ff_ffff;
 
-/// A counter of the instructions of calls.
+/// Counts the instructions of calls.
 pub struct Counter {
-    /// The cost of reading the timer and of an empty call, ticks.
+    /// The cost of reading the timer and making an empty call, ticks.
     empty_ticks: u32,
 }
 
@@ -30,15 +30,16 @@ impl Counter {
         }
     }
 
-    /// The instructions of `call` beyond those of an empty call; below 2.6 million.
+    /// Returns the number of instructions of `call` beyond those of an empty call. It must be below 2.6 million.
     pub fn instructions(&self, call: &mut dyn FnMut()) -> u32 {
         let ticks = ticks(call) - self.empty_ticks;
-        // 32 ticks are 5 instructions.
+        // 32 ticks correspond to 5 instructions.
         (ticks * 5 + 16) / 32
     }
 }
 
-/// The ticks of `call` and of counting. All calls share this function, so the cost of counting is the same for each.
+/// Returns the ticks of `call`, including those of counting. All calls share this function, so the cost of counting is
+/// the same for each.
 #[inline(never)]
 fn ticks(call: &mut dyn FnMut()) -> u32 {
     let before = SYST::get_current();
@@ -46,7 +47,7 @@ fn ticks(call: &mut dyn FnMut()) -> u32 {
     before.wrapping_sub(SYST::get_current()) & MASK
 }
 
-/// The fewest and the most of several counts.
+/// The smallest and the largest of several counts.
 pub struct Range {
     fewest: u32,
     most: u32,

@@ -1,4 +1,4 @@
-//! Hard cases: the instructions of every sample.
+//! Hard cases: counts the instructions of every sample.
 
 use core::hint::black_box;
 

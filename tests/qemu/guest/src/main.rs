@@ -1,8 +1,8 @@
 //! The kernel on an emulated Cortex-M: plays the test vectors, prints every sample, and counts instructions. If the
-//! emulator put a job into its memory, the image does that instead; see [`kernel_vectors::job`].
+//! emulator has put a job into memory, the image does that job instead; see [`kernel_vectors::job`].
 //!
 //! All output goes to the host by semihosting, in the lines of [`kernel_vectors::report`]. Every failure is printed and
-//! ends the emulator with a code other than zero, so that no failure hangs.
+//! ends the emulator with a code other than zero, so a failure never hangs.
 #![no_std]
 #![no_main]
 
@@ -30,7 +30,7 @@ use stylus_realtime::CortexM;
 use crate::counter::{Counter, Range};
 use crate::output::{Output, Words};
 
-/// The library of test textures that `build.rs` makes.
+/// The library of test textures that `build.rs` writes.
 static LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.bin"));
 
 #[entry]
@@ -70,7 +70,7 @@ fn main() -> ! {
     }
 }
 
-/// Prints the kernel's samples with the arithmetic `M`, called `name`.
+/// Prints the samples that the kernel plays with the arithmetic `M`, called `name`.
 fn play<M: Arithmetic>(name: &str, output: &mut Output) {
     for vector in &VECTORS {
         output.line(format_args!("{} {name} {}", report::VECTOR, vector.texture));
@@ -109,7 +109,7 @@ fn next(synthesis: &mut Synthesis<'_, CortexM>) -> OutputSample {
     synthesis.next_sample()
 }
 
-/// Prints the costs of a sample and of an update of `textures`, over the first `updates` of a motion.
+/// Prints the costs of a sample and of an update of each of `textures`, over the first `updates` updates of a motion.
 fn measure<'a>(
     textures: impl Iterator<Item = Texture<'a>>,
     updates: u32,

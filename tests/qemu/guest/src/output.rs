@@ -27,7 +27,7 @@ impl Output {
     }
 }
 
-/// A buffer that gathers words to lines, because each call to the host stops the emulator.
+/// A buffer that collects words into lines, because each call to the host stops the emulator.
 pub struct Words<'a> {
     output: &'a mut Output,
     gathered: [u32; WORDS_PER_LINE],

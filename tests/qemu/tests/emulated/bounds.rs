@@ -1,7 +1,8 @@
-//! The bounds on the work of decoding a library, of one step of it, and of a plan: hostile valid libraries, each
-//! property at either end and drawn by a seed, stay below them on an emulated Cortex-M4.
+//! The bounds on the work of decoding a library, of one step of decoding, and of a plan. Valid libraries that are
+//! hostile must stay below them on an emulated Cortex-M4. Some have each property at one end of its range, and others
+//! are random.
 //!
-//! `STYLUS_HOSTILE_LIBRARIES` sets the number of those that are drawn, and `STYLUS_ATTACK_SEED` the seed.
+//! `STYLUS_HOSTILE_LIBRARIES` sets the number of random libraries, and `STYLUS_ATTACK_SEED` their seed.
 
 use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{Libraries, report};
@@ -23,34 +24,35 @@ use tasks::qemu;
 
 use crate::{held, image};
 
-/// Number of libraries that are drawn.
+/// Number of random libraries.
 const DRAWN: u64 = 100;
 
-/// Seed of those.
+/// Seed of the random libraries.
 const SEED: u64 = 14;
 
-/// Most bytes of a library but the last. The work per byte does not depend on the size of the whole.
+/// Largest size of every library but the last, bytes. The work per byte does not depend on the library's size.
 const DRAWN_BYTES: usize = 48 * 1024;
 
-/// Samples of each codebook: four of them and a byte for each of 4096 nodes take all that an excitation may.
+/// Number of samples per codebook. Four codebooks and one byte for each of 4096 nodes use all bytes that an excitation
+/// may have.
 const CODEBOOK_SAMPLES: usize =
     (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
 
 /// Number of properties of a recipe.
 const PROPERTIES: usize = 20;
 
-/// Least and highest value of each property.
+/// Lowest and highest value of each property.
 const RANGES: [(u32, u32); PROPERTIES] = [
     (1, MAX_TEXTURES as u32),           // Textures.
-    (1, MAX_TEXTURES as u32),           // Of them with a grid.
+    (1, MAX_TEXTURES as u32),           // Textures with a grid.
     (1, MAX_AXIS_LEN as u32),           // Speeds.
     (1, MAX_AXIS_LEN as u32),           // Forces.
     (0, MAX_ORDER as u32),              // Order.
-    (0, 1),                             // Tails.
-    (0, MAX_FINE_STAGES as u32),        // Fine stages.
-    (0, 2),                             // Law of the level.
-    (2, MAX_NAME_BYTES as u32),         // Bytes of a name.
-    (0, 1),                             // Characters of several bytes.
+    (0, 1),                             // Whether there are tails.
+    (0, MAX_FINE_STAGES as u32),        // Stages with a fine byte.
+    (0, 2),                             // Index of the level's law.
+    (2, MAX_NAME_BYTES as u32),         // Bytes per name.
+    (0, 1),                             // Whether names have characters of several bytes.
     (0, MAX_SCENES as u32),             // Scenes.
     (1, MAX_SURFACES as u32),           // Surfaces.
     (1, MAX_SURFACES as u32),           // Textures of surfaces.
@@ -76,8 +78,8 @@ struct Cost {
     plan: u64,
 }
 
-/// A generator of numbers by a weighted sequence whose terms are hashed (Steele, Lea and Flood, *Fast splittable
-/// pseudorandom number generators*, OOPSLA 2014).
+/// A generator of random numbers: it hashes the terms of a sequence with constant increments (Steele, Lea and Flood,
+/// *Fast splittable pseudorandom number generators*, OOPSLA 2014).
 struct Numbers(u64);
 
 impl Numbers {
@@ -99,7 +101,7 @@ impl Recipe {
         }))
     }
 
-    /// The library, which is valid; its grids shrink until it has at most `most` bytes.
+    /// Builds the library, which is valid. The grids shrink until it has at most `most` bytes.
     fn library(mut self, most: usize) -> Vec<u8> {
         loop {
             if self.texture_bytes() <= most {
@@ -114,7 +116,7 @@ impl Recipe {
                     ),
                 }
             }
-            // The largest of order, speeds, forces and textures with a grid.
+            // Reduces the largest of order, forces, speeds and number of textures with a grid.
             let at = [4, 3, 2, 1].into_iter().max_by_key(|&at| self.0[at]);
             let largest = &mut self.0[at.expect("there are four")];
             if *largest > 1 {
@@ -125,7 +127,7 @@ impl Recipe {
         }
     }
 
-    /// Fewest bytes of all textures.
+    /// Smallest number of bytes that the textures can have.
     fn texture_bytes(&self) -> usize {
         let [textures, with_grid, speeds, forces, order, tails, ..] = self.0.map(|n| n as usize);
         let lines = self.0[19] as usize;
@@ -209,7 +211,7 @@ impl Recipe {
         (!lines.is_empty()).then_some(LinesSpec::from(lines))
     }
 
-    /// Codebooks and level track of a texture of so many nodes, as many as there is room for.
+    /// Codebooks and level track of a texture with `nodes` nodes. There are at most as many codebooks as nodes.
     fn parts(&self, nodes: u32) -> PartsSpec {
         let codebooks = self.0[17].min(nodes);
         let excitation = (codebooks > 0).then(|| ExcitationSpec {
@@ -274,7 +276,7 @@ impl Recipe {
             end_mm: (at + 1) as f32,
             surface: (at % surfaces) as u8,
         };
-        // Narrow peaks near the limit of the gain, beside each other, for which the band is halved most often.
+        // Narrow peaks next to each other, with a gain near the limit. For these the band is halved most often.
         let section = |at: u32| {
             const RADIUS: f64 = 0.999;
             const ZEROS: f64 = 1.0 - 15.0 * (1.0 - RADIUS);
@@ -297,7 +299,7 @@ impl Recipe {
     }
 }
 
-/// The instructions that decoding may take, by the bounds.
+/// Number of instructions that the bounds allow for decoding.
 fn allowed(cost: Cost, recipe: Recipe) -> u64 {
     DECODE_INSTRUCTIONS
         + cost.bytes * DECODE_INSTRUCTIONS_PER_BYTE
@@ -305,7 +307,7 @@ fn allowed(cost: Cost, recipe: Recipe) -> u64 {
         + u64::from(recipe.0[10]) * DECODE_INSTRUCTIONS_PER_SCENE
 }
 
-/// The costs of `recipes` on the emulator, in order.
+/// Measures the costs of `recipes` on the emulator, and returns them in order.
 fn measured(image: &std::path::Path, recipes: &[Recipe], most: usize) -> Vec<Cost> {
     let mut jobs: Vec<Vec<u8>> = vec![Vec::new()];
     for recipe in recipes {
@@ -342,7 +344,8 @@ fn measured(image: &std::path::Path, recipes: &[Recipe], most: usize) -> Vec<Cos
     costs
 }
 
-/// Recipes to begin with: each property at either end while all others are at theirs.
+/// Recipes to begin with: all properties at their lowest and at their highest values, and each property at one end of
+/// its range with all others at the opposite end.
 fn beginnings() -> Vec<Recipe> {
     let least = Recipe(RANGES.map(|(lowest, _)| lowest));
     let most = Recipe(RANGES.map(|(_, highest)| highest));
@@ -353,7 +356,7 @@ fn beginnings() -> Vec<Recipe> {
         other.0[at] = lowest;
         recipes.extend([one, other]);
     }
-    // Grids of tails, from the shortest to the longest.
+    // Grids with tails, from short to long ones.
     for order in [33, 64, MAX_ORDER as u32] {
         let mut tails = least;
         for (at, value) in [(2, 8), (3, 8), (4, order), (5, 1), (6, 32)] {
@@ -364,7 +367,7 @@ fn beginnings() -> Vec<Recipe> {
     recipes
 }
 
-/// The number in the variable called `name`, if there is one.
+/// The number in the environment variable called `name`, if it is set.
 fn number(name: &str) -> Option<u64> {
     let text = std::env::var(name).ok()?;
     let number = text.parse();
@@ -380,7 +383,7 @@ fn no_valid_library_takes_more_work_than_its_bound() {
     recipes.extend((0..drawn).map(|_| Recipe::random(&mut numbers)));
     let costs = measured(&image, &recipes, DRAWN_BYTES);
     let mut tried: Vec<(Recipe, Cost)> = recipes.into_iter().zip(costs).collect();
-    // The worst of the large ones per byte, with grids that fill a slot.
+    // The large recipe with the most work per byte is tried again with enough grids to fill a slot.
     let large = tried.iter().filter(|(_, cost)| cost.bytes > 40_000);
     let worst = large.max_by_key(|(_, cost)| cost.decode * 1000 / cost.bytes);
     let mut whole = worst.expect("the first recipes are large").0;

@@ -1,4 +1,4 @@
-//! The shipped structure's rows of `host-tools/costs/costs.json` against new counts by the image's timer.
+//! Compares the rows for the shipped structure in `host-tools/costs/costs.json` with new counts by the image's timer.
 
 use host_tools::evaluation::frontier::costs::Costs as LookUps;
 use kernel_vectors::job::Job;
@@ -11,25 +11,26 @@ use tasks::toolchain::Toolchain;
 
 use crate::{held, image};
 
-/// Orders between those of the table, with stages beyond whole turns of a lattice's loop.
+/// Orders between those of the table. Their number of stages is not a multiple of the stages in one turn of the
+/// lattice's loop.
 const ORDERS_BETWEEN: [usize; 4] = [21, 23, 41, 121];
 
-/// Most instructions by which a sample may exceed the look-up between two orders: those of the three stages that can be
-/// left over where a lattice processes four stages at a time.
+/// Largest number of instructions by which a sample may exceed the look-up between two orders: the instructions of the
+/// three stages that can remain, because a lattice processes four stages at a time.
 const BETWEEN_INSTRUCTIONS: f64 = 40.0;
 
-/// Most instructions by which a sample may differ from the table's count. The table's calls were traced; the timer also
-/// counts a call and a return of the same code, which are 5 instructions.
+/// Largest difference between a sample's instructions and the table's count. The table's calls were traced; the timer
+/// also counts a call and a return of the same code, which are 5 instructions.
 const SAMPLE: u32 = 16;
 
-/// Most instructions by which an update may differ from the table's. Another part is inlined here: an update takes 41
-/// instructions fewer on a Cortex-M4, 40 on an M7.
+/// Largest difference between an update's instructions and the table's count. Other parts are inlined here: an update
+/// takes 41 instructions fewer on a Cortex-M4, and 40 fewer on an M7.
 const UPDATE: u32 = 64;
 
-/// Allowed difference beside [`SAMPLE`] or [`UPDATE`], as a share of the table's figure.
+/// Permitted difference in addition to [`SAMPLE`] or [`UPDATE`], as a fraction of the table's count.
 const TOLERANCE: f64 = 0.01;
 
-/// The structure that an image has.
+/// The structure in the image.
 const SHIPPED: Structure = Structure::NormalisedLattice32;
 
 /// A texture's order and number of nodes, and the costs of its samples and updates.
@@ -40,7 +41,8 @@ struct Counted {
     update: Cost,
 }
 
-/// The costs of textures of these orders, on one node and on four; nothing if the compiler is not that of the table.
+/// Counts the costs of textures of these orders, with one node and with four. Returns nothing if the compiler differs
+/// from the table's.
 fn counted(processor: Processor, orders: &[usize]) -> Vec<Counted> {
     let toolchain = held(Toolchain::find());
     let (here, there) = (

@@ -1,5 +1,5 @@
 //! The cases of `stylus stress` on emulated processors: no input changes the cost of a sample, and every processor
-//! plays the host's bits.
+//! plays the same bits as the host.
 
 use std::collections::BTreeMap;
 
@@ -15,11 +15,12 @@ use tasks::qemu;
 
 use crate::{held, image};
 
-/// The number of motions of a case that are played. Each lasts as long as in the case; a case at rest has one.
+/// Largest number of motions that are played per case. Each lasts as long as in the case; a case at rest has one
+/// motion.
 const MOTIONS: usize = 48;
 
-/// Samples per phase, with seven phases per case: enough for all motions, and for a state of full scale to have its
-/// effects.
+/// Number of samples per phase, with seven phases per case. It suffices for all motions, and for a state at full scale
+/// to have its effects.
 const SAMPLES: u32 = 60;
 
 /// A case ready for the image.
@@ -28,7 +29,7 @@ struct Prepared {
     library: Vec<u8>,
     motions: Vec<u8>,
     every: u32,
-    /// The properties that a sample's cost may depend on.
+    /// The properties on which a sample's cost may depend, as text.
     plan: String,
 }
 
@@ -78,7 +79,7 @@ fn prepared() -> Vec<Prepared> {
     suite(Length::Full).iter().map(Prepared::new).collect()
 }
 
-/// The cases, in as many jobs as they need.
+/// Distributes the cases over as many jobs as they need.
 fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
     let mut jobs: Vec<Vec<u8>> = vec![Vec::new()];
     for case in cases {
@@ -94,7 +95,7 @@ fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
     jobs
 }
 
-/// The report of the image on `processor` on all cases.
+/// Runs the image on `processor` with all cases, and returns its report.
 fn play(processor: Processor, cases: &[Prepared]) -> EmulatorReport {
     let image = image(processor);
     let mut whole = EmulatorReport::default();
@@ -108,7 +109,7 @@ fn play(processor: Processor, cases: &[Prepared]) -> EmulatorReport {
     whole
 }
 
-/// The fewest and the most instructions of a sample, by the properties that they may depend on.
+/// The smallest and the largest number of instructions per sample, for each set of properties on which it may depend.
 fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32, Vec<String>)> {
     let mut extremes = BTreeMap::new();
     for case in cases {
@@ -116,7 +117,7 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
             let name = format!("{way} {}", case.name);
             let cost = samples.iter().find(|cost| cost.texture == name);
             let cost = cost.unwrap_or_else(|| panic!("{name} was not measured"));
-            // Playing has one phase, and the filter alone has six.
+            // The synthesis has one phase, and the filter on its own has six.
             let phases = if way == report::SYNTHESIS { 1 } else { 6 };
             assert_eq!(cost.calls, phases * SAMPLES, "{name}");
             let found = extremes.entry(format!("{way}, {}", case.plan)).or_insert((

@@ -1,7 +1,7 @@
-//! The kernel, built for two processors and run on their emulations, against the kernel on the host.
+//! The kernel, built for two processors and run on their emulations, compared with the kernel on the host.
 //!
-//! If a needed program is missing, these tests fail and name the command that installs it. `cargo tasks setup` does
-//! too.
+//! If a needed program is missing, these tests fail and name the command that installs it. `cargo tasks setup` names
+//! it, too.
 
 use std::sync::LazyLock;
 
@@ -48,7 +48,7 @@ fn both_processors_play_the_hosts_bits() {
     }
 }
 
-/// The digest of the fixture, which is that of host, board and browser.
+/// Plays the fixture's digest, which host, board and browser must also play.
 #[test]
 fn both_processors_play_the_digest_with_every_arithmetic() {
     let library = digest_library();
@@ -73,10 +73,11 @@ fn the_kernel_is_within_its_budget_and_a_sample_takes_the_same_instructions_what
     }
 }
 
-/// A lattice's update with codebooks and a level track, beside one without, both of order 400 at four nodes.
+/// Compares lattices with a track, with codebooks and a track, and with recorded snippets to a plain one, all of order
+/// 400 with four nodes.
 #[test]
 fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_a_sample_hardly_more() {
-    /// Most instructions by which a fed sample may exceed a plain one.
+    /// Largest number of instructions by which a fed sample may exceed a plain one.
     const MOST_FED: u32 = 40;
     for processor in Processor::ALL {
         let report = report(processor);
@@ -98,7 +99,8 @@ fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_a_sampl
     }
 }
 
-/// Four lines that are tied to position, on a lattice of the same order: 208 on a Cortex-M4, 187 on a Cortex-M7.
+/// Four lines tied to position, on a lattice of the same order, take 208 instructions per sample on a Cortex-M4, and
+/// 187 on a Cortex-M7.
 #[test]
 fn four_lines_take_at_most_210_instructions_more_than_none() {
     for processor in Processor::ALL {
@@ -111,7 +113,8 @@ fn four_lines_take_at_most_210_instructions_more_than_none() {
     }
 }
 
-/// Two wanders of four lines: 1618 per update on a Cortex-M4, 1544 on a Cortex-M7, and nothing per sample.
+/// Two wanders of four lines take 1618 instructions per update on a Cortex-M4, 1544 on a Cortex-M7, and none per
+/// sample.
 #[test]
 fn a_wander_costs_a_sample_nothing_and_an_update_at_most_900_instructions() {
     for processor in Processor::ALL {

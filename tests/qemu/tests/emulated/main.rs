@@ -1,4 +1,4 @@
-//! The kernel on emulated processors: one program, because each links all of the product.
+//! Tests of the kernel on emulated processors. They are one program, because each test program links the whole product.
 
 mod bounds;
 mod costs;
@@ -10,12 +10,12 @@ use std::path::PathBuf;
 use tasks::guest::{self, Processor};
 use tasks::toolchain::Toolchain;
 
-/// The image for `processor`.
+/// Builds the image for `processor`.
 fn image(processor: Processor) -> PathBuf {
     held(Toolchain::find().and_then(|toolchain| guest::build(&toolchain, processor)))
 }
 
-/// The value; panics with the whole message of a failure.
+/// Returns the value, or panics with the whole message of the failure.
 #[track_caller]
 fn held<T>(checked: anyhow::Result<T>) -> T {
     checked.unwrap_or_else(|error| panic!("{error:#}"))

@@ -1,17 +1,17 @@
-//! An image that programs, erases and reads flash as the stylus does, and as the stylus must not, and obeys commands
-//! over USART3.
+//! An image that programs, erases and reads the flash, both in the ways that the stylus uses and in ways that it must
+//! avoid. It obeys commands over USART3.
 //!
 //! TIM6 runs at 5 kHz, and its handler, which is in flash, counts. All clocks stay at the 64 MHz after reset.
 //!
 //! | byte | does | answers |
 //! |---|---|---|
 //! | `e` | erases the first sector of bank 2 | `e` |
-//! | `p` | programs the next word of bank 2 with its own number | `p` |
+//! | `p` | programs the next word of bank 2 with the word's number | `p` |
 //! | `P` | programs the first word of bank 2 again | `P` |
-//! | `b` | begins to program the next word of bank 2, and reads it at once | 4 bytes |
-//! | `E` | begins to erase a sector of bank 1, where the code is | `E` |
-//! | `R` | erases it by code in RAM | `R` |
-//! | `M` | erases it by code in RAM, with bank 1 hidden by the MPU | `M` |
+//! | `b` | begins to program the next word of bank 2, and reads that word at once | 4 bytes |
+//! | `E` | begins to erase a sector of bank 1, the bank that holds the code | `E` |
+//! | `R` | erases the same sector with code in RAM | `R` |
+//! | `M` | erases the same sector with code in RAM, while the MPU hides bank 1 | `M` |
 //! | `r` | reads the first words of bank 2, four bytes each | 4 x 4 bytes |
 //! | `c` | | the number of ticks, 2 bytes |
 #![no_std]
@@ -24,13 +24,13 @@ use cortex_m_rt::entry;
 use panic_halt as _;
 use stm32_metapac::{FLASH, RCC, TIM6, USART3, interrupt};
 
-/// 64 MHz over this is 5 kHz.
+/// Clock cycles per tick: 64 MHz divided by this is 5 kHz.
 const TICK_CYCLES: u16 = 12_800;
-/// 64 MHz over this is 921 600 baud, nearly.
+/// Clock cycles per bit: 64 MHz divided by this is close to 921 600 baud.
 const BAUD_CYCLES: u16 = 69;
 const BANK_2: usize = 0x0810_0000;
 const WORDS_OF_A_FLASH_WORD: usize = 8;
-/// A sector of bank 1 behind the code.
+/// Number of a sector of bank 1 that holds no code.
 const SECTOR_WITHOUT_CODE: u8 = 7;
 const WORDS_READ: usize = 4;
 
@@ -91,7 +91,7 @@ fn tick() {
     TIM6.arr().write(|w| w.set_arr(TICK_CYCLES - 1));
     TIM6.dier().modify(|w| w.set_uie(true));
     TIM6.cr1().modify(|w| w.set_cen(true));
-    // SAFETY: all that the handler uses is set up.
+    // SAFETY: everything that the handler uses is set up by now.
     unsafe { NVIC::unmask(interrupt::TIM6_DAC) };
 }
 
@@ -109,8 +109,8 @@ mod fault {
     use cortex_m_rt::{ExceptionFrame, exception};
     use stm32_metapac::{FLASH, USART3};
 
-    /// A bus fault ends here, since BusFault itself is off: told over the serial line, with bank 2's status and the
-    /// place of its failed read, then a reset.
+    /// Handles hard faults. A bus fault becomes a hard fault because the BusFault handler is disabled. Sends `!`, the
+    /// status of bank 2 and the address of the bank's failed read over the serial line, then resets the part.
     // SAFETY: does not return.
     #[exception]
     unsafe fn HardFault(_frame: &ExceptionFrame) -> ! {
@@ -124,7 +124,7 @@ mod fault {
 
 fn receive() -> u8 {
     while !USART3.isr().read().rxne() {
-        // The next tick wakes the core, in time for one byte.
+        // The next tick wakes the core early enough to receive every byte.
         cortex_m::asm::wfi();
     }
     USART3.rdr().read().dr() as u8
@@ -195,17 +195,17 @@ fn begin_erase_beside_code() {
     FLASH.bank(0).cr().modify(|w| w.set_start(true));
 }
 
-/// Erases the sector of bank 1 from RAM, and waits there. If `hides`, the MPU lets the processor fetch and read nothing
-/// of the bank meanwhile.
+/// Erases the sector of bank 1 with code in RAM, and waits in RAM for the end. If `hides` is true, the MPU keeps the
+/// processor from fetching or reading anything of the bank meanwhile.
 #[expect(unsafe_code, reason = "the MPU's registers, and a section of RAM")]
 #[unsafe(link_section = ".data.erase_from_ram")]
 #[inline(never)]
 fn erase_from_ram(hides: bool) {
     /// Region 0 at the start of bank 1 (ARM DDI 0403E, B3.5.8).
     const AT_BANK_1: u32 = 0x0800_0000 | 1 << 4;
-    /// A megabyte without access and execution (B3.5.9).
+    /// Attributes of a region of one megabyte that can be neither accessed nor executed (B3.5.9).
     const HIDDEN: u32 = 1 << 28 | 19 << 1 | 1;
-    /// All else as without the MPU (B3.5.6).
+    /// Turns the MPU on and leaves everything outside of the region as it is without the MPU (B3.5.6).
     const ON: u32 = 0b101;
     // SAFETY: nothing else uses the MPU, interrupts are masked, and what runs is in RAM.
     let mpu = unsafe { &*MPU::PTR };

@@ -2,28 +2,31 @@
 
 use rigless::emulator::{Access, AccessKind};
 
-/// Polls in a row after which a loop waits for an event, and the most instructions between two of them.
+/// Number of polls in a row after which a loop waits for an event, and the most instructions between two polls in a
+/// row.
 const POLLS: u32 = 4;
 const POLL_INSTRUCTIONS: u64 = 1024;
-/// DWT_CYCCNT, by which a loop limits its wait (ARM DDI 0403E, C1.8.8).
+/// DWT_CYCCNT, the cycle counter by which a loop limits its wait (ARM DDI 0403E, C1.8.8).
 const CYCLE_COUNT: u64 = 0xE000_1004;
 /// The control of the oscillators, RCC_CR (section 8.7.2).
 const OSCILLATORS: u64 = 0x5802_4400;
-/// Reads in a row after which a loop is long enough to be waited for, so that edges of a tick are seen to the cycle.
+/// Number of reads in a row after which a waiting loop is shortened. Shorter loops run in full, so that they see the
+/// edges of a tick to the cycle.
 const WAITS: u32 = 4096;
-/// Most instructions between two such reads.
+/// Most instructions between two reads of a waiting loop.
 const WAIT_LOOP: u64 = 64;
-/// Instructions that are left out between two such reads then: 1.3 µs at 480 MHz.
+/// Instructions left out between two reads of a loop that is shortened: 1.3 µs at 480 MHz.
 pub(super) const WAIT_INSTRUCTIONS: u32 = 640;
 
 /// Reads in a row by a loop, with nothing else on the bus in between.
 #[derive(Debug, Default)]
 pub(super) struct Polls {
-    /// Reads of a register that only an event changes, by one instruction; those of the cycle counter are left out.
+    /// Number of reads, by one instruction, of a register that only an event changes. Reads of the cycle counter
+    /// neither add to it nor reset it.
     count: u32,
     program_counter: Option<u64>,
     at: u64,
-    /// Reads of the cycle counter and of the oscillators' control.
+    /// Number of reads of the cycle counter and of the oscillators' control.
     waits: u32,
     waited_at: u64,
 }
@@ -54,12 +57,12 @@ impl Polls {
         self.at = access.instruction_count;
     }
 
-    /// True if the core does nothing but poll or wait.
+    /// Returns true if the core does nothing but poll or wait.
     pub(super) fn are_all(&self) -> bool {
         self.count >= POLLS || self.waits >= WAITS
     }
 
-    /// Takes the instructions, of `budget`, for which the core does nothing but poll or wait.
+    /// Returns the number of instructions, at most `budget`, that can be left out because the core only polls or waits.
     pub(super) fn take(&mut self, budget: u32) -> Option<u32> {
         let left_out = match self {
             Self { count: POLLS.., .. } => budget,

@@ -1,8 +1,9 @@
 //! Several processors that take turns as one, so that translated code is kept while the MPU changes.
 //!
 //! The emulator drops its translations at each change of the MPU, and the image changes the MPU before and after each
-//! operation on the bank with the code. So the processor that executes hands its state over before a change, to one
-//! that has little translated, and takes it back after it. Accesses to the bank's registers say when.
+//! operation on the bank with the code. So before a change, the processor that executes hands its state over to a
+//! processor that has translated little, and takes the state back afterwards. Accesses to the bank's registers show
+//! when.
 
 use rigless::emulator::{
     Access, AccessKind, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HostCall,
@@ -21,7 +22,7 @@ pub(super) const MPU_ENABLE: u64 = 1;
 const KEYS: u64 = 0x5200_2004;
 const CONTROL: u64 = 0x5200_200C;
 const LOCK: u64 = 1;
-/// Bits of FLASH_SR1 that say that the bank is not idle: BSY1, WBNE1 and QW1 (section 4.9.5).
+/// Bits of FLASH_SR1 that are set while the bank is not idle: BSY1, WBNE1 and QW1 (section 4.9.5).
 const NOT_IDLE: u64 = 0b111;
 
 /// The processor that executes.
@@ -31,12 +32,13 @@ enum Turn {
     Usual,
     /// From the unlocking of the bank with the code to its locking, while the MPU changes.
     Change,
-    /// Within it, from the first order to the bank until it is seen idle, while the MPU hides the code.
+    /// Within [`Turn::Change`], from the first order to the bank until the image sees the bank idle, while the MPU
+    /// hides the code.
     Hidden,
 }
 
 impl Turn {
-    /// The turn after an access that read or wrote `value`.
+    /// Returns the turn after an access that read or wrote `value`.
     fn after(self, access: &Access, value: u64) -> Self {
         let is_write = access.kind == AccessKind::Write;
         match access.address {
@@ -55,7 +57,7 @@ impl Turn {
     }
 }
 
-/// True for what is asked about memory, and so of each processor.
+/// Returns true for requests about memory, which every processor must receive.
 fn is_of_memory(queued: Queued) -> bool {
     matches!(
         queued,
@@ -63,7 +65,7 @@ fn is_of_memory(queued: Queued) -> bool {
     )
 }
 
-/// A processor per [`Turn`], with one state among them.
+/// One processor per [`Turn`]. Only one of them holds the machine's state at a time.
 #[derive(Debug)]
 pub(super) struct Turns {
     processors: [Box<dyn Processor>; 3],
@@ -71,7 +73,7 @@ pub(super) struct Turns {
 }
 
 impl Turns {
-    /// The processors that `make` makes.
+    /// Creates the processors with `make`.
     pub(super) fn new(make: impl Fn() -> Result<Box<dyn Processor>, Error>) -> Result<Self, Error> {
         Ok(Self {
             processors: [make()?, make()?, make()?],
@@ -79,7 +81,7 @@ impl Turns {
         })
     }
 
-    /// True if the MPU is on.
+    /// Returns true if the MPU is on.
     pub(super) fn is_protected(&mut self) -> bool {
         let now = VirtualNanos(0);
         let control = (self.active_mut()).debugger_access(None, MPU_CTRL, Width::W32, now);
@@ -94,8 +96,8 @@ impl Turns {
         &mut *self.processors[self.turn as usize]
     }
 
-    /// Hands the state over. Nothing is handed over while the MPU is off: ITCM can be written then, and its code may be
-    /// translated in each processor.
+    /// Hands the state over to another processor, unless the MPU is off. While it is off, ITCM can be written, and each
+    /// processor may hold translations of ITCM's code.
     fn hand_over(&mut self, next: Turn) {
         if next == self.turn || !self.is_protected() {
             return;
@@ -116,7 +118,7 @@ impl Turns {
     }
 }
 
-/// The bus, with the turn after each access, and what is asked about memory.
+/// The bus. It follows the turn after each access, and collects the requests about memory.
 struct FollowedBus<'a> {
     bus: &'a mut dyn CoreBus,
     turn: Turn,
@@ -217,8 +219,9 @@ impl Processor for Turns {
     )]
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         for processor in &mut self.processors {
-            // SAFETY: the caller promises this method what the caller of each has to promise, and all are dropped with
-            // this one, so every promise that lasts until the drop lasts long enough. One runs at a time.
+            // SAFETY: the caller gives this method the promises that each processor's method requires. All processors
+            // are dropped together with this one, so every promise that lasts until the drop lasts long enough. Only
+            // one runs at a time.
             unsafe { processor.map(start, length, host, writable) }
         }
     }
@@ -228,7 +231,7 @@ impl Processor for Turns {
     }
 
     fn reset(&mut self) {
-        // What a reset keeps is in the state.
+        // The saved state includes everything that a reset keeps.
         let state = self.active().save();
         for processor in &mut self.processors {
             processor.load(&state).expect("a state of this machine");

@@ -36,7 +36,7 @@ use crate::electrical::OldConverter;
 const TIM6_TRIGGER: u64 = 14;
 /// The sampling times of section 25.4.13 in half cycles: 1.5, 2.5, 8.5, 16.5, 32.5, 64.5, 387.5 and 810.5.
 const SAMPLING_HALF_CYCLES: [u64; 8] = [3, 5, 17, 33, 65, 129, 775, 1621];
-/// The converter's interrupt among those of its instance.
+/// Index of the converter's interrupt among the interrupts of its instance.
 const INTERRUPT: usize = 0;
 const RESULTS: [Register; 4] = [
     Register::Jdr1,
@@ -55,15 +55,16 @@ const OTHER_MODE: &str =
 const OVERSAMPLING: &str = "RM0433 25.4.31: JOVSE is not modelled, so a word is one conversion's";
 const OFFSETS: &str = "RM0433 25.4.27: OFRy is not modelled, so a word is not reduced";
 
-/// Inputs of ADC1 on pins that the board's Ethernet transceiver is on: PC1 (MDC), PA1 (REF_CLK), PA2 (MDIO), PA7
-/// (CRS_DV), PC4 and PC5 (RXD0, RXD1). UM2407 gives these pins to the transceiver, with its solder bridges closed.
+/// Inputs of ADC1 whose pins the board's Ethernet transceiver uses: PC1 (MDC), PA1 (REF_CLK), PA2 (MDIO), PA7 (CRS_DV),
+/// PC4 and PC5 (RXD0, RXD1). UM2407 assigns these pins to the transceiver, with its solder bridges closed.
 ///
-/// No sensor on such a pin is heard. The model has the line at its low level; the real one moves besides.
+/// A sensor on one of these pins cannot be read. The model keeps the line at its low level; on the real board the line
+/// also changes.
 const OF_TRANSCEIVER: [u64; 6] = [11, 17, 14, 7, 4, 8];
 
 /// Signals on the pins of the converter.
 pub trait Pins: Send + Debug {
-    /// The code of `channel` at `at_ns` of virtual time: 16 bits, a fraction of the reference voltage.
+    /// The 16-bit code of `channel` at `at_ns` of virtual time. Full scale is the reference voltage.
     fn code(&mut self, channel: u8, at_ns: u64) -> u16;
 
     /// Called with each new `output` of the digital-to-analogue converter, and whether the amplifier is enabled.
@@ -77,16 +78,16 @@ pub struct Sample {
     pub at_ns: u64,
     /// The channel.
     pub channel: u8,
-    /// Place of the sample in the sequence, 0 to 3.
+    /// Index of the sample in the sequence, 0 to 3.
     pub rank: u8,
-    /// The word that went to the data register.
+    /// The word that was written to the data register.
     pub word: u16,
 }
 
 /// A sequence under way.
 #[derive(Debug)]
 struct Sequence {
-    /// Beginning of the conversion under way, in half cycles after `began`.
+    /// Start of the present conversion, in half cycles after `began`.
     half_cycles: u64,
     began: VirtualNanos,
     rank: usize,
@@ -98,7 +99,7 @@ struct Sequence {
 pub struct Injected {
     pins: Box<dyn Pins>,
     hz: u64,
-    /// `JADSTART`.
+    /// True while `JADSTART` is set.
     started: bool,
     sequence: Option<Sequence>,
     flags: u64,
@@ -110,7 +111,7 @@ pub struct Injected {
 }
 
 impl Injected {
-    /// The sequence with `pins` to convert.
+    /// Creates the sequence, which converts `pins`.
     pub fn new(pins: Box<dyn Pins>) -> Self {
         Self {
             pins,
@@ -126,7 +127,7 @@ impl Injected {
         }
     }
 
-    /// Tells the pins of a new output.
+    /// Reports a new output to the pins.
     pub fn follow(&mut self, output: Option<Output>, enabled: bool) {
         if let Some(output) = output.filter(|_| output != self.followed) {
             self.pins.follow(output, enabled);
@@ -134,7 +135,7 @@ impl Injected {
         }
     }
 
-    /// Makes the converter one of `silicon`, before its clock runs.
+    /// Gives the converter the differences of `silicon`. To be called before its clock runs.
     pub fn set_silicon(&mut self, silicon: OldConverter) {
         self.silicon = silicon;
     }
@@ -144,7 +145,7 @@ impl Injected {
         self.pins = pins;
     }
 
-    /// Number of triggers without effect, because a sequence was under way.
+    /// Number of triggers that were lost because a sequence was under way.
     pub fn lost_triggers(&self) -> u64 {
         self.lost_triggers
     }
@@ -154,7 +155,7 @@ impl Injected {
         self.samples.get_or_insert_default();
     }
 
-    /// Returns the samples kept so far, and forgets them.
+    /// Returns the samples kept so far, and clears them.
     pub fn take_samples(&mut self) -> Vec<Sample> {
         self.samples
             .as_mut()
@@ -273,7 +274,7 @@ impl Injected {
         }
     }
 
-    /// Asserts the interrupt if either part of the model does.
+    /// Asserts the interrupt if this wrapper or the emulator's model does.
     fn refresh_interrupt(&mut self, Call { registers, context }: &mut Call<'_, '_>) {
         let enabled = registers.get(Register::Ier);
         let wanted = self.flags & enabled & (ier::JEOCIE.mask() | ier::JEOSIE.mask()) != 0;
@@ -288,7 +289,7 @@ impl Injected {
 impl Around<Adc> for Injected {
     fn before_write(&mut self, register: Register, value: u64, registers: &mut RegisterFile) {
         match register {
-            // The emulator's model knows neither command, and treats a command that stays set as an error.
+            // The emulator's model knows neither of the two commands, and treats a command that stays set as an error.
             Register::Cr => {
                 let others =
                     registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());

@@ -1,4 +1,4 @@
-//! A model of the emulator, wrapped in one of the board's.
+//! A model of the emulator, wrapped in one of this board's models.
 
 use std::fmt::Debug;
 
@@ -6,9 +6,9 @@ use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::Width;
 use rigless::time::{EventId, VirtualNanos};
 
-/// Registers and machine during a call of a model.
+/// What a model's call can use: its registers, and the machine.
 pub struct Call<'a, 'c> {
-    /// The registers of its instance.
+    /// The registers of the model's instance.
     pub registers: &'a mut RegisterFile,
     /// The rest of the machine.
     pub context: &'a mut DeviceContext<'c>,
@@ -20,7 +20,8 @@ pub trait Around<D: Device>: Debug + Send {
     fn before_write(&mut self, _register: D::Register, _value: u64, _registers: &mut RegisterFile) {
     }
 
-    /// Called after the model for a read, with the model's answer. Returns another one, if the core is to have it.
+    /// Called after the model for a read, with the value that the model returned. Returns another value if the core is
+    /// to receive that instead.
     fn answer(&mut self, _: D::Register, _value: u64, _registers: &RegisterFile) -> Option<u64> {
         None
     }
@@ -32,7 +33,7 @@ pub trait Around<D: Device>: Debug + Send {
     fn before_store(&mut self, _address: u64, _: Width, _value: u64, _registers: &RegisterFile) {}
 
     /// Called before the model for an event that the wrapper or the model has scheduled. There is one event per
-    /// instance and instant, so that both may have scheduled this one.
+    /// instance and instant, so both may have scheduled this event.
     fn event(&mut self, _inner: &mut D, _event: EventId, _call: &mut Call<'_, '_>) {}
 
     /// Called for a change of a request of any instance, before the model.
@@ -43,14 +44,15 @@ pub trait Around<D: Device>: Debug + Send {
         hz
     }
 
-    /// Called after any call but a peek, a reset, and a change of a request: there are hundreds per code at the output.
+    /// Called after any call except a peek, a reset, and a change of a request. Changes of requests are left out
+    /// because there are hundreds of them per code at the output.
     fn after(&mut self, _inner: &mut D, _call: &mut Call<'_, '_>) {}
 
     /// Called after a reset of the part, after which no scheduled event comes.
     fn reset(&mut self) {}
 }
 
-/// `D` wrapped in `A`: one model of `D`'s layout.
+/// `D` wrapped in `A`, as one model with the registers of `D`.
 #[derive(Debug)]
 pub struct Extended<D, A> {
     /// The emulator's model.

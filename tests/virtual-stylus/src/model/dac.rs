@@ -8,14 +8,14 @@
 //! | `TENx` clear: a holding register goes to `DORx` as it is written, and as the channel is enabled | 26.4.6 |
 //! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6) | 26.4.7, table 217 |
 //! | `DMAENx`: a trigger raises the channel's request; its acknowledge lowers it | 26.4.8 |
-//! | A trigger before the acknowledge sets `DMAUDRx`: no request until a written one clears it | 26.4.8, 26.7.14 |
+//! | A trigger before the acknowledge sets `DMAUDRx`: no request until a one is written to clear it | 26.4.8, 26.7.14 |
 //! | `DORx`, read only | 26.7.12, 26.7.13 |
 //! | `MCR`: a mode without the pin drives no pin; `CCR` and the sample-and-hold registers keep their bits | 26.7.16 |
-//! | The registers are accessed by words; the report tells another access | 26.7 |
+//! | The registers are accessed by words; any other access is in the run's report | 26.7 |
 //! | A reset clears all of it, and nothing drives the pin | 8.4.4 |
 //!
-//! The emulator's description does not pass the acknowledges of the request multiplexer to this instance. The wrapper
-//! of TIM7, to which it does, hears them for it (`trigger.rs`).
+//! The emulator's description does not pass the acknowledges of the request multiplexer to this instance, but it does
+//! to TIM7. So the wrapper of TIM7 receives them and passes them on (`trigger.rs`).
 //!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
 //! 100 MHz), settling and the buffer, the other triggers and holding registers, waves (`WAVEx`), calibration (`CENx`),
@@ -47,27 +47,27 @@ const LEFT_OUT: &str = "RM0433 26.7: of the registers of codes, DHR12Rx alone ar
 const INTERRUPT: &str = "RM0433 26.6: DMAUDRIEx is not modelled, so an underrun is no interrupt";
 const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is calibrated";
 
-/// Cause of a change or of a new latch of the output.
+/// Cause of a change of the output, or of a code that was latched again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// The timer's trigger.
+    /// The trigger of a timer.
     Trigger,
-    /// A holding register written with the trigger off.
+    /// A holding register was written while the trigger was off.
     Write,
-    /// The channel enabled, or connected to its pin.
+    /// The channel was enabled, or connected to its pin.
     Enabled,
-    /// The channel disabled, or disconnected.
+    /// The channel was disabled, or disconnected from its pin.
     Disabled,
-    /// The part reset.
+    /// The part was reset.
     Reset,
 }
 
-/// Output of channel 1 from an instant on.
+/// Output of channel 1 from one instant on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Output {
     /// The instant, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// The code of 12 bits, or `None` when the pin is not driven.
+    /// The code of 12 bits, or `None` if the pin is not driven.
     pub code: Option<u16>,
     /// The cause.
     pub cause: Cause,
@@ -80,7 +80,7 @@ pub struct Dac {
     mode: u64,
     holding: [u16; CHANNELS],
     output: [u16; CHANNELS],
-    /// The request of each channel, until its acknowledge.
+    /// True for each channel whose request waits for its acknowledge.
     requested: [bool; CHANNELS],
     /// `DMAUDRx`.
     underruns: u64,
@@ -95,7 +95,7 @@ impl Dac {
         &self.record
     }
 
-    /// Returns the outputs of channel 1 recorded so far, and forgets them.
+    /// Returns the outputs of channel 1 recorded so far, and clears them.
     pub fn take_record(&mut self) -> Vec<Output> {
         std::mem::take(&mut self.record)
     }
@@ -105,12 +105,12 @@ impl Dac {
         self.latest
     }
 
-    /// The present output of channel 1.
+    /// The code that channel 1 now drives, or `None` if its pin is not driven.
     pub fn pin(&self) -> Option<u16> {
         self.driven.then_some(self.output[0])
     }
 
-    /// Handles the trigger with this `selection`, of a timer.
+    /// Handles a timer's trigger, which `TSELx` selects by `selection`.
     pub fn trigger(
         &mut self,
         selection: u64,
@@ -155,12 +155,13 @@ impl Dac {
         self.control >> (16 * channel + 2) & 0xF
     }
 
-    /// Modes 3 and 7 keep the channel from its pin; 6 and 7 are sample and hold, where 6 drives it (26.7.16).
+    /// Returns true if channel 1 drives its pin. Modes 3 and 7 keep the channel from its pin. Modes 6 and 7 are sample
+    /// and hold, and mode 6 drives the pin (26.7.16).
     fn reaches_pin(&self) -> bool {
         self.has(0, ENABLE) && !matches!(self.mode & 0b111, 0b011 | 0b111)
     }
 
-    /// True if the trigger with this `selection` moves the channel's code.
+    /// Returns true if the trigger with this `selection` loads the channel's code.
     fn hears(&self, channel: usize, selection: u64) -> bool {
         self.has(channel, ENABLE) && self.triggered(channel) && self.selection(channel) == selection
     }
@@ -207,7 +208,7 @@ impl Dac {
         self.record.push(output);
     }
 
-    /// A holding register written.
+    /// Handles a write of a holding register.
     fn hold(&mut self, at: VirtualNanos, channel: usize, code: u64, registers: &mut RegisterFile) {
         self.holding[channel] = (code & CODE) as u16;
         let register = [Register::Dhr12r1, Register::Dhr12r2][channel];
@@ -263,7 +264,7 @@ impl Device for Dac {
         registers: &mut RegisterFile,
         _context: &mut DeviceContext<'_>,
     ) -> Option<u64> {
-        // The vendor's file gives `TSELx` three bits where the part has four.
+        // The vendor's description gives `TSELx` three bits, but on the part it has four.
         Some(match register {
             Register::Cr => self.control,
             Register::Sr => self.underruns,

@@ -1,12 +1,12 @@
-//! The two tracks of the quadrature encoder on TIM3's channels 1 and 2 (sections 39.3.19 and 39.4.3): each edge is
+//! The two tracks of the quadrature encoder on TIM3's channels 1 and 2 (sections 39.3.19 and 39.4.3). Each edge is
 //! driven at its own instant, and the emulator's timer counts it.
 //!
-//! The timer's input filters (`TIMx_CCMR1`, `IC1F` and `IC2F`) are the emulator's. Interference reaches both tracks one
-//! after the other, as it does on two wires of a cable: in encoder mode 3 such a pair of pulses counts four, where a
-//! pulse on one track alone would count one up and one down.
+//! The timer's input filters (`TIMx_CCMR1`, `IC1F` and `IC2F`) are the emulator's. Interference reaches first one track
+//! and then the other, as on two wires of a cable. In encoder mode 3 this pair of pulses adds four counts, where a
+//! pulse on only one track would count one up and one down.
 //!
-//! The first track leads when the tool moves forward, so encoder mode 3 without inversion counts up. The tracks are at
-//! the timer's inputs; their pins, and the setting of these pins to TIM3, are not modelled.
+//! The first track leads when the tool moves forward, so encoder mode 3 without inversion counts up. The tracks are
+//! connected to the timer's inputs; their pins, and the assignment of these pins to TIM3, are not modelled.
 
 use std::collections::VecDeque;
 
@@ -31,14 +31,14 @@ const CHANNEL_2: Channel = Channel::new(2).expect("the timer has four");
 #[derive(Debug)]
 pub struct Quadrature {
     motion: Motion,
-    /// Offset that is added to the motion's position, so that the encoder's count goes on where it was.
+    /// Offset added to the motion's position, so that the encoder's count continues from its present value.
     offset: f64,
     count: i64,
     next: Option<(Edge, EventId)>,
-    /// Instants at which interference turns a track, in order, with the number of the track.
+    /// Instants at which interference toggles a track, in order, each with the index of the track.
     disturbances: VecDeque<(u64, usize)>,
     next_disturbance: Option<EventId>,
-    /// True for each track that interference holds at the other level.
+    /// True for each track whose level interference now inverts.
     disturbed: [bool; 2],
     settled: bool,
 }
@@ -67,8 +67,8 @@ impl Quadrature {
         self.settled = false;
     }
 
-    /// Adds interference: at each of `instants`, which rise, a pulse of `width_ns` on the first track, and half a pulse
-    /// later one on the second. The pulses do not overlap the next instant's.
+    /// Adds interference: at each of the rising `instants`, a pulse of `width_ns` on the first track, and half a pulse
+    /// later a pulse on the second track. The pulses must end before the next instant.
     pub fn disturb(&mut self, instants: impl IntoIterator<Item = u64>, width_ns: u64) {
         for at in instants {
             let half = width_ns / 2;
@@ -82,7 +82,7 @@ impl Quadrature {
         self.settled = false;
     }
 
-    /// Number of edges since the run began, up less down.
+    /// Number of edges since the run began: edges up minus edges down.
     pub fn count(&self) -> i64 {
         self.count
     }

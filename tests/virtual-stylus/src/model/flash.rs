@@ -1,5 +1,5 @@
-//! The flash as a memory that outlives a run: its operations counted, the power cut at one of them, and words whose
-//! error correction no longer fits (chapter 4). The programming and erasing itself is the emulator's model.
+//! The flash as a memory that outlives a run: it counts operations, cuts the power at one of them, and knows the words
+//! whose error correction no longer fits (chapter 4). The emulator's model does the programming and erasing itself.
 //!
 //! | What | Section |
 //! |---|---|
@@ -7,17 +7,17 @@
 //! | An operation is counted when it starts | |
 //! | A word that was not erased and is programmed over gets an error correction that does not fit | 4.3.9, 4.3.12 |
 //! | So does a word torn by a power cut. Reading it is a bus error, `DBECCERRx` and `ECC_FAxR` | 4.3.12, 4.7.8, 4.9.5 |
-//! | So does a word that was programmed with ones: the manual does not say that it may be programmed again | 4.3.9 |
+//! | So does a word of ones that is programmed again: the manual does not say that it may be | 4.3.9 |
 //! | An erase mends the words of its sector | 4.3.10 |
 //!
-//! A torn word always faults here. On the part it may also read as a word with one corrected error, or by chance as a
-//! whole one. An erase that was cut leaves each word as it was, erased, or torn, at random from a seed.
+//! A torn word always faults here. On the part it may also read as a word with one corrected error, or by chance as an
+//! intact word. An erase that was interrupted leaves each word as it was, erased, or torn, at random from a seed.
 //!
-//! | A read or fetch from a bank that is busy waits until it is idle; the other bank goes on | 4.3.7, 4.3.11 |
+//! | A read or fetch from a bank that is busy waits until it is idle; the other bank continues | 4.3.7, 4.3.11 |
 //!
-//! The core makes the wait (`src/core.rs`), because [`Busy`] tells it which bank is busy. There are no caches here, so
-//! every fetch from a busy bank waits, where the part's instruction cache may hide one. And a core that may fetch from
-//! the busy bank with the code does so ahead, from wherever it runs.
+//! The model of the core (`src/core.rs`) implements the wait, because [`Busy`] shows it which bank is busy. There are
+//! no caches here, so every fetch from a busy bank waits, where the part's instruction cache may avoid some. A core
+//! that may fetch from the busy bank with the code also fetches ahead from there, from wherever it runs.
 //!
 //! Left out: the stall of a write to a bank whose queue is full, corrected single errors (`SNECCERRx`), fetches of
 //! instructions from torn words, and mass erase by `OPTCR`.
@@ -40,18 +40,18 @@ use crate::error::{Error, Result};
 
 /// Address of the flash (table 7).
 pub const BASE: u32 = 0x0800_0000;
-/// Both banks, in bytes.
+/// Length of both banks, bytes.
 pub const BYTES: usize = 2 << 20;
-/// A word of the flash, in bytes: the unit of programming and of error correction.
+/// Length of a flash word, bytes. It is the unit of programming and of error correction.
 pub const WORD_BYTES: u32 = 32;
-/// A sector, in bytes: the unit of erasing.
+/// Length of a sector, bytes. It is the unit of erasing.
 pub const SECTOR_BYTES: u32 = 128 << 10;
-/// Bytes that probe-rs programs at once, the `page_size` in its description of the part.
+/// Bytes that probe-rs programs at once: the `page_size` in its description of the part.
 const PAGE_BYTES: u32 = 0x400;
 const BANK_BYTES: u32 = 1 << 20;
 const ERASED: u8 = 0xFF;
 
-/// An operation.
+/// What an operation does.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A word of 32 bytes is programmed.
@@ -61,7 +61,7 @@ pub enum Kind {
         /// The new content.
         word: [u8; WORD_BYTES as usize],
     },
-    /// The bytes from the first address to before the second one are erased.
+    /// The bytes of this range of addresses are erased.
     Erase(Range<u32>),
 }
 
@@ -76,24 +76,24 @@ pub struct Operation {
     pub kind: Kind,
 }
 
-/// Progress of an operation at the power cut.
+/// How far an operation has come at the power cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
     /// The cells are as they were.
     Before,
-    /// The operation is in progress; the outcome is random from this seed.
+    /// The operation is in progress; its outcome is random.
     During {
         /// Seed of the outcome; any number.
         seed: u64,
     },
-    /// The cells have their new content, and the image does not know it yet.
+    /// The cells have their new content, but the image does not know yet.
     After,
 }
 
 /// Content of the flash.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Contents {
-    /// Both banks.
+    /// Bytes of both banks.
     pub bytes: Vec<u8>,
     /// Addresses of unreadable words.
     pub unreadable: BTreeSet<u32>,
@@ -111,14 +111,14 @@ impl Default for Contents {
     }
 }
 
-/// Mark of a word that was programmed with ones, in the lowest bit of its address in a file.
+/// Flag for a word that was programmed with ones. In a file it is the lowest bit of the word's address.
 const FILLED: u32 = 1;
 
 /// A word of ones.
 pub const ONES: [u8; WORD_BYTES as usize] = [ERASED; WORD_BYTES as usize];
 
 impl Contents {
-    /// Reads a file of [`Contents::write`].
+    /// Reads a file that [`Contents::write`] has written.
     ///
     /// # Errors
     /// There is no such file, or it has another length.
@@ -127,7 +127,7 @@ impl Contents {
             path: path.to_owned(),
             reason,
         };
-        // Every word may have both marks, of four bytes each.
+        // A file is longest if every word has both flags, which take four bytes each.
         let most = BYTES + BYTES / WORD_BYTES as usize * 8;
         let mut bytes = Vec::new();
         let file = std::fs::File::open(path).map_err(|error| told(error.to_string()))?;
@@ -163,7 +163,7 @@ impl Contents {
         self.bytes.iter().copied().chain(marks).collect()
     }
 
-    /// Writes the content to a file.
+    /// Writes the content to the file at `path`.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -174,7 +174,7 @@ impl Contents {
         })
     }
 
-    /// Puts `bytes` at `address`, whatever was there.
+    /// Puts `bytes` at `address`, whatever the flash held there.
     ///
     /// # Errors
     /// The bytes do not lie in the flash.
@@ -185,8 +185,8 @@ impl Contents {
         Ok(())
     }
 
-    /// Flashes `segments`, each with its address, as probe-rs does: erases every sector in which one lies, then
-    /// programs every page in which one lies, filled up with ones.
+    /// Flashes `segments`, each with its address, like probe-rs. It erases every sector that a segment touches. Then it
+    /// programs every page that a segment touches, with ones in the page's remaining bytes.
     ///
     /// # Errors
     /// A segment does not lie in the flash.
@@ -278,7 +278,7 @@ impl Contents {
     }
 }
 
-/// The addresses of `bytes` at `address`, or why they do not lie in the flash.
+/// Returns the addresses of `bytes` placed at `address`, or the reason why they do not lie in the flash.
 fn in_flash(address: u64, bytes: &[u8]) -> std::result::Result<Range<u32>, String> {
     let flash = u64::from(BASE)..=u64::from(BASE) + BYTES as u64;
     let end = address.saturating_add(bytes.len() as u64);
@@ -299,7 +299,7 @@ const fn word_of(address: u32) -> u32 {
     address & !(WORD_BYTES - 1)
 }
 
-/// The unreadable words, and those that were programmed with ones, shared by the flash's registers and the core.
+/// The unreadable words, and the words that were programmed with ones. The flash's registers and the core share them.
 #[derive(Clone, Debug, Default)]
 pub struct Unreadable(Arc<Mutex<Marks>>);
 
@@ -318,7 +318,7 @@ impl Unreadable {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Replaces all unreadable words by `words`, and those that were programmed with ones by `filled`.
+    /// Replaces all unreadable words by `words`, and all words programmed with ones by `filled`.
     pub fn replace(&self, words: BTreeSet<u32>, filled: BTreeSet<u32>) {
         let mut marks = self.marks();
         marks.words = words;
@@ -336,7 +336,7 @@ impl Unreadable {
         self.marks().words.clone()
     }
 
-    /// Number of changes of the unreadable words. A caller that compares it with an earlier one learns of a change.
+    /// Number of changes of the unreadable words. A caller compares it with an earlier number to notice a change.
     pub fn changes(&self) -> u64 {
         self.marks().changes
     }
@@ -346,8 +346,8 @@ impl Unreadable {
         self.marks().failures
     }
 
-    /// Notes that `word` is programmed at `address`; `is_erased` is true if the word there was erased before. A word
-    /// that may not be programmed any more becomes unreadable.
+    /// Notes that `word` is programmed at `address`, where `is_erased` is true if the cells were erased before. A word
+    /// that may not be programmed again becomes unreadable.
     pub fn program(&self, address: u32, word: &[u8], is_erased: bool) {
         let mut marks = self.marks();
         if !is_erased || marks.filled.contains(&address) {
@@ -357,7 +357,7 @@ impl Unreadable {
         }
     }
 
-    /// Accesses `bytes` at `address`; true if the access fails.
+    /// Handles an access to a number of `bytes` at `address`, and returns true if the access fails.
     pub fn fails(&self, address: u32, bytes: u32) -> bool {
         let mut marks = self.marks();
         let last = word_of(address.saturating_add(bytes - 1));
@@ -382,26 +382,26 @@ impl Unreadable {
     }
 }
 
-/// The bank around `address`, if it is in the flash.
+/// Returns the bank that contains `address`, if it is in the flash.
 pub fn bank_of(address: u64) -> Option<usize> {
     let offset = address.checked_sub(u64::from(BASE))?;
     let bank = usize::try_from(offset / u64::from(BANK_BYTES)).ok()?;
     (bank < 2).then_some(bank)
 }
 
-/// Accesses that waited for a busy bank.
+/// Numbers of accesses that waited for a busy bank.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stalls {
     /// Fetches of instructions.
     pub fetches: u64,
-    /// Fetches ahead, by code outside of the bank.
+    /// Fetches ahead from the bank, by code outside of it.
     pub ahead: u64,
     /// Loads.
     pub reads: u64,
 }
 
-/// The banks that are programmed or erased now, shared by the flash's registers and the core, and the accesses that
-/// waited for them.
+/// The banks that are being programmed or erased, and the accesses that waited for them. The flash's registers and the
+/// core share them.
 #[derive(Clone, Debug, Default)]
 pub struct Busy(Arc<BusyState>);
 
@@ -497,7 +497,7 @@ impl Buffer {
     }
 }
 
-/// An operation that a write asked for, until the model accepts or refuses it.
+/// An operation that a write requested, until the model accepts or refuses it.
 #[derive(Debug)]
 enum Asked {
     Store { bank: usize },
@@ -510,7 +510,7 @@ enum Asked {
 pub struct Journal {
     /// The unreadable words.
     pub unreadable: Unreadable,
-    /// True if the flash begins no erasure that is ordered; `RDSERRx` shows the refusal.
+    /// True if the flash begins no erasure; `RDSERRx` shows the refusal.
     pub refuses_erasures: bool,
     busy: Busy,
     buffers: [Buffer; 2],
@@ -524,8 +524,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// An empty journal, with the words that are unreadable from the start and `brown_out_level` in the option bytes.
-    /// The journal tells `busy` which banks are busy.
+    /// An empty journal. `unreadable` are the words that are unreadable from the start, and `brown_out_level` is in the
+    /// option bytes. The journal keeps `busy` up to date.
     pub fn new(unreadable: Unreadable, busy: Busy, brown_out_level: u8) -> Self {
         Self {
             unreadable,
@@ -545,7 +545,7 @@ impl Journal {
         self.started
     }
 
-    /// Returns the oldest operation that has started and that no call has returned yet.
+    /// Returns the oldest started operation that no earlier call has returned.
     pub fn take_started(&mut self) -> Option<Operation> {
         self.unseen.pop_front()
     }
@@ -656,7 +656,7 @@ impl Around<Flash> for Journal {
         if matches!(register, Register::OptsrCur | Register::OptsrCur_) {
             return Some(optsr_cur::BOR_LEV.set(value, u64::from(self.brown_out_level)));
         }
-        // The register file shows a failed read from the next call on; this call is answered here.
+        // The register file shows a failed read only from the next call on, so the read of this call is answered here.
         let failed = self.unreadable.marks();
         let bank = match register {
             Register::Sr1 => 0,
@@ -688,8 +688,8 @@ impl Around<Flash> for Journal {
     fn reset(&mut self) {
         self.buffers = Default::default();
         self.asked = None;
-        // A reset during an operation ends it somewhere in the middle; the emulator's model leaves the cells as they
-        // were.
+        // A reset during an operation ends it somewhere in the middle. The emulator's model then leaves the cells as
+        // they were.
         self.running = Default::default();
         for bank in 0..2 {
             self.busy.set(bank, false);

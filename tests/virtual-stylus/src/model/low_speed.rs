@@ -11,17 +11,17 @@ use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 
 use super::around::{Around, Call};
 
-/// Selection of LSI.
+/// Value of `TISEL` that selects LSI.
 const SELECTION: u8 = 1;
 const CHANNEL_1: Channel = Channel::new(1).expect("the timer has four");
 /// DS12110 table 136: the typical rate.
 const TYPICAL_HZ: u64 = 32_000;
 
-/// The oscillator, as the timer sees it.
+/// The oscillator at the timer's input.
 #[derive(Debug)]
 pub struct LowSpeedInput {
     hz: Option<u64>,
-    /// Beginning of the edges, number of the next one, and its event.
+    /// Instant from which the edges are counted, number of the next edge, and the next edge's event.
     next: Option<(u64, u64, EventId)>,
 }
 
@@ -35,7 +35,7 @@ impl Default for LowSpeedInput {
 }
 
 impl LowSpeedInput {
-    /// Sets the oscillator's rate; none stops it.
+    /// Sets the oscillator's rate, Hz; `None` stops the oscillator.
     pub fn set_hz(&mut self, hz: Option<u64>) {
         self.hz = hz;
     }

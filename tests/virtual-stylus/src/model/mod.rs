@@ -1,6 +1,6 @@
-//! Models of the board's own, beside or around the emulator's models of the part.
+//! The board's own models, which replace or wrap the emulator's models of the part.
 //!
-//! Every section number is RM0433's (Rev 8, and Rev 9 where the emulator's own models cite it; the sections named here
+//! Every section number is RM0433's (Rev 8, or Rev 9 where the emulator's own models cite it; the sections named here
 //! are the same in both).
 
 pub mod adc;

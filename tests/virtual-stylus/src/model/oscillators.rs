@@ -1,4 +1,4 @@
-//! Oscillators that do not come and PLLs that do not lock, which the emulator's clock controller lacks (chapter 8).
+//! Oscillators that do not start and PLLs that do not lock, which the emulator's clock controller lacks (chapter 8).
 //!
 //! | What | Section |
 //! |---|---|
@@ -7,11 +7,11 @@
 //! | and a VCO within 192 to 960 MHz (wide) or 150 to 420 MHz (medium, reference of 1 to 2 MHz) | 8.5.5, 8.7.13 |
 //! | A failure of HSE under the clock security system is a non-maskable interrupt | 8.5.3 |
 //!
-//! A source that does not come is withheld from the emulator's model: its enable is shown as written and is clear for
-//! the model, so nothing runs on it. On the part a PLL outside its range may lock, or lock now and then; here it never
-//! does.
+//! A source that does not start is withheld from the emulator's model: the image reads its enable bit as written, but
+//! the model sees the bit clear, so nothing runs on the source. On the part, a PLL outside its range may lock always or
+//! at times; here it never does.
 //!
-//! Left out: a failing HSE without the clock security system, under which the part's PLL runs away.
+//! Left out: a failing HSE without the clock security system, where the part's PLL runs away.
 
 use rigless::device::RegisterFile;
 use rigless::soc::FieldSpec;
@@ -22,12 +22,12 @@ use rigless::soc::stm32h743::peripherals::rcc::Rcc;
 
 use super::around::{Around, Call};
 
-/// Reference of the medium range, Hz: from the first to the second.
+/// Lowest and highest reference of the medium range, Hz.
 const MEDIUM_REFERENCE_HZ: [u64; 2] = [1_000_000, 2_000_000];
-/// VCO of the wide range and of the medium one, Hz.
+/// Lowest and highest VCO frequency of the wide range and of the medium range, Hz.
 const WIDE_VCO_HZ: [u64; 2] = [192_000_000, 960_000_000];
 const MEDIUM_VCO_HZ: [u64; 2] = [150_000_000, 420_000_000];
-/// References that the codes of `PLLxRGE` name, Hz.
+/// Ranges of the reference that the codes of `PLLxRGE` select, Hz.
 const REFERENCES_HZ: [[u64; 2]; 4] = [
     [1_000_000, 2_000_000],
     [2_000_000, 4_000_000],
@@ -36,22 +36,22 @@ const REFERENCES_HZ: [[u64; 2]; 4] = [
 ];
 const HSI_HZ: u64 = 64_000_000;
 const CSI_HZ: u64 = 4_000_000;
-/// `PLLSRC` of HSE.
+/// Code of `PLLSRC` that selects HSE.
 const SOURCE_HSE: u64 = 2;
 
 /// Clocks of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clocks {
-    /// Clock at HSE's pin, Hz; none if there is none.
+    /// Rate of the clock at HSE's pin, Hz, or `None` if there is no clock.
     pub external_hz: Option<u64>,
     /// PLLs that never lock on the external clock, PLL1 first.
     pub unlocked_external: [bool; 3],
     /// PLLs that never lock on an internal clock.
     pub unlocked_internal: [bool; 3],
-    /// Deviation of HSI from 64 MHz, parts per million, as far as USB notices it.
+    /// Deviation of HSI from 64 MHz, parts per million. Only USB is affected by it here.
     pub hsi_ppm: i64,
-    /// Deviation of HSI48 from 48 MHz while it is not trimmed, parts per million. The part's may be 40 000 over its
-    /// range of temperatures (DS12110, HSI48 oscillator characteristics).
+    /// Deviation of HSI48 from 48 MHz while it is not trimmed, parts per million. On the part it may reach 40 000 over
+    /// the range of temperatures (DS12110, HSI48 oscillator characteristics).
     pub hsi48_ppm: i64,
 }
 
@@ -108,13 +108,13 @@ const PLLS: [Fields; 3] = [
 pub struct Oscillators {
     /// Clocks of the run.
     pub clocks: Clocks,
-    /// Enables of `CR` that are set for the image and clear for the model.
+    /// Enable bits of `CR` that the image reads as set and the model sees as clear.
     withheld: u64,
     changed: bool,
 }
 
 impl Oscillators {
-    /// A wrapper with these clocks.
+    /// Creates a wrapper with these clocks.
     pub fn new(clocks: Clocks) -> Self {
         Self {
             clocks,

@@ -1,7 +1,7 @@
-//! Level of a pin of a port, as the board sees it (chapter 11), around the emulator's model of the port.
+//! Level that the part drives at a pin of a port (chapter 11), around the emulator's model of the port.
 //!
-//! A pin floats until the image makes it an output: in every reset all pins of the ports C to K are analogue (section
-//! 11.4.1). What the board holds the pin at meanwhile is not the part's.
+//! A pin floats until the image makes it an output: after every reset all pins of the ports C to K are analogue
+//! (section 11.4.1). The level at which the board holds a floating pin is not modelled.
 
 use rigless::device::RegisterFile;
 use rigless::soc::stm32h743::generated::gpioa::Register;
@@ -10,7 +10,7 @@ use rigless::time::VirtualNanos;
 
 use super::around::{Around, Call};
 
-/// The part's own effect on a pin.
+/// What the part does to a pin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drive {
     /// The part drives nothing: the pin is an input, analogue, an alternate function, or an open drain that is off.
@@ -22,7 +22,7 @@ pub enum Drive {
     High,
 }
 
-/// The drive of a pin from an instant on.
+/// The drive of a pin from one instant on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Driven {
     /// The instant, in nanoseconds of virtual time.
@@ -40,7 +40,7 @@ pub struct PinRecord {
 }
 
 impl PinRecord {
-    /// The record of the pin with this number in its port, which floats.
+    /// Creates the record of the pin with this number in its port. The pin floats at first.
     pub fn new(pin: u32) -> Self {
         Self {
             pin,
@@ -72,7 +72,7 @@ impl PinRecord {
     }
 
     fn of_registers(&self, registers: &RegisterFile) -> Drive {
-        /// `MODER` of a general purpose output.
+        /// Code of `MODER` for a general-purpose output.
         const OUTPUT: u64 = 0b01;
         let bit = |register| registers.get(register) >> self.pin & 1 != 0;
         let mode = registers.get(Register::Moder) >> (2 * self.pin) & 0b11;

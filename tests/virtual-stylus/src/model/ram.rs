@@ -1,11 +1,13 @@
-//! RAM that may not be written yet, and its error-correcting codes, which do not fit its noise after power-on.
+//! RAM that may not be written yet after a reset, and the RAM's error-correcting codes, which do not fit the noise that
+//! it holds after power-on.
 //!
 //! Until `ACTVOSRDY` of `PWR_CSR1` is set after a reset, RAM may not be written (RM0433 section 6.4.1). Here a store of
-//! the core changes nothing until it has read that bit as set. The emulator's model of PWR sets it some time after the
-//! first write of `PWR_CR3` since power-on.
+//! the core changes nothing until the core has read that bit as set. The emulator's model of PWR sets the bit some time
+//! after the first write of `PWR_CR3` since power-on.
 //!
 //! A code covers 64 bits in ITCM and AXI SRAM, and 32 bits elsewhere. A read of bits that were never written is an
-//! error, which RAMECC notes, and so is a store to a part of them, because it reads the rest (RM0433 chapter 3).
+//! error, which RAMECC notes. A store to only some of a code's bits is an error too, because it reads the others
+//! (RM0433 chapter 3).
 //!
 //! Left out: errors that noise happens to hide, fetches of instructions, reads ahead, fills of cache lines, DMA.
 
@@ -16,7 +18,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rigless::emulator::{Access, AccessKind};
 use rigless::soc::stm32h743::generated::pwr::csr1;
 
-/// Memories with codes, and the bytes of a code's word (RM0433 sections 2.4 and 3.2).
+/// Memories with error-correcting codes, and the number of bytes that one code covers (RM0433 sections 2.4 and 3.2).
 const MEMORIES: [(Range<u64>, u64); 5] = [
     (0..0x1_0000, 8),
     (0x2000_0000..0x2002_0000, 4),
@@ -25,25 +27,26 @@ const MEMORIES: [(Range<u64>, u64); 5] = [
     (0x3800_0000..0x3801_0000, 4),
 ];
 
-/// The RAM, shared by the core and those who ask. Without [`Ram::power_on`] all codes fit.
+/// The RAM. The core and its observers share it. Until [`Ram::power_on`] is called, all codes fit.
 #[derive(Clone, Debug, Default)]
 pub struct Ram(Arc<Mutex<State>>);
 
 #[derive(Debug, Default)]
 struct State {
-    /// Pages with words whose code does not fit: their words, and how many of them are left.
+    /// Pages that hold words whose code does not fit. For each page: whether each of its words was written, and the
+    /// number of words that were not.
     pages: HashMap<u64, (Vec<bool>, usize)>,
     page_bytes: u64,
-    /// A word of which one instruction has written a part so far.
+    /// A word of which one instruction has written only some bytes so far.
     part: Option<Part>,
     errors: BTreeSet<u64>,
     is_writable: bool,
-    /// Addresses of stores that came too early.
+    /// Addresses of stores that were refused because they came too early.
     refused: BTreeSet<u64>,
     changes: u64,
 }
 
-/// Bytes of a word that one instruction has written, a bit per byte.
+/// The bytes of a word that one instruction has written, a bit per byte.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     word: u64,
@@ -56,7 +59,7 @@ impl Ram {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes no code fit, as noise does.
+    /// Makes all codes invalid, as the noise after power-on does.
     pub fn power_on(&self) {
         self.state().page_bytes = u64::MAX;
     }
@@ -66,7 +69,7 @@ impl Ram {
         self.state().is_writable = false;
     }
 
-    /// Follows the core's reading of this value from `PWR_CSR1`.
+    /// Follows a read of `PWR_CSR1` by the core, which returned `value`.
     pub fn power_status(&self, value: u64) {
         let mut state = self.state();
         if csr1::ACTVOSRDY.is_set(value) && !state.is_writable {
@@ -80,7 +83,7 @@ impl Ram {
         self.state().refused.iter().copied().collect()
     }
 
-    /// Pages, of `page_bytes` bytes, whose accesses must be shown to [`Ram::takes`].
+    /// Pages of `page_bytes` bytes whose accesses must be passed to [`Ram::takes`].
     pub fn pages(&self, page_bytes: u64) -> Vec<u64> {
         let mut state = self.state();
         if !state.is_writable {
@@ -101,7 +104,7 @@ impl Ram {
         state.pages.keys().copied().collect()
     }
 
-    /// Number of changes of the pages, from which a caller learns of one.
+    /// Number of changes of the pages. A caller compares it with an earlier number to notice a change.
     pub fn changes(&self) -> u64 {
         self.state().changes
     }
@@ -111,7 +114,7 @@ impl Ram {
         self.state().errors.iter().copied().collect()
     }
 
-    /// Follows an access of an instruction; false if it is a store that is refused.
+    /// Follows an access of an instruction. Returns false if the access is a store that is refused.
     pub fn takes(&self, access: &Access) -> bool {
         let within = |(memory, _): &(Range<u64>, u64)| memory.contains(&access.address);
         let Some(word_bytes) = MEMORIES
@@ -139,7 +142,7 @@ impl State {
         if is_written {
             return;
         }
-        // Two words of one instruction are one store of 64 bits.
+        // Two stores to the same word by one instruction count as one store of 64 bits.
         let part = self.part.take();
         let earlier =
             part.filter(|part| part.word == word && part.instruction == access.instruction_count);
@@ -171,7 +174,7 @@ impl State {
         (page, ((word - page) / word_bytes) as usize)
     }
 
-    /// Notes that a word's code fits; after an error, because an error is told once.
+    /// Notes that a word's code fits. This is also done after an error, so that each error is reported only once.
     fn write(&mut self, page: u64, index: usize) {
         if let Some((written, left)) = self.pages.get_mut(&page) {
             written[index] = true;

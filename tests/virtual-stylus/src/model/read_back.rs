@@ -1,10 +1,11 @@
-//! The output's pin at ADC2: PA4 is DAC1's first output and INP18 of ADC1 and ADC2 (DS12110, pin definitions). ADC2
-//! itself is the emulator's model; this one gives it the voltage that its sampling sees, and the pin's faults.
+//! The output's pin at ADC2: PA4 is both DAC1's first output and INP18 of ADC1 and ADC2 (DS12110, pin definitions).
+//! ADC2 itself is the emulator's model. The wrapper here supplies the voltage at the instant of sampling, and the pin's
+//! faults.
 //!
 //! | What | Section |
 //! |---|---|
 //! | The pin is sampled as the sampling time ends: half a cycle and half a cycle per bit before the word | 25.4.17 |
-//! | The buffered output approaches a new code exponentially; within 3 µs it is there but for half a code | 26.4.3 |
+//! | The buffered output approaches a new code exponentially, and is within half a code of it after 3 µs | 26.4.3 |
 //! | A pin that nothing drives floats | |
 //!
 //! Left out: channels other than 18, which read zero, and the load of the sampling capacitor.
@@ -23,34 +24,34 @@ use crate::electrical::OldConverter;
 
 /// Channel of PA4.
 const CHANNEL: u64 = 18;
-/// Outputs that are remembered, many times what a conversion takes.
+/// Number of outputs that are kept, many times the number during one conversion.
 const REMEMBERED: usize = 32;
-/// Words of 16 bits per code of 12.
+/// ADC codes of 16 bits per DAC code of 12 bits.
 const WORDS_PER_CODE: f64 = 16.0;
 /// Half cycles from the end of sampling to the word, at 16 bits.
 const SUCCESSIVE_HALF_CYCLES: u64 = 17;
-/// Level of a pin that nothing drives, words.
+/// Level that is read at a pin that nothing drives, words.
 const FLOATING: f64 = 21_000.0;
 
-/// Properties of the pin and of what is on it.
+/// Properties of the pin and of the circuit at it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutputPin {
-    /// Factor of the voltage.
+    /// Factor from the ideal to the actual voltage.
     pub gain: f64,
-    /// Offset, codes of 12 bits.
+    /// Offset, in codes of 12 bits.
     pub offset: f64,
-    /// Bits of the code that the DAC takes as zero.
+    /// Bits of the code that the DAC always treats as zero.
     pub stuck_low: u16,
     /// Noise, words RMS.
     pub noise: f64,
-    /// Time constant of a step, ns.
+    /// Time constant of the step response, ns.
     pub settling_ns: f64,
     /// True if the DAC does not reach the pin.
     pub disconnected: bool,
 }
 
 impl Default for OutputPin {
-    /// A healthy one: a little less than unity, a little offset.
+    /// A healthy pin: its gain is slightly below one, and it has a small offset.
     fn default() -> Self {
         Self {
             gain: 0.998,
@@ -76,7 +77,7 @@ pub struct ReadBack {
 }
 
 impl ReadBack {
-    /// Makes the converter one of `silicon`, before its clock runs.
+    /// Gives the converter the differences of `silicon`. To be called before its clock runs.
     pub fn set_silicon(&mut self, silicon: OldConverter) {
         self.silicon = silicon;
     }
@@ -92,7 +93,7 @@ impl ReadBack {
         }
     }
 
-    /// Word of the level that the DAC aims at with `code`.
+    /// Level to which the DAC settles with `code`, in words of 16 bits.
     fn level(&self, code: Option<u16>) -> f64 {
         match code {
             Some(code) if !self.pin.disconnected => {
@@ -119,7 +120,7 @@ impl ReadBack {
         to + (from - to) * (-(nanos as f64) / self.pin.settling_ns).exp()
     }
 
-    /// Noise of unit variance: the sum of twelve uniform numbers.
+    /// Noise of unit variance: the sum of twelve uniform numbers from 0 to 1, minus 6.
     fn noise(&mut self) -> f64 {
         let uniform = (0..12).map(|_| self.chance.fraction());
         uniform.sum::<f64>() - 6.0

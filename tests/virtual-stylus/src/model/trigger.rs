@@ -3,11 +3,12 @@
 //! The emulator's timer counts the pulses of its trigger output. Here each new pulse is kept with its instant until the
 //! part passes it to the converters, at the same instant and before anything else happens.
 //!
-//! The timers also hear the acknowledges of the request multiplexer DMAMUX1 (section 17.4.4), which the emulator
-//! numbers by its inputs of table 124. Those of the digital-to-analogue converter's two requests are kept here for it.
+//! The timers also receive the acknowledges of the request multiplexer DMAMUX1 (section 17.4.4), which the emulator
+//! numbers by its inputs in table 124. The acknowledges of the digital-to-analogue converter's two requests are kept
+//! here for the converter.
 //!
-//! Left out: the level modes of `MMS` (reset, enable). The pulse of the update mode is one instant; its two edges are
-//! one cycle of the timer's clock apart on the part.
+//! Left out: the level modes of `MMS` (reset, enable). The pulse of the update mode is one instant here; on the part
+//! its two edges are one cycle of the timer's clock apart.
 
 use rigless::device::{DeviceContext, Level, RequestChange};
 use rigless::soc::stm32h743::peripherals::tim::{Basic, Tim};
@@ -15,12 +16,13 @@ use rigless::time::VirtualNanos;
 
 use super::around::{Around, Call};
 
-/// The first acknowledge among the outputs of DMAMUX1: after one request and one event for each of its 16 channels.
+/// Index of the first acknowledge among the outputs of DMAMUX1. One request and one event for each of its 16 channels
+/// come before it.
 const FIRST_ACKNOWLEDGE: usize = 2 * 16;
-/// Table 124: the requests of the converter's two channels.
+/// The requests of the converter's two channels, as table 124 numbers them.
 const CONVERTER_REQUESTS: [usize; 2] = [67, 68];
 
-/// The pulses of a timer's trigger output, and the acknowledges for the converter, that were not taken yet.
+/// The pulses of a timer's trigger output, and the acknowledges for the converter, until they are taken.
 #[derive(Debug, Default)]
 pub struct TriggerOutput {
     sent: u64,
@@ -29,12 +31,12 @@ pub struct TriggerOutput {
 }
 
 impl TriggerOutput {
-    /// Returns the instant of the oldest pulse that no call has returned yet.
+    /// Returns the instant of the oldest pulse that no earlier call has returned.
     pub fn take(&mut self) -> Option<VirtualNanos> {
         (!self.unheard.is_empty()).then(|| self.unheard.remove(0))
     }
 
-    /// Returns the instant of an acknowledge for the DAC and the DAC's channel, if no call has returned it yet.
+    /// Returns the instant and the channel of an acknowledge for the DAC, unless an earlier call has returned it.
     pub fn take_acknowledge(&mut self) -> Option<(VirtualNanos, usize)> {
         self.acknowledged.take()
     }
@@ -54,7 +56,7 @@ impl Around<Tim<Basic>> for TriggerOutput {
 
     fn after(&mut self, inner: &mut Tim<Basic>, call: &mut Call<'_, '_>) {
         let (_, sent) = inner.trigger_output();
-        // The model wakes at each update while the trigger output is in use, so a call adds one at most.
+        // The model wakes at each update while the trigger output is in use, so a call adds at most one pulse.
         for _ in self.sent..sent {
             self.unheard.push(call.context.now());
         }

@@ -8,8 +8,8 @@
 //! | A reset of the part at the end of the count | 45.3.1 |
 //! | Once started only a reset stops it | 45.3.1 |
 //!
-//! Left out: the window (`WINR`), of which the run's report says so if the image asks for it; the up to five cycles of
-//! the LSI before a written `PR` or `RLR` counts, so `SR` is always zero; the start by option byte; the hold by the
+//! Left out: the window (`WINR`), but if the image asks for it, the run's report says so; the up to five cycles of the
+//! LSI before a written `PR` or `RLR` takes effect, so `SR` is always zero; the start by option byte; the halt by the
 //! debugger and in low-power modes.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
@@ -20,10 +20,10 @@ use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 const OPEN: u64 = 0x5555;
 const RELOAD: u64 = 0xAAAA;
 const START: u64 = 0xCCCC;
-/// `RLR` after a reset.
+/// Value of `RLR` after a reset.
 const LONGEST: u64 = 0xFFF;
 const WITHOUT_WINDOW: &str = "RM0433 45.3.2: the window is not modelled, so no reload is too early";
-/// The largest divider, for the two highest codes of `PR` alike.
+/// The code of `PR` for the largest divider. The next higher code gives the same divider.
 const LARGEST_DIVIDER_CODE: u64 = 6;
 
 /// The model.
@@ -34,7 +34,7 @@ pub struct Watchdog {
     divider: u64,
     reload: u64,
     hz: u64,
-    /// The count at an instant, and the instant.
+    /// An instant, and the count at that instant.
     counted_from: (VirtualNanos, u64),
     end: Option<EventId>,
     reloads: u64,
@@ -56,7 +56,7 @@ impl Default for Watchdog {
 }
 
 impl Watchdog {
-    /// True if the image has started it since the last reset.
+    /// Returns true if the image has started the watchdog since the last reset.
     pub fn started(&self) -> bool {
         self.started
     }
@@ -66,7 +66,7 @@ impl Watchdog {
         self.reloads
     }
 
-    /// Time from a reload to the reset, in nanoseconds; `None` while it does not count.
+    /// Time from a reload to the reset, in nanoseconds; `None` while the watchdog does not count.
     pub fn timeout_ns(&self) -> Option<u64> {
         (self.started && self.hz != 0).then(|| self.span_ns(self.reload + 1))
     }
@@ -98,7 +98,7 @@ impl Watchdog {
             }
             START if !self.started => {
                 self.started = true;
-                // The clock controller forces the LSI on, and tells the rate at once.
+                // The clock controller forces the LSI on, and reports its rate at once.
                 context.request(IWDG_STARTED, Level::High);
                 self.count_from(self.reload, context);
             }

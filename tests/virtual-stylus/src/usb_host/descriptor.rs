@@ -1,5 +1,4 @@
-//! Descriptors: their types (USB 2.0 table 9-5, USB 3.2 table 9-6), under the names of the specification, and their
-//! contents.
+//! Descriptors: their types (USB 2.0 table 9-5, USB 3.2 table 9-6), with the specification's names, and their contents.
 
 /// `DEVICE`.
 pub const DEVICE: u8 = 1;
@@ -16,7 +15,7 @@ pub const BOS: u8 = 15;
 /// `DEVICE_CAPABILITY`.
 pub const DEVICE_CAPABILITY: u8 = 16;
 
-/// `wTotalLength`, at the same place in a configuration and a BOS.
+/// `wTotalLength`, which has the same offset in a configuration and a BOS.
 pub(super) fn total_length(head: &[u8]) -> u16 {
     match *head {
         [_, _, low, high, ..] => u16::from_le_bytes([low, high]),
@@ -24,12 +23,13 @@ pub(super) fn total_length(head: &[u8]) -> u16 {
     }
 }
 
-/// `D8DD60DF-4589-4CC7-9CD2-659D9E648A9F`, as the wire has it (Microsoft OS 2.0 Descriptors Specification, table 4).
+/// `D8DD60DF-4589-4CC7-9CD2-659D9E648A9F`, in the order of the bytes on the wire (Microsoft OS 2.0 Descriptors
+/// Specification, table 4).
 pub const MICROSOFT_PLATFORM: [u8; 16] = [
     0xDF, 0x60, 0xDD, 0xD8, 0x89, 0x45, 0xC7, 0x4C, 0x9C, 0xD2, 0x65, 0x9D, 0x9E, 0x64, 0x8A, 0x9F,
 ];
 
-/// Vendor code and length of the set for Microsoft's systems that a BOS names.
+/// Vendor code and length of the Microsoft OS 2.0 descriptor set, if the BOS names one.
 pub fn microsoft_set(bos: &[u8]) -> Option<(u8, u16)> {
     let mut rest = bos.get(5..)?;
     while let Some(&length) = rest.first().filter(|length| **length > 2) {
@@ -43,7 +43,7 @@ pub fn microsoft_set(bos: &[u8]) -> Option<(u8, u16)> {
     None
 }
 
-/// The descriptors within those of a configuration, each with its length and type first.
+/// The descriptors that a configuration consists of, each starting with its length and type.
 pub fn parts(configuration: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = configuration;
     std::iter::from_fn(move || {

@@ -1,5 +1,5 @@
-//! Software of the host on USB, as far as tests and sockets need it: enumeration and control requests, as of an
-//! operating system, and a bulk interface with transfers that wait both ways, as of a program on it.
+//! Software of the host on USB, as far as tests and sockets need it. It does enumeration and control requests like an
+//! operating system, and serves a bulk interface, with transfers waiting in both directions, like a program.
 //!
 //! | step of an enumeration | USB 2.0 |
 //! |---|---|
@@ -19,12 +19,12 @@ use crate::model::usb::host::{
 use crate::stylus::VirtualStylus;
 
 const MS: u64 = 1_000_000;
-/// Virtual time between two looks at the transfers that have ended.
+/// Virtual time between two checks for transfers that have ended, ns.
 const STEP_NS: u64 = 50_000;
 /// Timeout of a control transfer (section 9.2.6.1).
 const CONTROL_PATIENCE_NS: u64 = 5_000 * MS;
 
-/// The descriptors that an enumeration read, each as it came over the wire.
+/// The descriptors that an enumeration has read, as they were on the wire.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Descriptors {
     /// The device descriptor.
@@ -41,14 +41,14 @@ pub struct Descriptors {
     pub strings: [Vec<u8>; 3],
 }
 
-/// Times of an enumeration.
+/// Durations in an enumeration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// From the pull-up to the first reset, nanoseconds.
+    /// Time from the pull-up to the first reset, ns.
     pub settle_ns: u64,
-    /// A reset, nanoseconds.
+    /// Duration of a reset, ns.
     pub reset_ns: u64,
-    /// From a reset to the first packet, nanoseconds.
+    /// Time from a reset to the first packet, ns.
     pub recovery_ns: u64,
 }
 
@@ -65,7 +65,7 @@ impl Default for Timing {
 /// The host's software.
 #[derive(Debug, Default)]
 pub struct UsbHost {
-    /// Times of the host's enumerations.
+    /// Durations in the enumerations of this host.
     pub timing: Timing,
     ended: Vec<Completion>,
     next_address: u8,
@@ -76,7 +76,7 @@ impl UsbHost {
     /// it.
     ///
     /// # Errors
-    /// A transfer that failed.
+    /// A transfer failed.
     pub fn enumerate(&mut self, stylus: &mut VirtualStylus) -> Result<Descriptors, TransferError> {
         stylus.usb(Host::plug);
         let begin_ns = stylus.now_ns();
@@ -92,7 +92,7 @@ impl UsbHost {
     }
 
     fn describe(&mut self, stylus: &mut VirtualStylus) -> Result<Descriptors, TransferError> {
-        // The first packet tells the packet size of endpoint 0.
+        // The first packet contains the packet size of endpoint 0.
         self.read(stylus, descriptor::DEVICE, 64)?;
         self.reset(stylus);
         self.next_address = self.next_address % 127 + 1;
@@ -151,10 +151,10 @@ impl UsbHost {
         stylus.run_for(reset_ns + recovery_ns);
     }
 
-    /// One control request, with `data` for the device.
+    /// Makes one control request, with `data` for the device.
     ///
     /// # Errors
-    /// A transfer that failed or took longer than 5 s.
+    /// A transfer failed or took longer than 5 s.
     pub fn control(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -164,10 +164,10 @@ impl UsbHost {
         self.control_within(stylus, request, data, CONTROL_PATIENCE_NS)
     }
 
-    /// As [`UsbHost::control`], with another timeout.
+    /// Like [`UsbHost::control`], with another timeout.
     ///
     /// # Errors
-    /// A transfer that failed or took longer.
+    /// A transfer failed or took longer.
     pub fn control_within(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -194,10 +194,10 @@ impl UsbHost {
         }
     }
 
-    /// Ends an endpoint's halt, at both ends.
+    /// Ends an endpoint's halt, both at the device and at the host.
     ///
     /// # Errors
-    /// As [`UsbHost::control`].
+    /// Like [`UsbHost::control`].
     pub fn clear_halt(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -208,13 +208,13 @@ impl UsbHost {
         Ok(())
     }
 
-    /// Returns the completion of a transfer once, if the transfer has ended.
+    /// Returns the completion of a transfer if the transfer has ended and no earlier call has returned it.
     pub fn take_ended(&mut self, stylus: &mut VirtualStylus, id: TransferId) -> Option<Completion> {
         self.collect(stylus);
         self.find_ended(id)
     }
 
-    /// Cancels transfers, as when the program that asked for them ends.
+    /// Cancels transfers, as the system does when the program that requested them ends.
     pub fn call_off(&mut self, stylus: &mut VirtualStylus, ids: &[TransferId]) {
         let cancelled = ids.to_owned();
         stylus.usb(move |host, now_ns| {
@@ -232,7 +232,7 @@ impl UsbHost {
         self.ended.extend(ended);
     }
 
-    /// Returns the completion of a transfer once, from the completions that were collected.
+    /// Returns the completion of a transfer from the collected completions, unless an earlier call has returned it.
     pub(super) fn find_ended(&mut self, id: TransferId) -> Option<Completion> {
         let position = self.ended.iter().position(|ended| ended.id == id)?;
         Some(self.ended.remove(position))
@@ -250,12 +250,12 @@ pub struct Request {
     pub value: u16,
     /// Second argument of the request (wIndex).
     pub index: u16,
-    /// Bytes of the data stage.
+    /// Number of bytes in the data stage.
     pub length: u16,
 }
 
 impl Request {
-    /// A request by its five numbers.
+    /// Creates a request from its five numbers.
     pub fn new(kind: u8, request: u8, value: u16, index: u16, length: u16) -> Self {
         Self {
             kind,
@@ -266,7 +266,7 @@ impl Request {
         }
     }
 
-    /// The SETUP packet's data.
+    /// The eight bytes of the SETUP packet.
     pub fn bytes(self) -> [u8; 8] {
         let words = [self.value, self.index, self.length].map(u16::to_le_bytes);
         let mut bytes = [self.kind, self.request, 0, 0, 0, 0, 0, 0];
@@ -274,7 +274,7 @@ impl Request {
         bytes
     }
 
-    /// The descriptor of `kind` with this index, at most `length` bytes of it.
+    /// Reads at most `length` bytes of the descriptor with this `kind` and `index`.
     pub fn descriptor(kind: u8, index: u8, language: u16, length: u16) -> Self {
         Self::new(0x80, 6, u16::from_le_bytes([index, kind]), language, length)
     }
@@ -303,8 +303,8 @@ impl Request {
     }
 }
 
-/// Frames over a pair of bulk endpoints, as a program on the host exchanges them. A frame is a transfer, which a packet
-/// that is not full ends.
+/// Frames over a pair of bulk endpoints, as a program on the host exchanges them. Each frame is one transfer, which
+/// ends with a packet that is not full.
 #[derive(Debug)]
 pub struct BulkFrames {
     output: u8,
@@ -315,8 +315,8 @@ pub struct BulkFrames {
 }
 
 impl BulkFrames {
-    /// Frames between an OUT and an IN endpoint of these addresses; `waiting` IN transfers of `bytes` wait for the
-    /// device.
+    /// Opens a pair of an OUT and an IN endpoint with these addresses. `waiting` IN transfers of `bytes` always wait
+    /// for the device.
     pub fn open(
         stylus: &mut VirtualStylus,
         output: u8,
@@ -343,7 +343,7 @@ impl BulkFrames {
         self.waiting.push_back(id);
     }
 
-    /// Sends a frame, behind those that wait.
+    /// Sends a frame, after the frames that wait already.
     pub fn send(&mut self, stylus: &mut VirtualStylus, frame: &[u8]) {
         let (endpoint, data) = (self.output, frame.to_vec());
         let ids = stylus.usb(move |host, _| {
@@ -360,10 +360,10 @@ impl BulkFrames {
         self.sending.extend(ids.into_iter().flatten());
     }
 
-    /// Returns the frames that have come since the last call, each with the instant of its last packet.
+    /// Returns the frames that have arrived since the last call.
     ///
     /// # Errors
-    /// A transfer that failed. The link is over then.
+    /// A transfer failed. The link is over then.
     pub fn receive(
         &mut self,
         usb: &mut UsbHost,

@@ -1,4 +1,5 @@
-//! The bootloader: what is flashed with it, and an exchange of images with a low supply or a protected record.
+//! The bootloader: what is flashed with it, and an exchange of images with a low supply or with a write-protected
+//! record.
 
 use std::fs;
 
@@ -26,7 +27,7 @@ fn place(contents: &mut Contents, offset: u32, bytes: &[u8]) {
     placed.expect("it is in the flash");
 }
 
-/// The product as it is flashed, with an update to `new` in the second slot, which the bootloader is to exchange.
+/// The flash with the product and with an update to `new` in the second slot, which the bootloader is to exchange.
 fn committed(new: &[u8]) -> Contents {
     let mut contents = Device::new(&product(), library::options()).stylus.flash();
     let memory = block_on(async {
@@ -43,7 +44,7 @@ fn committed(new: &[u8]) -> Contents {
 }
 
 impl Device {
-    /// True if LD3 is lit.
+    /// Returns true if LD3 is lit.
     fn shows_fault(&mut self) -> bool {
         let mut read = |offset| self.stylus.read_register("GPIOB", offset);
         let [mode, level] = [MODER, ODR].map(|offset| read(offset).expect("there is one"));
@@ -62,7 +63,7 @@ fn the_file_for_the_parts_own_loader_leaves_the_flash_as_a_probe_does() {
     let mut by_probe = Device::new(&product(), library::of(before.clone()));
     let by_probe = by_probe.stylus.flash().bytes;
     let file = fs::read(product().with_extension("dfu")).expect("it lies beside the image");
-    // UM0391, sections 2.2 to 2.4: behind the prefixes, each element after its address and length.
+    // UM0391, sections 2.2 to 2.4: after the prefixes, each element follows its address and length.
     let mut elements = Vec::new();
     let mut rest = &file[285..file.len() - 16];
     while let Some((head, behind)) = rest.split_first_chunk::<8>() {
@@ -89,7 +90,7 @@ fn while_the_supply_is_low_the_bootloader_waits_with_a_sign_and_writes_no_flash(
     device.run_for(3 * SECOND);
     assert!(!device.shows_fault());
     device.stylus.set_supply(LOW_SUPPLY);
-    // What has begun ends.
+    // An operation that has begun may end, but no further one may start.
     let begun = device.flash_operations();
     device.run_for(5 * SECOND);
     let after = (device.flash_operations(), device.shows_fault());
@@ -100,10 +101,10 @@ fn while_the_supply_is_low_the_bootloader_waits_with_a_sign_and_writes_no_flash(
     assert_eq!(device.resets(), []);
 }
 
-/// A device whose start has ended, because the record of the update in its second slot is write-protected, and the
-/// update's image.
+/// Returns a device whose start has stopped because the record of the update in its second slot is write-protected, and
+/// the update's image.
 fn stayed() -> (Device, Vec<u8>) {
-    /// The sectors of the record, a bit each.
+    /// The sectors of the record, one bit per sector.
     const PROTECTED: u8 = 0b11_0000;
     let new = image(&with_faults());
     let mut device = Device::new(&product(), library::after(committed(&new)));
@@ -116,7 +117,7 @@ fn stayed() -> (Device, Vec<u8>) {
 #[test]
 fn a_record_that_cannot_be_written_ends_the_start_with_a_sign_and_no_resets() {
     let (mut device, _) = stayed();
-    // Neither time nor the button B1 ends it.
+    // Neither time nor the button B1 ends this state.
     device.stylus.press_button(true);
     device.run_for(SECOND);
     assert_eq!((device.resets(), device.shows_fault()), (vec![], true));

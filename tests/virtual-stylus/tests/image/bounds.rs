@@ -1,4 +1,4 @@
-//! A library that takes much work to decode, and the requests and the watchdog that must not wait for it.
+//! A library that takes much work to decode. Neither requests nor the watchdog may wait for that work.
 
 use model_format::link::{PlayEndpoint, PlayError, UploadCommitEndpoint};
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
@@ -15,11 +15,12 @@ use crate::requests::{announced, scene_request};
 /// Longest time from a stop to an output at mid-scale.
 const MUTE_NS: u64 = 100 * MS;
 
-/// Longest time between two feeds of the watchdog, which is fed every 20 ms and bites after 100 ms.
+/// Longest time between two feeds of the watchdog, µs. The watchdog is fed every 20 ms and resets the part after 100
+/// ms.
 const MOST_GAP_US: u32 = 40_000;
 
-/// Many nodes of a low order with fractions of θ, and as many scenes, surfaces, taps and sections as there may be;
-/// about 100 KB.
+/// Many nodes of a low order with fractions of θ, and the largest number of scenes, surfaces, taps and sections. The
+/// library has about 100 KB.
 fn hostile() -> Vec<u8> {
     let axis = || (1..=40u8).map(f32::from).collect::<Vec<_>>();
     let node = NodeSpec {
@@ -101,7 +102,7 @@ fn a_library_of_much_work_keeps_neither_the_watchdog_nor_a_stop_waiting() {
     let slot = committed.expect("a valid library").slot;
     let activated = device.activate(slot);
     assert_eq!(activated.library.crc32, announced(&hostile).crc32);
-    // Sixteen taps and eight sections: it is planned, and taken or refused by its cost.
+    // A scene with sixteen taps and eight sections is planned, and then accepted or refused because of its cost.
     let played = device.request::<PlayEndpoint>(&scene_request("scene 31", 1));
     let refused = played.err();
     assert!(

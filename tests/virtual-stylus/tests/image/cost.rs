@@ -1,4 +1,4 @@
-//! Instructions per tick: of each effect of a scene, against the kernel's model of its cost.
+//! Instructions per tick of each effect of a scene, compared with the kernel's model of the cost.
 
 use std::collections::BTreeSet;
 
@@ -12,20 +12,20 @@ use crate::library;
 use crate::probe;
 use crate::scenes::{ORDERS, bytes, press};
 
-/// Most instructions by which a tick of a fed lattice may exceed that of a plain one.
+/// Largest number of instructions by which a tick of a fed lattice may exceed a tick of a plain one.
 const MOST_FED: u32 = 40;
 
-/// Instructions per tick over some milliseconds: of the ticks that neither begin a block nor request one, which are all
-/// equal, and the most of those that do.
+/// Instructions per tick over some milliseconds. `within`: ticks that neither begin a block nor request one, which are
+/// all equal. `beginning`: the maximum of the other ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Count {
     pub within: u32,
     pub beginning: u32,
-    /// Number of different counts among the latter.
+    /// Number of different counts among the ticks that begin or request a block.
     pub kinds: usize,
 }
 
-/// Counts over `millis` milliseconds.
+/// Counts the instructions per tick over `millis` milliseconds.
 pub fn count(device: &mut Device, what: &str, millis: u64) -> Count {
     let ticks = ticks(device, millis);
     let beginning = |tick: &&Tick| hands_over(&ticks, tick);
@@ -56,7 +56,8 @@ fn ticks(device: &mut Device, millis: u64) -> Vec<Tick> {
     device.stylus.take_ticks()
 }
 
-/// One tick of ten begins a block, and one requests the next: they take more instructions than each of the others.
+/// Returns true if `tick` begins a block or requests the next block. In every ten ticks there is one of each kind, and
+/// both take more instructions than the other eight.
 fn hands_over(ticks: &[Tick], tick: &Tick) -> bool {
     let of_period = |tick: &Tick| (tick.at_ns + PERIOD_NS / 2) / PERIOD_NS % 10;
     let mut fewest = [u32::MAX; 10];
@@ -78,10 +79,10 @@ fn hands_over(ticks: &[Tick], tick: &Tick) -> bool {
     more.contains(&(of_period(tick) as usize))
 }
 
-/// Plays `scene` and counts while it sounds.
+/// Plays `scene`, and counts while it sounds.
 pub fn count_scene(device: &mut Device, scene: &str) -> Count {
     device.play_scene(scene, 3);
-    // Time for the exchange.
+    // The plan is exchanged in this time.
     device.run_for(200 * MS);
     count(device, scene, 30)
 }
@@ -104,7 +105,7 @@ fn covers(model: StageCost, each: u32, measured: u32) {
     );
 }
 
-/// A device with all scenes, whose tool is pressed on and moves.
+/// A device with all scenes, whose tool is pressed on the surface and moves.
 fn rubbing() -> Device {
     let mut device = Device::started(library::with(&bytes()));
     press(&mut device, 1.0);
@@ -136,7 +137,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let tap = count_struck(&mut device, "tap").within;
     let both = count_struck(&mut device, "tap, four sections").within;
 
-    // The first voice pays for the mix, which two voices share.
+    // The first voice's instructions include those of the mix, which two voices share.
     let mix = lattice + short - transition - idle;
     let of_voice = |played: u32| played - idle - mix;
     for (model, each, measured) in [
@@ -150,7 +151,8 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
         (cost::EQUALISER, 1, one - lattice),
         (cost::EQUALISER, 4, four - lattice),
         (cost::EQUALISER, 8, eight - lattice),
-        // A fed voice's excitation is made below the tick, which takes a few instructions more and no noise.
+        // The excitation of a fed voice is computed outside of the tick. Reading it takes a few instructions more, but
+        // no noise is generated in the tick.
         (cost::FED_LATTICE, ORDERS[0], of_voice(fed)),
         (cost::FED_LATTICE, ORDERS[1], of_voice(short_fed)),
     ] {
@@ -178,7 +180,8 @@ fn assert_inactive_effects_cost_nothing(device: &mut Device, lattice: u32) {
     for scene in ["constant", "tap", "away from the transition"] {
         let count = count_scene(device, scene);
         assert_eq!(count.within, lattice, "{scene}");
-        // The motion has come to rest: one kind requests the update, and one begins a block, whichever block it is.
+        // The motion has come to rest, so there are at most two counts: for the tick that requests the update and for
+        // the tick that begins a block, whichever block it is.
         assert!(count.kinds <= 2, "{scene}: {count:?}");
     }
 }
@@ -195,7 +198,8 @@ fn assert_no_contact_costs_the_mix_at_most(device: &mut Device, idle: u32) {
     );
 }
 
-/// Instructions of a tick in which a scene of four sections fades: for one block, in which the plan is exchanged.
+/// Instructions of a tick in which a scene of four sections fades out. The fade lasts one block, in which the plan is
+/// exchanged.
 fn fading(device: &mut Device) -> u32 {
     press(device, 1.0);
     device.play_scene("four sections", 3);
@@ -209,7 +213,7 @@ fn fading(device: &mut Device) -> u32 {
     fading
 }
 
-/// Instructions of a tick that plays a probe, which is its samples.
+/// Instructions of a tick that plays a probe. It only reads the probe's samples.
 fn probing(device: &mut Device) -> u32 {
     device.stop();
     device.run_for(100 * MS);
@@ -219,7 +223,7 @@ fn probing(device: &mut Device) -> u32 {
     count(device, "probe", 30).within
 }
 
-/// Instructions of a tick with all sections of a response, which are those of a scene, after the scene's eight.
+/// Instructions of a tick with all sections of a response, which run after the scene's own eight sections.
 fn equalised(device: &mut Device) -> u32 {
     device.stop();
     device.run_for(100 * MS);

@@ -21,24 +21,24 @@ use virtual_stylus::{Options, VirtualStylus};
 
 pub const MS: u64 = 1_000_000;
 pub const SECOND: u64 = 1_000 * MS;
-/// Code of the DAC without current in the voice coil.
+/// Code of the DAC at which no current flows in the voice coil.
 pub const MID_SCALE: u16 = 2048;
-/// Time between two samples.
+/// Time between two samples, ns.
 pub const PERIOD_NS: u64 = 200_000;
-/// Codes per sample.
+/// Number of output codes per sample.
 pub const CODES: usize = stylus_app::safety::OVERSAMPLING;
-/// Time between two codes at the output.
+/// Time between two codes at the output, ns.
 pub const CODE_NS: u64 = PERIOD_NS / CODES as u64;
 
-/// Virtual time between two looks at the line.
+/// Virtual time between two checks of the line, ns.
 const STEP_NS: u64 = MS / 2;
 const USB_STEP_NS: u64 = MS / 10;
-/// Time within which an answer comes, operations on flash included.
+/// Longest time until an answer arrives, including operations on flash.
 const PATIENCE_NS: u64 = 20 * SECOND;
-/// Time within which the image has started.
+/// Longest time until the image has started.
 const START_NS: u64 = 2 * SECOND;
 
-/// True in `tests/run long`.
+/// Returns true in `tests/run long`.
 pub fn long() -> bool {
     std::env::var_os("STYLUS_LONG").is_some()
 }
@@ -48,7 +48,8 @@ pub fn recording_s() -> u64 {
     if long() { 60 } else { 2 }
 }
 
-/// True if a run takes the case with this number: each in `tests/run long`, else one of ten, which the seed draws.
+/// Returns true if a run includes the case with this number. `tests/run long` includes every case; other runs include
+/// one of ten, chosen at random from the seed.
 pub fn is_drawn(case: u64) -> bool {
     let seed = std::env::var("PROPTEST_RNG_SEED").ok();
     let seed = seed.and_then(|seed| seed.parse().ok()).unwrap_or(1);
@@ -73,7 +74,7 @@ pub fn with_faults() -> PathBuf {
     image("STYLUS_FAULT_IMAGE")
 }
 
-/// A frame from the device, without its COBS.
+/// A frame from the device, after its COBS is decoded.
 struct Frame {
     header: VarHeader,
     body: Vec<u8>,
@@ -82,12 +83,12 @@ struct Frame {
 /// Addresses of the bulk endpoints, as in the configuration descriptor.
 pub const BULK_OUT: u8 = 0x01;
 pub const BULK_IN: u8 = 0x81;
-/// Number of transfers that wait for the device, as of the product's client.
+/// Number of IN transfers that wait for the device, as in the product's client.
 const WAITING_TRANSFERS: usize = 8;
 
 /// The link to the device.
 enum Line {
-    /// Bytes of a frame that is not complete.
+    /// Bytes of a frame that is not complete yet.
     Serial(Vec<u8>),
     /// Bulk transfers, while the endpoints are open.
     Usb(UsbHost, Option<BulkFrames>),
@@ -96,11 +97,11 @@ enum Line {
 /// A host and its link to the device.
 struct Side {
     line: Line,
-    /// Virtual time between two looks at the line, during the wait for an answer.
+    /// Virtual time between two checks of the line while the host waits for an answer, ns.
     step_ns: u64,
     frames: VecDeque<Frame>,
     sequence: u32,
-    /// Frames that were put on the line.
+    /// Number of frames that were put on the line.
     sent: u32,
     keeps_alive: bool,
     next_keep_alive_ns: u64,
@@ -124,7 +125,8 @@ impl Side {
     }
 }
 
-/// The virtual stylus and one or two hosts that talk to it, one of which has its turn.
+/// The virtual stylus and one or two hosts that are linked to it. At any time, the calls below act for one of the
+/// hosts, which has the turn.
 pub struct Device {
     pub stylus: VirtualStylus,
     side: Side,
@@ -137,7 +139,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Switches the power on; nothing has run yet.
+    /// Switches the power on, without running anything yet.
     pub fn new(image: &std::path::Path, options: Options) -> Self {
         let stylus = VirtualStylus::new(image, options).expect("the image fits the flash");
         Self {
@@ -175,7 +177,7 @@ impl Device {
         device
     }
 
-    /// Adds a host on USB, whose turn it is. It looks at its line as seldom as the other.
+    /// Adds a host on USB, which has the turn. It checks its line as seldom as the other host.
     pub fn add_usb(&mut self) {
         let usb = Side {
             step_ns: STEP_NS,
@@ -191,7 +193,7 @@ impl Device {
         }
     }
 
-    /// True if the host that has its turn is on USB.
+    /// Returns true if the host that has the turn is on USB.
     pub fn is_usb(&self) -> bool {
         matches!(self.side.line, Line::Usb(..))
     }
@@ -212,13 +214,13 @@ impl Device {
         }
     }
 
-    /// The run and the host's software on USB.
+    /// The run, and the software of the host on USB.
     pub fn usb(&mut self) -> (&mut VirtualStylus, &mut UsbHost) {
         let (stylus, usb, _) = self.usb_line();
         (stylus, usb)
     }
 
-    /// Cancels the transfers on the bulk endpoints, as at the end of a program.
+    /// Cancels the transfers on the bulk endpoints, as the system does when a program ends.
     pub fn close(&mut self) {
         let (stylus, usb, bulk) = self.usb_line();
         if let Some(open) = bulk.take() {
@@ -226,7 +228,7 @@ impl Device {
         }
     }
 
-    /// Ends the halts of the bulk endpoints, as a program that opens them does.
+    /// Ends the halts of the bulk endpoints, like a program that opens them.
     pub fn clear_halts(&mut self) {
         let (stylus, usb) = self.usb();
         for endpoint in [BULK_OUT, BULK_IN] {
@@ -234,7 +236,7 @@ impl Device {
         }
     }
 
-    /// Closes the endpoints as [`Device::close`], and opens them as another program.
+    /// Closes the endpoints like [`Device::close`], and opens them again like another program.
     pub fn reopen(&mut self) {
         self.close();
         self.open();
@@ -251,7 +253,7 @@ impl Device {
         ));
     }
 
-    /// True while the bulk endpoints are open and nothing has failed on them.
+    /// Returns true while the bulk endpoints are open and nothing has failed on them.
     pub fn is_open(&self) -> bool {
         matches!(self.side.line, Line::Usb(_, Some(_)))
     }
@@ -265,7 +267,7 @@ impl Device {
         );
     }
 
-    /// Runs until an image answers; false if none does in time.
+    /// Runs until an image answers. Returns false if none answers in time.
     pub fn answers_within(&mut self, nanos: u64) -> bool {
         let end = self.stylus.now_ns() + nanos;
         while self.stylus.now_ns() < end {
@@ -278,7 +280,7 @@ impl Device {
         false
     }
 
-    /// Sends a request, and runs until the answer is there.
+    /// Sends a request, and runs until the answer has arrived.
     pub fn request<E>(&mut self, request: &E::Request) -> E::Response
     where
         E: Endpoint<Request: Serialize, Response: DeserializeOwned>,
@@ -286,7 +288,7 @@ impl Device {
         self.try_request::<E>(request).expect("the link holds")
     }
 
-    /// The answer; none if the link breaks before.
+    /// Sends a request, and returns its answer, or `None` if the link breaks before it arrives.
     pub fn try_request<E>(&mut self, request: &E::Request) -> Option<E::Response>
     where
         E: Endpoint<Request: Serialize, Response: DeserializeOwned>,
@@ -295,7 +297,7 @@ impl Device {
         self.answer::<E>(sequence)
     }
 
-    /// Runs until the answer with this number is there; none if the link breaks before.
+    /// Runs until the answer with this number has arrived. Returns `None` if the link breaks before.
     pub fn answer<E>(&mut self, sequence: u32) -> Option<E::Response>
     where
         E: Endpoint<Response: DeserializeOwned>,
@@ -326,14 +328,14 @@ impl Device {
         self.send_frame(T::TOPIC_KEY, message);
     }
 
-    /// Sends any message under any key.
+    /// Sends a message under any key, and returns its sequence number.
     pub fn send_frame(&mut self, key: Key, message: &impl Serialize) -> u32 {
         self.side.sequence += 1;
         self.send_raw(&frame(key, self.side.sequence, message));
         self.side.sequence
     }
 
-    /// Sends `frame` as one COBS frame, or one bulk transfer.
+    /// Sends `frame` as one COBS frame or as one bulk transfer.
     pub fn send_raw(&mut self, frame: &[u8]) {
         if let Line::Usb(_, bulk) = &mut self.side.line {
             if let Some(bulk) = bulk {
@@ -348,7 +350,7 @@ impl Device {
         self.send_bytes(&encoded);
     }
 
-    /// Sends bytes as they are.
+    /// Sends bytes without framing.
     pub fn send_bytes(&mut self, bytes: &[u8]) {
         self.stylus.send(bytes);
     }
@@ -358,7 +360,7 @@ impl Device {
         self.side.keeps_alive = on;
     }
 
-    /// Runs for `nanos`, and receives frames.
+    /// Runs for `nanos`, and receives frames meanwhile.
     pub fn run_for(&mut self, nanos: u64) {
         let end = self.stylus.now_ns() + nanos;
         while self.stylus.now_ns() < end {
@@ -369,7 +371,7 @@ impl Device {
         }
     }
 
-    /// Does `work` for the host that has its turn, then for the other.
+    /// Does `work` first for the host that has the turn, then for the other.
     fn on_each_side(&mut self, work: fn(&mut Self)) {
         work(self);
         if self.other.is_some() {
@@ -438,7 +440,7 @@ impl Device {
         }
     }
 
-    /// The body of the answer with this number, if it has come.
+    /// Returns the body of the answer with this number, if it has arrived.
     pub fn take_answer(&mut self, key: Key, sequence: u32) -> Option<Vec<u8>> {
         let header = VarHeader {
             key: VarKey::Key8(key),
@@ -463,18 +465,18 @@ impl Device {
         self.amplifier.clone()
     }
 
-    /// Number of frames that the host that has its turn has sent.
+    /// Number of frames that the host with the turn has sent.
     pub fn sent(&self) -> u32 {
         self.side.sent
     }
 
-    /// Drops the frames that were not requested.
+    /// Drops all received frames.
     pub fn forget_frames(&mut self) {
         self.side.frames.clear();
     }
 }
 
-/// A frame with a message, without COBS.
+/// Builds a frame with a message, without COBS.
 pub fn frame(key: Key, sequence: u32, message: &impl Serialize) -> Vec<u8> {
     let header = VarHeader {
         key: VarKey::Key8(key),
@@ -483,7 +485,7 @@ pub fn frame(key: Key, sequence: u32, message: &impl Serialize) -> Vec<u8> {
     fake_stylus::requests::frame(key, header, message)
 }
 
-/// Requests a fault from the image that takes them.
+/// Requests a fault from the image with fault injection.
 pub fn inject(device: &mut Device, fault: Injected) {
     device.publish::<FaultTopic>(&(fault as u8));
 }

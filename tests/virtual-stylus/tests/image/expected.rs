@@ -1,5 +1,5 @@
-//! The output that the image must give, from the product's own kernel and safety stages on this computer, and plays
-//! that are compared with it.
+//! The output that the image must produce, computed by the product's own kernel and safety stages on this computer, and
+//! plays that are compared with it.
 
 use model_format::link::{RecordSample, Settings};
 use model_format::{DacCode, PlayRate, Texture};
@@ -20,7 +20,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// The samples that `device` has recorded, of which nothing may be lost.
+    /// The samples that `device` has recorded.
     pub fn of(device: &Device) -> Self {
         Self {
             first_tick: device.blocks[0].first_tick,
@@ -28,7 +28,8 @@ impl Recorded {
         }
     }
 
-    /// The sensors at each tick that requests an update, with that tick. The tool rests when the recording begins.
+    /// Returns each tick that requests an update, with the sensors at that tick. The tool is at rest when the recording
+    /// begins.
     fn noted(&self) -> Vec<(u64, Sensors)> {
         let mut sensors = Sensors::new();
         let mut noted = Vec::new();
@@ -48,7 +49,7 @@ pub struct Heard<'a> {
     pub plan: Plan<'a>,
     pub follower: Follower,
     pub seed: u64,
-    /// The one that takes over, and the first tick at whose update it is known.
+    /// The plan that replaces `plan`, its follower, and the first tick whose update knows of the change.
     pub switch: Option<(u64, Plan<'a>, Follower)>,
 }
 
@@ -73,22 +74,22 @@ impl<'a> Heard<'a> {
     }
 }
 
-/// True if a block begins at `tick`, as at the first tick and at constant intervals after it.
+/// Returns true if a block begins at `tick`. Blocks begin at the first tick and at constant intervals after it.
 fn begins_block(tick: u64) -> bool {
     tick % u64::from(UPDATE_INTERVAL_SAMPLES) == 1
 }
 
-/// The ticks at which playing and the end of the mute began.
+/// The ticks at which playing began and at which the mute ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Began {
-    /// First tick of the first block that is played, which is still silent.
+    /// First tick of the play's first block, which is still silent.
     pub play: u64,
     /// First tick that is not muted.
     pub unmuted: u64,
 }
 
-/// Samples of `heard` from tick `play` on: a silent block, then blocks that follow the sensors at the block before.
-/// Each tick has one at 5 kHz, and two at 10 kHz.
+/// Samples of `heard` from tick `play` on: first a silent block, then blocks that each follow the sensors at the
+/// previous block. Each tick has one sample at 5 kHz, and two at 10 kHz.
 fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_format::OutputSample> {
     let config = InputConfig::new(&Settings::default());
     let mut player: ScenePlayer<'_> = ScenePlayer::new(heard.plan.clone(), heard.seed);
@@ -114,7 +115,7 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     samples
 }
 
-/// The reference of an output: the stages after the silence before it was asked for, and the codes of all ticks.
+/// What an output is compared with: the safety stages after the silence before the request, and the codes of all ticks.
 struct Output<'a> {
     rate: PlayRate,
     config: safety::Config,
@@ -140,7 +141,7 @@ impl<'a> Output<'a> {
         }
     }
 
-    /// The first tick whose codes are not those of the `played` samples, or the end of the recording.
+    /// Returns the first tick whose codes differ from the codes of the `played` samples, or the end of the recording.
     fn equal_until(&self, played: &[model_format::OutputSample], began: Began) -> u64 {
         let mut state = self.rested;
         let sample = |tick: u64, of_tick: u64| {
@@ -163,11 +164,11 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Codes at the output before those of the first tick: the timer of the codes runs for 17 of them before the tick's own
-/// timer starts and that tick's first code is due.
+/// Number of codes at the output before the codes of the first tick. The timer of the codes starts 17 codes before the
+/// first code of the first tick is due, and the tick's own timer starts later.
 pub const BEFORE_FIRST_TICK: usize = 17;
 
-/// The codes of each tick that were put out at the triggers, from the first tick on, after a check of their instants.
+/// Checks the instants of the codes at the output, and returns the codes of each tick, from the first tick on.
 pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
     let outputs = device.triggered();
     assert_even(&outputs);
@@ -177,13 +178,13 @@ pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
     codes.as_chunks().0.to_vec()
 }
 
-/// A recorded play.
+/// A play with its recorded inputs and its codes.
 pub struct Compared {
     /// The inputs.
     pub recorded: Recorded,
-    /// The codes of each tick.
+    /// The codes at the output, per tick.
     pub codes: Vec<[u16; CODES]>,
-    /// The tick at which playing was asked for.
+    /// The tick at which the play was requested.
     pub asked: u64,
     /// Number of ticks that were audited, none of which touched flash.
     pub audits: usize,
@@ -195,14 +196,14 @@ impl Compared {
         self.recorded.first_tick + self.recorded.samples.len() as u64
     }
 
-    /// The first tick from which the output of `heard`, which began so, does not equal the codes: the end of the
-    /// recording if the image is right. Before it was asked for nothing was played.
+    /// Returns the first tick whose codes differ from the output of `heard` with the beginning `began`. If the image is
+    /// right, that is the end of the recording. Ticks before the request are not compared.
     pub fn explained_from(&self, heard: &Heard<'_>, began: Began) -> u64 {
         let played = samples(heard, &self.recorded, began.play);
         Output::of(heard, self).equal_until(&played, began)
     }
 
-    /// The beginning with which [`Compared::explained_from`] is latest, and that tick.
+    /// Returns the beginning for which [`Compared::explained_from`] is latest, and the tick that it returns.
     pub fn explained(&self, heard: &Heard<'_>) -> (Began, u64) {
         let mut codes = (1u64..).zip(&self.codes);
         let first_heard =
@@ -232,11 +233,11 @@ impl Compared {
     }
 }
 
-/// Records, first the tool at rest, and then while `play` is played for as long as it takes; no tick may be late,
-/// saturated or touch flash.
+/// Records, first with the tool at rest and then while `play` runs. Checks that no tick is late, saturated or touches
+/// flash.
 pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared {
     device.record();
-    // Until the estimate of the speed is exactly at rest.
+    // After this time the estimate of the speed is exactly at rest.
     device.run_for(60 * MS);
     let asked = device.status().tick.ticks;
     device.stylus.audit_ticks(997);
@@ -262,7 +263,8 @@ pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared
     }
 }
 
-/// Has `play` begin and go on for `millis`, and compares all codes with those that the host computes for `heard`.
+/// Starts playing with `play`, plays for `millis`, and compares all codes with those that the host computes for
+/// `heard`.
 pub fn plays_as_the_host_does(
     device: &mut Device,
     heard: &Heard<'_>,

@@ -1,4 +1,5 @@
-//! Faults on request, and the end of each: the table is that of the tests for a board, which see the status alone.
+//! Faults on request, and how each one ends. The table of faults is shared with the tests for a real board, which can
+//! see only the status.
 
 use hil::checks::faults::{ENDING, Ending};
 use hil::injection::Injected;
@@ -11,10 +12,11 @@ use crate::device::{Device, MS, inject, long};
 use crate::library;
 use crate::output::amplifier_follows_the_output;
 
-/// Time for the request on the line, for a stack to be filled, and for the handler or for the output to run out of
+/// Time for the request on the line, for filling a stack, and until either the handler runs or the output has no more
 /// codes.
 const CAUGHT_NS: u64 = 5 * MS;
-/// Period of the watchdog, with the tolerance of its clock, and the 20 ms between two feeds.
+/// Longest time until the watchdog's reset: its period with the tolerance of its clock, and the 20 ms between two
+/// feeds.
 const WATCHDOG_NS: u64 = 130 * MS;
 
 /// A device that plays a texture.
@@ -26,12 +28,13 @@ fn playing() -> Device {
     device
 }
 
-/// Injects a fault; it must end in one reset with its reason, and the output at mid-scale in time, up to and after the
-/// reset.
+/// Injects a fault. It must end in one reset with the wanted reason. The output must reach mid-scale in time, and stay
+/// there until and after the reset.
 fn ends(wanted: &Ending) {
     let Ending { name, fault, .. } = wanted;
     let (cause, silent_ns) = match (wanted.reason, fault) {
-        // Timer and DMA run into mid-scale without the tick; only a task leaves the tick as it is.
+        // Without the tick, the output's timer and DMA reach codes of mid-scale by themselves. An endless task is the
+        // only fault here that leaves the tick running.
         (ResetReason::Watchdog, Injected::EndlessTask) => (ResetCause::Watchdog, WATCHDOG_NS),
         (ResetReason::Watchdog, _) => (ResetCause::Watchdog, CAUGHT_NS),
         _ => (ResetCause::Software, CAUGHT_NS),
@@ -56,7 +59,8 @@ fn ends(wanted: &Ending) {
     let late = device.sounds_from(injected + silent_ns);
     assert_eq!(late, 0, "{name}: codes other than mid-scale");
     assert!(device.sounds_from(0) > 100, "it was heard before");
-    // The amplifier goes off before the output is moved, or at the reset at the latest, and comes back only after it.
+    // The amplifier is switched off before the output is moved, at the latest by the reset. It is switched on again
+    // only after the reset.
     let amplifier = device.amplifier();
     let outputs = device.dac();
     let raised = amplifier_follows_the_output(outputs, &amplifier);
@@ -70,7 +74,7 @@ fn ends(wanted: &Ending) {
     assert!(off.expect("it goes off").at_ns <= moved.at_ns, "{name}");
 }
 
-/// The first fault of each kind, and those of the streams of codes; in a long run all of them.
+/// Injects the first fault of each kind, and the faults of the streams of codes. A long run injects all faults.
 fn each_kind(reason: ResetReason) {
     for (at, ending) in ENDING.iter().enumerate() {
         let is_first = ENDING[..at].iter().all(|other| other.kind != ending.kind);
@@ -106,7 +110,7 @@ fn the_coil_is_as_warm_after_a_reset_as_before_and_nothing_is_known_after_power_
     device.wait_for_start();
     let status = device.status();
     assert_eq!(status.reset, ResetReason::Fault);
-    // It has cooled a little since, and by no more than the time for it allows.
+    // The load has cooled a little since, but by no more than the elapsed time allows.
     let after = status.output.thermal_load_permille;
     assert!(
         after <= before && after > before / 2,

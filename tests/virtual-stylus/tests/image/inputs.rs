@@ -1,5 +1,5 @@
-//! Recorded inputs: none is lost or changed, all are taken at exact instants, and late ticks and interference on the
-//! encoder's wires are what they are.
+//! Recorded inputs: no sample is lost or changed, and all are taken at exact instants. Late ticks are reported, and
+//! interference on the encoder's wires does not count.
 
 use hil::injection::Injected;
 use model_format::link::{BLOCK_SAMPLES, RecordSample};
@@ -9,7 +9,7 @@ use virtual_stylus::motion::Motion;
 
 use crate::device::{Device, MS, PERIOD_NS, SECOND, inject, recording_s};
 
-/// A code by which triggers and channels can be told apart.
+/// A code that identifies the trigger and the channel.
 fn code(channel: u8, at_ns: u64) -> u16 {
     let tick = at_ns / 200_000;
     (tick
@@ -21,8 +21,9 @@ fn code(channel: u8, at_ns: u64) -> u16 {
 /// REV_ID of silicon that halves the converter's clock, and of silicon that does not (section 60.5.8).
 const REVISIONS: [u16; 2] = [0x2003, 0x1003];
 
-/// Records on silicon of `revision` while ticks are late by `section`, 20 times. Returns for each sample the row of the
-/// converter that it is, if it is one row, and its mark, with the number of late conversions in the status.
+/// Records on silicon of `revision` while an injected `section` delays ticks, 20 times. Returns for each sample the
+/// index of the converter's row that it equals, if it equals one, and whether it is marked as whole. Returns the number
+/// of late conversions in the status, too.
 fn recorded_with(section: Injected, revision: u16) -> (Vec<(Option<usize>, bool)>, u32) {
     let mut options = Options::default();
     options.electrical.revision = revision;
@@ -96,7 +97,7 @@ fn a_row_that_a_later_tick_reads_is_marked_and_every_other_one_is_whole() {
 fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_counted() {
     let mut device = Device::started(Options::default());
     let start = device.stylus.now_ns();
-    // Pulses of 0.8 µs are the longest that the filter of 1.28 µs keeps out with margin.
+    // A pulse of 0.8 µs is the longest that the filter of 1.28 µs suppresses with a margin.
     let instants: Vec<u64> = (1..400).map(|n| start + n * MS + n * 377).collect();
     device.stylus.disturb_encoder(instants, 800);
     let counts = |device: &mut Device, ms: u64| -> i64 {
@@ -112,7 +113,7 @@ fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_count
             .sum()
     };
     assert_eq!(counts(&mut device, 200), 0, "the tool was at rest");
-    // The fastest stroke at the finest encoder: 2 m/s at 5 µm per count.
+    // The fastest stroke with the finest encoder: 2 m/s at 5 µm per count.
     device.stylus.set_motion(Motion::steady(2_000.0, 0.005));
     device.run_for(5 * MS);
     let seen = device.blocks.len();
@@ -126,11 +127,11 @@ fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_count
     );
 }
 
-/// Channels of the acceleration X, Y and Z and of the force, in their ranks: PA3, PC0, PF12 and PB1 (DS12110, pin
-/// definitions).
+/// Channels of the acceleration X, Y and Z and of the force, in the order of their ranks: PA3, PC0, PF12 and PB1
+/// (DS12110, pin definitions).
 const CHANNELS: [u8; 4] = [15, 10, 6, 5];
 
-/// The codes of the sequence that a trigger started: X, Y, Z and force in their ranks.
+/// Groups samples by the trigger that started them: X, Y, Z and force, in the order of their ranks.
 fn sequences(samples: &[Sample]) -> Vec<[Sample; 4]> {
     let first = samples
         .iter()
@@ -165,13 +166,13 @@ fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
         [x, y, z, sample.force.0]
     };
     let words = |sequence: &[Sample; 4]| sequence.map(|sample| sample.word);
-    // The recording begins somewhere in the converted samples; from there on the two are equal.
+    // The recording begins somewhere within the converted samples. From there on both must be equal.
     let begin = (converted.iter())
         .position(|sequence| words(sequence) == sampled(&recorded[0]))
         .expect("the first sample was on the pins");
     for (n, (sequence, sample)) in converted[begin..].iter().zip(&recorded).enumerate() {
         assert_eq!(words(sequence), sampled(sample), "sample {n}");
-        // A sensor that is wired to another pin would be recorded under another's name.
+        // A sensor wired to another pin would be recorded as another sensor.
         assert_eq!(sequence.map(|pin| pin.channel), CHANNELS, "sample {n}");
         for pin in sequence {
             assert_eq!(pin.word, code(pin.channel, pin.at_ns), "sample {n}");

@@ -1,5 +1,5 @@
-//! Latency from the sensors' pins to the output's pin, and to the tip of a plant. The hand steps at every tick of a
-//! block, just before and just after the converter samples the force.
+//! Latency from the sensors' pins to the output's pin, and to the tip of a plant. The hand makes a step at every tick
+//! of a block, just before and just after the converter samples the force.
 
 use model_format::scene::{Scene, SceneName, Surface, Tap};
 use model_format::{CodeSpec, DacCode, NodeSpec, TextureSpec, encode_with_scenes};
@@ -10,34 +10,34 @@ use crate::device::{CODE_NS, Device, MID_SCALE, MS, PERIOD_NS, long};
 use crate::library;
 use crate::scenes::force_code;
 
-/// Ticks of a block.
+/// Number of ticks per block.
 const BLOCK_TICKS: u64 = 10;
 
 /// Rank of the force in the converter's sequence.
 const FORCE_RANK: u8 = 3;
 
-/// Time between two steps of the hand: a whole number of blocks, and a tick.
+/// Time between two steps of the hand: a whole number of blocks, plus one tick, ns.
 const APART_NS: u64 = 60 * MS + PERIOD_NS;
 
-/// Time until the hand takes its step back.
+/// Time after which the hand returns to the state before the step, ns.
 const HELD_NS: u64 = 30 * MS;
 
-/// Delay from which on people feel that a tap is late, ms (Hachisu and Kajimoto, "Vibration Feedback Latency Affects
+/// Delay above which people feel that a tap is late, ms (Hachisu and Kajimoto, "Vibration Feedback Latency Affects
 /// Material Perception During Rod Tapping Interactions", 2017).
 const TAP_FELT_MS: f64 = 5.5;
 
-/// Delay from which on a texture feels like another one, ms (Okamoto et al., "Detectability and Perceptual Consequences
-/// of Delayed Feedback in a Vibrotactile Texture Display", 2009).
+/// Delay above which a texture feels different, ms (Okamoto et al., "Detectability and Perceptual Consequences of
+/// Delayed Feedback in a Vibrotactile Texture Display", 2009).
 const CHANGE_FELT_MS: f64 = 40.0;
 
 /// A step of the hand.
 struct Step {
     what: &'static str,
-    /// Force before and after it, N.
+    /// Force before and after the step, N.
     force: [f64; 2],
-    /// Speed before and after it, mm/s.
+    /// Speed before and after the step, mm/s.
     speed: [f64; 2],
-    /// Delay from which on it is felt, ms.
+    /// Delay above which people feel it, ms.
     felt_ms: f64,
 }
 
@@ -48,7 +48,7 @@ const TAP: Step = Step {
     felt_ms: TAP_FELT_MS,
 };
 
-/// Steps that are heard by a texture.
+/// Steps that change what a texture plays.
 const CHANGES: [Step; 3] = [
     Step {
         what: "a tool that moves touches",
@@ -93,8 +93,8 @@ fn bytes() -> Vec<u8> {
 /// Latencies at the pin and at the tip, ms.
 type Latencies = [Vec<f64>; 2];
 
-/// Returns the latencies of `step`. The hand takes it ten times, each at another tick of a block, just after the force
-/// is sampled; with `both`, ten times more, just before it is sampled.
+/// Returns the latencies of `step`. The hand makes the step ten times, each time at another tick of a block, just after
+/// the force is sampled. If `both` is true, it makes the step ten more times, just before the force is sampled.
 fn latencies(step: &Step, both: bool) -> Latencies {
     let mut device = Device::started(library::with(&bytes()));
     let [before, after] = step.force.map(force_code);
@@ -146,8 +146,8 @@ fn latencies(step: &Step, both: bool) -> Latencies {
     at_pin_and_tip(&mut device, &steps)
 }
 
-/// Latencies, ms, from each of `steps`, ns, to the first value above a tenth of the largest that follows: at the pin,
-/// and at the tip.
+/// Returns the latencies at the pin and at the tip, ms. Each is the time from one of `steps`, ns, to the first value
+/// above a tenth of the largest value that follows.
 fn at_pin_and_tip(device: &mut Device, steps: &[u64]) -> Latencies {
     let parameters = Parameters::preset("haptuator").expect("it is there");
     let mut plant = Plant::new(&parameters, 1);
@@ -168,7 +168,7 @@ fn at_pin_and_tip(device: &mut Device, steps: &[u64]) -> Latencies {
             assert!(most > 0.0, "nothing follows the step at {step} ns");
             let mut beyond = after.filter(|(_, of)| of[place] > most / 10.0);
             let (at, _) = beyond.next().expect("the most is beyond");
-            // The tip's value is that at the end of the code's interval.
+            // The plant's step computes the tip's value at the end of the code's interval.
             (at + place as u64 * CODE_NS - step) as f64 / 1e6
         };
         steps.iter().map(latency).collect()
@@ -187,7 +187,7 @@ fn a_tap_is_on_the_pin_before_people_feel_it_late_and_a_texture_long_before() {
         let Step { what, felt_ms, .. } = step;
         println!("| {what} | {felt_ms} ms | {pin:.2?} ms | {tip:.2?} ms |");
         assert!(pin[2] < *felt_ms, "{what}: {pin:?}");
-        // The codes were decided after the step.
+        // The codes were computed after the step.
         assert!(pin[0] > 1.0, "{what}: {pin:?}");
     }
 }

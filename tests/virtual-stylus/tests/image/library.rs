@@ -1,4 +1,4 @@
-//! Libraries, and flash with them in it, which the application's own store has written on this computer.
+//! Libraries, and flash contents with these libraries. The application's own store has written them on this computer.
 
 use embassy_futures::block_on;
 use fake_stylus::device::change;
@@ -15,7 +15,7 @@ use virtual_stylus::model::flash::{BASE, BYTES, Contents};
 
 use crate::requests::default_of;
 
-/// The textures that every processor must play to the same bits; about 25 KB.
+/// The textures that every processor must play identically to the bit; about 25 KB.
 pub fn small() -> Vec<u8> {
     encode(&kernel_vectors::specs()).expect("within the limits")
 }
@@ -35,12 +35,13 @@ pub fn large() -> Vec<u8> {
     library(4, MAX_ORDER, 3)
 }
 
-/// Flash with `libraries` in its slots, the last one the newest, and with the settings of the coil.
+/// Flash with `libraries` in its slots, the last one the newest, and with the required settings of the coil.
 pub fn flash_with(libraries: &[&[u8]]) -> Contents {
     flash_set(libraries, &[])
 }
 
-/// As [`flash_with`], with these settings set as well. A change that the image makes costs as much as a start.
+/// Like [`flash_with`], with further settings. They are set here because a change made by the image would take as long
+/// as a start.
 fn flash_set(libraries: &[&[u8]], further: &[(Setting, f32)]) -> Contents {
     let slots = block_on(async {
         let mut flash = SimulatedFlash::two_slots();
@@ -89,7 +90,7 @@ pub fn with(library: &[u8]) -> Options {
     of(flash_with(&[library]))
 }
 
-/// Options of a run that goes on with this flash, as after a power cut.
+/// Options of a run that continues with this flash, as after a power cut.
 pub fn after(flash: Contents) -> Options {
     Options {
         keep_flash: true,

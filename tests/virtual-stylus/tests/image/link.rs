@@ -1,4 +1,4 @@
-//! A lost link, a host whose motion stops, and frames that no host sends.
+//! A lost link, a host that stops sending its motion, and frames that no host sends.
 
 use fake_stylus::device::MOTION;
 use model_format::link::{
@@ -14,7 +14,7 @@ use crate::device::{Device, MS, long};
 use crate::library;
 use crate::requests::play_request;
 
-/// Time within which the output is silent.
+/// Time within which the output must be silent.
 const SILENT_NS: u64 = 100 * MS;
 
 #[test]
@@ -28,7 +28,7 @@ fn a_lost_link_is_silence_within_100_ms() {
     device.run_for(300 * MS);
     assert!(!device.is_silent(lost - 50 * MS, lost), "it was heard");
     assert!(device.is_silent(lost + SILENT_NS, lost + 300 * MS));
-    // The output comes back with the link.
+    // The output resumes with the link.
     device.keep_alive(true);
     device.run_for(400 * MS);
     let now = device.stylus.now_ns();
@@ -60,7 +60,7 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
     assert!(mute.contains(MuteReason::Stale), "{mute:?}");
 }
 
-/// Number of frames.
+/// Number of frames to send.
 fn count() -> u64 {
     if long() { 1_000_000 } else { 5_000 }
 }
@@ -69,7 +69,7 @@ fn bytes(random: &mut Chance, count: u64) -> Vec<u8> {
     (0..count).map(|_| random.draw() as u8).collect()
 }
 
-/// A frame that is wrong in one of several ways. Most are short, so that many fit into a second.
+/// A frame with one of several errors. Most frames are short, so that many fit into a second.
 pub fn wrong(random: &mut Chance) -> Vec<u8> {
     let keys = [
         InfoEndpoint::REQ_KEY,
@@ -79,7 +79,7 @@ pub fn wrong(random: &mut Chance) -> Vec<u8> {
     let key = keys[random.below(3) as usize].to_bytes();
     let length = random.below(12);
     match random.below(8) {
-        // An existing key, with a body that is cut off or random.
+        // An existing key, followed by a random body or one that is too short.
         0 | 1 => {
             let mut frame = vec![0b1101_0000];
             frame.extend(key);
@@ -87,7 +87,7 @@ pub fn wrong(random: &mut Chance) -> Vec<u8> {
             frame.extend(bytes(random, length));
             frame
         }
-        // A key that is cut off.
+        // A key that is incomplete.
         2 => [&[0b1110_0000], &key[..random.below(8) as usize]].concat(),
         // A short key, of a kind that the device does not use.
         3 => vec![random.below(64) as u8, random.draw() as u8],
@@ -106,7 +106,7 @@ fn malformed_frames_are_errors_or_silence_and_no_tick_is_missed() {
         for _ in 0..50 {
             let frame = wrong(&mut random);
             if random.below(10) == 0 {
-                // No COBS: zeros at random places.
+                // Without COBS, zeros are at random places.
                 device.send_bytes(&frame);
                 device.send_bytes(&[0]);
             } else {

@@ -1,7 +1,7 @@
-//! The image as it is flashed, on the virtual stylus.
+//! Tests of the image as it is flashed, on the virtual stylus.
 //!
 //! `STYLUS_IMAGE` and `STYLUS_FAULT_IMAGE` name the files that `cargo firmware` and `cargo firmware --fault-injection`
-//! built; `cargo tasks test-virtual-stylus` builds both and sets them.
+//! build. `cargo tasks test-virtual-stylus` builds both and sets the variables.
 
 mod bootloader;
 mod bounds;
@@ -15,7 +15,7 @@ mod library;
 mod link;
 mod marks;
 mod output;
-/// Blocks of a page; the file is that of the tasks.
+/// Access to the generated blocks of a page; the source file belongs to the tasks.
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;
 mod play;

@@ -1,4 +1,4 @@
-//! Marks of the worst cases, under the most that the device does at once, and levels of the sensors.
+//! The device's records of its worst cases (`Marks`), under the highest load, and levels of the sensors.
 
 use model_format::link::{Marks, Setting, StatusEndpoint};
 use postcard_rpc::Endpoint;
@@ -12,16 +12,16 @@ use crate::scenes;
 /// Cycles of the processor per microsecond.
 const CYCLES_PER_US: u32 = 400;
 
-/// Most of the stack that may be used, bytes: three quarters of it, as the self test has it.
+/// Largest part of the stack that may be used, bytes: three quarters, as in the self test.
 const MOST_STACK_BYTES: u32 = (53 << 10) / 4 * 3;
-/// Longest delay of the tick.
+/// Longest permitted delay of the tick, cycles.
 const MOST_TICK_DELAY_CYCLES: u32 = 5 * CYCLES_PER_US;
-/// Longest critical section.
+/// Longest permitted critical section, cycles.
 const MOST_MASKED_CYCLES: u32 = 5 * CYCLES_PER_US;
-/// Longest time between two feeds of the watchdog, whose period is 100 ms; 250 ms during the start.
+/// Longest permitted time between two feeds of the watchdog, µs. Its period is 100 ms, and 250 ms during the start.
 const MOST_GAP_US: u32 = 50_000;
 
-/// Checks the bounds, and that each mark was made.
+/// Checks that every mark was recorded and is within its bound.
 fn check(marks: Marks) {
     println!("{marks:?}");
     assert_eq!(marks.stack_bytes, 53 << 10);
@@ -35,7 +35,7 @@ fn check(marks: Marks) {
     check_bounds(marks);
 }
 
-/// Checks the bounds.
+/// Checks that every mark is within its bound.
 pub fn check_bounds(marks: Marks) {
     let bounds = [
         (marks.stack_used_bytes, MOST_STACK_BYTES),
@@ -49,12 +49,12 @@ pub fn check_bounds(marks: Marks) {
 #[test]
 fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_and_both_links_are_busy()
  {
-    /// Bytes that are uploaded: enough for every task to meet every other.
+    /// Number of bytes that are uploaded, enough for every task to run at the same time as every other.
     const UPLOADED: usize = 40_000;
     const PIECE: usize = 2_000;
     let mut device = Device::on_usb(library::with(&scenes::bytes()));
     device.stylus.set_pins(FunctionPins(scenes::tapping));
-    // To and fro over the boundary, where two surfaces sound.
+    // The tool moves forward and back over the boundary, where two surfaces sound.
     let turns = (0..40).map(|turn| (turn * 200, if turn % 2 == 0 { 240.0 } else { -200.0 }));
     device.move_along(&turns.collect::<Vec<_>>());
     device.play_scene("everything", 3);
@@ -64,7 +64,7 @@ fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_a
     let mut asked = 0;
     let mut answered = 0;
     for end in (PIECE..=UPLOADED).step_by(PIECE) {
-        // The other link asks for the status, which is its longest answer.
+        // The other link requests the status, which is the longest answer on that link.
         asked += 1;
         let mut bytes = cobs::encode_vec(&frame(StatusEndpoint::REQ_KEY, asked, &()));
         bytes.push(0);

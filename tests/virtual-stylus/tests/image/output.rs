@@ -1,4 +1,5 @@
-//! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
+//! The output from the tick to the pin: its latency, late ticks, a core that stops, and the signal that enables the
+//! amplifier.
 
 use hil::injection::Injected;
 use model_format::SAMPLE_RATE_HZ;
@@ -15,19 +16,20 @@ use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, pr
 use crate::expected::BEFORE_FIRST_TICK;
 use crate::library;
 
-/// Time from the trigger of a tick to its first code on the pin, and to the end of what it wrote ahead.
+/// Time from the trigger of a tick to its first code on the pin, and to the end of the codes that the tick has written
+/// ahead, ns.
 const LATENCY_NS: u64 = 212_500;
 const ENDED_NS: u64 = LATENCY_NS + 4 * PERIOD_NS;
-/// Tolerance of the phase between the timers, which software starts one after the other.
+/// Tolerance of the phase between the two timers, which software starts one after the other, ns.
 const PHASE_NS: u64 = 1_000;
-/// Time for which mid-scale must be put out before the amplifier is on.
+/// Time for which mid-scale must be put out before the amplifier is switched on, ns.
 const SETTLED_NS: u64 = 9 * MS;
 
 /// A slew limit, V/ms, that a step from the loud texture to mid-scale would exceed many times over.
 const SLEW_LIMIT: f32 = 2.0;
 
-/// A device that plays a texture with hundreds of steps to either side of mid-scale, and the most steps that a code may
-/// change by.
+/// Returns a device that plays a texture with an amplitude of hundreds of converter steps around mid-scale, and the
+/// largest number of steps between two successive codes.
 fn playing_loudly() -> (Device, u16) {
     let loud = [
         (Setting::SlewLimit, SLEW_LIMIT),
@@ -47,7 +49,7 @@ fn offset(output: &Output) -> u16 {
     output.code.unwrap_or(MID_SCALE).abs_diff(MID_SCALE)
 }
 
-/// The largest offset from mid-scale in the last milliseconds.
+/// Largest offset from mid-scale in the last 5 ms, converter steps.
 fn loudness(device: &mut Device) -> u16 {
     let now = device.stylus.now_ns();
     let recent = device.dac().iter().rev();
@@ -89,7 +91,7 @@ fn a_core_that_stops_while_a_texture_plays_leaves_mid_scale_at_the_pin_within_a_
     assert!(after.len() > 1_000, "the converter goes on");
     let left = after.iter().find(|output| output.code != Some(MID_SCALE));
     assert_eq!(left, None, "after {last}");
-    // It got there without a click.
+    // The output reached mid-scale without a click.
     let faded = before.split_off(before.len() - 6 * CODES);
     let steps = faded
         .windows(2)
@@ -97,8 +99,8 @@ fn a_core_that_stops_while_a_texture_plays_leaves_mid_scale_at_the_pin_within_a_
     assert!(steps.max() <= Some(slew), "{faded:?}");
 }
 
-/// Injects `fault` into a loud texture; no code may then differ from the one before it by more than the slew limit.
-/// Returns the outputs since, and the status after them.
+/// Injects `fault` into a loud texture. After that, no code may differ from the previous code by more than the slew
+/// limit. Returns the outputs since the fault, and the status after them.
 fn late(fault: Injected) -> (Vec<Output>, Status) {
     let (mut device, slew) = playing_loudly();
     assert!(loudness(&mut device) > 4 * slew, "it is loud");
@@ -120,14 +122,14 @@ fn late(fault: Injected) -> (Vec<Output>, Status) {
         let step = code(&pair[1]).abs_diff(code(&pair[0]));
         assert!(step <= slew, "{fault:?}: {pair:?}");
     }
-    // The instants and the latency are what they were: no later tick is late.
+    // The instants and the latency are as before the fault: no later tick is late.
     device.run_for(50 * MS);
     let later = device.status();
     assert_eq!(later.tick.late_outputs, after.tick.late_outputs);
     (outputs, after)
 }
 
-/// The longest run of one code.
+/// Length of the longest run of equal codes.
 fn longest_hold(outputs: &[Output]) -> usize {
     outputs
         .chunk_by(|one, next| one.code == next.code)
@@ -140,7 +142,7 @@ fn longest_hold(outputs: &[Output]) -> usize {
 fn a_sample_that_comes_150_microseconds_late_is_heard_as_a_held_code() {
     let (outputs, after) = late(Injected::LateTick);
     assert_eq!(after.tick.late_outputs, 1);
-    // The period without a sample, and the code before it.
+    // The code is held for the period without a sample, and it was put out before, too.
     assert!(longest_hold(&outputs) > CODES);
 }
 
@@ -168,8 +170,8 @@ fn a_tick_that_takes_six_periods_is_heard_as_a_fade_to_mid_scale() {
     assert!(silent.max() > Some(CODES));
 }
 
-/// Checks that the amplifier is raised only after mid-scale has been put out for [`SETTLED_NS`], and is on only while
-/// the converter drives its pin. Returns the instants at which it was raised.
+/// Checks that the amplifier is switched on only after mid-scale has been put out for [`SETTLED_NS`], and is on only
+/// while the converter drives its pin. Returns the instants at which it was switched on.
 pub fn amplifier_follows_the_output(outputs: &[Output], amplifier: &[Driven]) -> Vec<u64> {
     assert_eq!(amplifier[0].drive, Drive::Low, "{amplifier:?}");
     let driven = |output: &&Output| output.code.is_some();
@@ -203,7 +205,7 @@ pub fn amplifier_follows_the_output(outputs: &[Output], amplifier: &[Driven]) ->
 
 #[test]
 fn the_amplifier_is_off_until_the_coil_is_known_and_mid_scale_has_settled() {
-    // Of a blank flash, in which nobody has set anything.
+    // The flash is blank, and nobody has changed a setting.
     let mut device = Device::new(&product(), Options::default());
     device.wait_for_start();
     device.run_for(300 * MS);
@@ -258,7 +260,7 @@ fn the_clocks_of_the_output_run_and_go_on_while_the_core_sleeps() {
     const SRAM1: u32 = 1 << 29;
     const DMA1: u32 = 1;
     const TIM7_AND_DAC: u32 = 1 << 29 | 1 << 5;
-    // AHB2, AHB1 and APB1L: the registers of the running core, and those of the sleeping one.
+    // AHB2, AHB1 and APB1L: for each, the enable registers for the running and for the sleeping core.
     let clocks = [
         ([0xDC, 0x104], SRAM1),
         ([0xD8, 0x100], DMA1),
@@ -274,7 +276,7 @@ fn the_clocks_of_the_output_run_and_go_on_while_the_core_sleeps() {
     }
 }
 
-/// The accelerometer of a plant at the pin shows what another plant does, that is given the record of the run.
+/// The accelerometer of a plant at the pin must agree with a second plant that is driven with the record of the run.
 #[test]
 fn a_plant_at_the_pin_moves_the_accelerometer_as_the_codes_and_the_enable_say() {
     let mut parameters = Parameters::preset("haptuator").expect("it is one");
@@ -294,7 +296,7 @@ fn a_plant_at_the_pin_moves_the_accelerometer_as_the_codes_and_the_enable_say() 
         .iter()
         .filter(|output| output.at_ns > from_ns)
         .peekable();
-    // Until the first code the plant rests, and its amplifier is not enabled.
+    // Until the first code, the plant rests and its amplifier is not enabled.
     let mut volts = None;
     let mut largest = 0;
     for sample in samples.iter().filter(|sample| sample.channel == 15) {

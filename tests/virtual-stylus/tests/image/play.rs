@@ -1,4 +1,4 @@
-//! The played output, compared code by code and instant by instant, at 5 and at 10 kHz.
+//! The output of textures and scenes, compared code by code and instant by instant, at 5 and at 10 kHz.
 
 use model_format::link::MuteReason;
 use model_format::{Library, PlayRate};
@@ -14,10 +14,11 @@ use crate::expected::{Compared, latched, plays_as_the_host_does};
 use crate::library;
 use crate::scenes::{OVER_AND_BACK, fast, force_code, plan, press, tapping};
 
-/// Most instructions of a tick at 10 kHz besides those of its samples: inputs, safety, and what begins a block.
+/// Largest number of instructions of a tick at 10 kHz in addition to those of its samples: inputs, safety, and what
+/// begins a block.
 const BESIDES: u32 = 2_400;
 
-/// Speeds over the grid of a texture, up and down.
+/// Speeds that rise and fall over the grid of a texture: instants in ms with speeds in mm/s.
 const STROKES: [(u64, f64); 5] = [
     (0, 0.0),
     (200, 20.0),
@@ -26,7 +27,7 @@ const STROKES: [(u64, f64); 5] = [
     (1_000, 190.0),
 ];
 
-/// A force that goes up and down over the grid, and an accelerometer whose axes differ.
+/// A force that rises and falls over the grid, and an accelerometer whose axes differ.
 fn pins(channel: u8, at_ns: u64) -> u16 {
     let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 1.3;
     match channel {
@@ -36,7 +37,7 @@ fn pins(channel: u8, at_ns: u64) -> u16 {
 }
 
 fn a_texture_is_played(bytes: &[u8], texture: &str) {
-    // RAM holds what power-on leaves in it.
+    // RAM holds noise, as after power-on.
     let mut device = Device::started(Options {
         ram_noise: Some(2),
         ..library::with(bytes)
@@ -55,13 +56,14 @@ fn a_lattice_is_put_out_as_the_host_computes_it_code_for_code() {
     a_texture_is_played(&library::small(), "lattice");
 }
 
-/// The texture whose digest all platforms compare, by the image itself, which gives no words but codes.
+/// Plays, with the image itself, the texture whose digest all platforms compare. The image puts out codes instead of
+/// words.
 #[test]
 fn the_texture_of_the_digest_is_put_out_as_the_host_computes_it_code_for_code() {
     a_texture_is_played(&kernel_vectors::digest_library(), "digest");
 }
 
-/// A force that taps.
+/// A device with a force that taps.
 fn touched(bytes: &[u8]) -> Device {
     let mut device = Device::started(library::with(bytes));
     device.set_pins(tapping);
@@ -95,7 +97,8 @@ fn a_scene_at_ten_kilohertz_with_all_effects_is_put_out_as_the_host_computes_it(
     a_scene_is_played(&fast(), "everything");
 }
 
-/// The bits of two fed voices with all effects, over the transition and back, and of an update that is never late.
+/// A scene of two fed voices with all effects, over the transition and back. Every bit is compared, and no update may
+/// be late.
 #[test]
 fn a_scene_of_fed_textures_is_put_out_as_the_host_computes_it() {
     a_scene_is_played(&crate::scenes::bytes(), "fed everything");
@@ -104,7 +107,7 @@ fn a_scene_of_fed_textures_is_put_out_as_the_host_computes_it() {
 #[test]
 fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() {
     let mut device = Device::started(library::with(&fast()));
-    // A steady hand, so that nothing but the change is silent.
+    // The hand is steady, so that only the change of rate can cause silence.
     press(&mut device, 1.0);
     device.move_at(60.0);
     let settings = device.settings();
@@ -121,7 +124,7 @@ fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() 
     assert_eq!(changing(&mut device), before + 3);
     device.assert_undisturbed();
     let codes = latched(&mut device);
-    // The limits of codes are those of both rates.
+    // The limits of the codes are the same at both rates.
     let [slow, fast] = PlayRate::ALL.map(|rate| Config::at_rate(&settings, 1.0, rate));
     let limits = (slow.limit_steps(), slow.slew_steps());
     assert_eq!(limits, (fast.limit_steps(), fast.slew_steps()));
@@ -131,7 +134,7 @@ fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() 
     assert!(offsets.iter().all(|offset| offset.abs() <= limits.0));
     let steps = offsets.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     assert!(steps.max().is_some_and(|most| most <= limits.1));
-    // After each change there is silence for the lead of the first block at least, and then sound for most of the time.
+    // After each change there is silence at least for the lead of the first block, and then sound for most of the time.
     for (index, &change) in changes.iter().enumerate() {
         let end = changes.get(index + 1).copied().unwrap_or(codes.len());
         let stretch = &codes[change..end];
@@ -146,7 +149,7 @@ fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() 
     }
 }
 
-/// A tick at 10 kHz keeps its period and its budget, and one at 5 kHz costs what it did before.
+/// A tick at 10 kHz keeps its period and its budget. A tick at 5 kHz costs as much as before.
 #[test]
 fn two_samples_of_the_highest_order_fit_in_a_tick_and_its_period_stays() {
     let mut device = Device::started(library::with(&fast()));
@@ -163,7 +166,7 @@ fn two_samples_of_the_highest_order_fit_in_a_tick_and_its_period_stays() {
     assert!(ticks.len() > 240, "{}", ticks.len());
     for pair in ticks.windows(2) {
         let late = (pair[1].at_ns - pair[0].at_ns).abs_diff(PERIOD_NS);
-        // What a critical section of a task delays.
+        // A critical section of a task may delay the tick by this much.
         assert!(late < 5_000, "{late} ns");
     }
     let fast = count(&mut device, "lattice at 10 kHz", 30);
@@ -175,7 +178,7 @@ fn two_samples_of_the_highest_order_fit_in_a_tick_and_its_period_stays() {
     assert_eq!(again.within, slow.within);
 
     let voice = slow.within - idle.within;
-    // Two samples, and the stages of safety for the second one.
+    // The difference consists of two samples, and of the safety stages for the second one.
     let more = fast.within - idle.within - 2 * voice;
     assert!(more < 400, "{more}");
     for count in [fast, both] {

@@ -1,4 +1,4 @@
-//! Probes and equalised textures at the pin, as the host computes them from their samples and sections.
+//! Probes and equalised textures at the pin, compared with what the host computes from their samples and sections.
 
 use std::sync::atomic::AtomicI16;
 
@@ -18,7 +18,7 @@ use crate::expected::{Heard, plays_as_the_host_does, recorded};
 use crate::library;
 use crate::scenes::{fast, press};
 
-/// A period of a waveform without symmetry, of more than one part.
+/// A period of a waveform without symmetry, long enough to need more than one part for loading.
 const WAVE: [i16; 317] = {
     let mut wave = [0; 317];
     let mut at = 0;
@@ -29,7 +29,7 @@ const WAVE: [i16; 317] = {
     wave
 };
 
-/// Loads the waveform; the request that plays it.
+/// Loads the waveform, and returns the request that plays it.
 pub fn load(device: &mut Device) -> ProbeStart {
     for load in ProbeLoad::parts(&WAVE) {
         let loaded = device.request::<ProbeLoadEndpoint>(&load);
@@ -45,7 +45,7 @@ pub fn start(device: &mut Device, request: ProbeStart) -> ProbeStarted {
         .expect("it is playable")
 }
 
-/// Proposes a response of so many sections, made for the settings in force.
+/// Proposes a response of `count` sections, made for the settings in force.
 fn propose(device: &mut Device, count: usize) -> Response {
     let section = |number: usize| {
         let pole = 0.1 * number as f64;
@@ -65,10 +65,10 @@ fn propose(device: &mut Device, count: usize) -> Response {
     response
 }
 
-/// Proposes such a response and stores it.
+/// Proposes a response like [`propose`], and stores it.
 pub fn store(device: &mut Device, count: usize) -> Response {
     let response = propose(device, count);
-    // While the settings' bank is written, the serial line would lose what is sent.
+    // While the bank with the settings is written, the serial line would lose what is sent.
     device.keep_alive(false);
     let id = response.id();
     let stored = device.request::<ResponseSetEndpoint>(&ResponseChange::Store { id });
@@ -88,7 +88,7 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
     let mut started = None;
     let compared = recorded(&mut device, |device| {
         started = Some(start(device, request));
-        // To its own end, and the end of its mute.
+        // The probe plays to its own end, and to the end of its mute.
         device.run_for(2_700 * MS);
         device.keep_alive(false);
     });
@@ -110,7 +110,7 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
         switch: None,
     };
     let (began, same_until) = compared.explained(&heard);
-    // The mute at its end is not that of the reference, which goes on.
+    // The reference continues to play, so its codes differ from the mute at the probe's end.
     let end = started.expect("it was started").end_tick;
     assert!(
         same_until >= end,

@@ -1,5 +1,5 @@
-//! Every register that the image touches, in two descriptions that share no source with the models: that of stm32-data
-//! (crate stm32-metapac) and ST's own SVD file (crate rigless).
+//! Checks every register that the image touches against two descriptions that share no source with the models:
+//! stm32-data (crate stm32-metapac) and ST's own SVD file (crate rigless).
 
 use std::collections::BTreeMap;
 
@@ -15,32 +15,33 @@ use virtual_stylus::model::usb;
 use crate::device::{Device, MS, product};
 use crate::library;
 
-/// Peripherals on the buses; the core's own registers are no part of either description.
+/// Peripherals on the buses. Neither description contains the core's own registers.
 const PERIPHERALS: std::ops::Range<u64> = 0x4000_0000..0x6000_0000;
 
 const USB: std::ops::Range<u64> = usb::BASE..usb::BASE + usb::BYTES;
 
-/// The USB core that the SVD file describes; the image's, beside it, has the same registers (RM0433 section 57.14).
+/// The USB core that the SVD file describes. The core that the image uses has the same registers (RM0433 section
+/// 57.14).
 const OTHER_USB: u64 = 0x4004_0000;
 
-/// A register as one of the sources has it.
+/// A register as one of the sources describes it.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Described {
     name: String,
-    /// Bits of its fields.
+    /// Bits of the register's fields.
     fields: u64,
-    /// Value after a reset; 0 where the source tells none.
+    /// Value after a reset; 0 if the source does not state one.
     reset: u64,
     /// Value in the emulator as the power comes on.
     emulated: u64,
 }
 
-/// A name without what differs between those that refer to it: capitals and underscores.
+/// A name without capitals and underscores, which differ between the sources.
 fn plain(name: &str) -> String {
     name.replace('_', "").to_lowercase()
 }
 
-/// Registers of a block and of the blocks in it, by offset.
+/// Collects the registers of a block and of the blocks within it, by offset.
 fn block(ir: &IR, name: &str, at: u64, found: &mut BTreeMap<u64, Described>) {
     let block_of = (ir.blocks.iter()).find(|block| plain(block.name) == plain(name));
     let described = block_of.expect("a block of this name");
@@ -96,7 +97,7 @@ fn fields(ir: &IR, name: &str) -> u64 {
     bits
 }
 
-/// Registers by address, from stm32-data. Of peripherals at one address, as a timer's kinds, all are taken together.
+/// Registers by address, from stm32-data. Several peripherals at one address, such as the kinds of a timer, are merged.
 fn stm32_data() -> BTreeMap<u64, Described> {
     let mut all = BTreeMap::new();
     for Peripheral {
@@ -117,7 +118,8 @@ fn stm32_data() -> BTreeMap<u64, Described> {
     all
 }
 
-/// The register at `address` by the SVD file, of whose two USB cores the image's is the other.
+/// The register at `address` in the SVD file. The file describes only one of the two USB cores, so the addresses of the
+/// image's core are translated.
 fn svd(part: &impl Mcu, address: u64) -> Option<Described> {
     let address = if USB.contains(&address) {
         address - usb::BASE + OTHER_USB
@@ -140,8 +142,8 @@ fn svd(part: &impl Mcu, address: u64) -> Option<Described> {
     described
 }
 
-/// Registers that the image touches when it does all that it can (a start, both links, settings, a library, a
-/// recording, a texture and the self test), and the SVD file's description of them.
+/// Registers that the image touches when it does everything that it can (a start, both links, settings, a library, a
+/// recording, a texture and the self test), and the SVD file's description of these registers.
 fn touched() -> (BTreeMap<u64, u64>, BTreeMap<u64, Described>) {
     let mut device = Device::on_usb(Options {
         note_registers: true,
@@ -191,7 +193,7 @@ fn touched() -> (BTreeMap<u64, u64>, BTreeMap<u64, Described>) {
     (noted, described)
 }
 
-/// Known differences: the beginning of each, and why it is no fault of the image or the models.
+/// Known differences: how the text of each begins, and why it is no error of the image or the models.
 const KNOWN: [(&str, &str); 11] = [
     (
         "TIM2 sr: bits",
@@ -230,8 +232,8 @@ const KNOWN: [(&str, &str); 11] = [
     ),
 ];
 
-/// Registers whose value as the power comes on is the manual's in the emulator, and another in the SVD, which has zeros
-/// for many and the values of another port or core for others.
+/// Registers whose value at power-on agrees with the manual in the emulator, but not in the SVD file. The file has
+/// zeros for many, and the values of another port or core for others.
 const KNOWN_STARTS: [(&str, &str); 8] = [
     ("TIM", "arr"),
     ("ADC", "cr cfgr"),

@@ -1,4 +1,4 @@
-//! Requests of a host, and what tests ask of a device again and again.
+//! Requests of a host, and steps that many tests need.
 
 use std::collections::VecDeque;
 
@@ -28,12 +28,12 @@ impl Device {
             .expect("settings are read")
     }
 
-    /// Moves the tool with this speed, mm/s, from now on.
+    /// Moves the tool at `speed`, mm/s, from now on.
     pub fn move_at(&mut self, speed: f64) {
         self.stylus.set_motion(Motion::steady(speed, 0.01));
     }
 
-    /// Moves the tool by speeds in mm/s, linear between instants in ms from now on.
+    /// Moves the tool along knots from now on: speeds in mm/s at instants in ms, with linear interpolation.
     pub fn move_along(&mut self, knots: &[(u64, f64)]) {
         let start = self.stylus.now_ns();
         let at = |&(ms, speed): &(u64, f64)| (start + ms * MS, speed);
@@ -42,7 +42,7 @@ impl Device {
         self.stylus.set_motion(motion);
     }
 
-    /// Puts `signal` on the force sensor's pin, as a function of channel and instant for the others.
+    /// Puts `signal`, a function of channel and instant, on the converter's pins.
     pub fn set_pins(&mut self, signal: impl FnMut(u8, u64) -> u16 + Send + 'static) {
         self.stylus.set_pins(FunctionPins(signal));
     }
@@ -53,19 +53,19 @@ impl Device {
             .expect("nothing is recorded");
     }
 
-    /// Ends the recording, and receives what is on its way.
+    /// Ends the recording, and receives the blocks that are still under way.
     pub fn stop_recording(&mut self) -> RecordStopped {
         let stopped = self.request::<RecordStopEndpoint>(&());
         self.run_for(20 * MS);
         stopped.expect("it is recorded")
     }
 
-    /// Stops what is played.
+    /// Stops the present play.
     pub fn stop(&mut self) {
         self.request::<StopEndpoint>(&()).expect("it plays");
     }
 
-    /// Instants and codes that were put out by the timer.
+    /// The outputs whose codes were put out by the timer, with their instants.
     pub fn triggered(&mut self) -> Vec<Output> {
         let outputs = self.dac().iter();
         outputs
@@ -74,13 +74,13 @@ impl Device {
             .collect()
     }
 
-    /// Checks that codes were put out every 25 µs, and no tick, block, conversion or output was late.
+    /// Checks that codes were put out every 25 µs, and that no tick, block, conversion or output was late.
     pub fn assert_undisturbed(&mut self) {
         assert_on_time(&self.status().tick);
         assert_even(&self.triggered());
     }
 
-    /// True if nothing but mid-scale was put out from `from_ns` until before `to_ns`.
+    /// Returns true if only mid-scale was put out from `from_ns` until before `to_ns`.
     pub fn is_silent(&mut self, from_ns: u64, to_ns: u64) -> bool {
         let outputs = self.dac().iter();
         let mut between = outputs.filter(|output| (from_ns..to_ns).contains(&output.at_ns));
@@ -100,18 +100,18 @@ impl Device {
         resets.iter().map(|reset| reset.cause).collect()
     }
 
-    /// Checks that the image asked nothing of a model that the model leaves out.
+    /// Checks that the image requested nothing that a model leaves out.
     pub fn assert_models_sufficed(&mut self) {
         let mut told = self.stylus.report().told;
-        // embassy selects a clock for the RTC, which nothing uses, and finds the selection made. The part ignores a
-        // second write of it.
+        // embassy selects a clock for the RTC, which is not used, and finds that a clock is selected already. The part
+        // ignores a second write of the selection.
         told.retain(|told| {
             !told.starts_with("RCC.BDCR: ") || !told.contains("RTCSEL can be written only one time")
         });
         assert!(told.is_empty(), "{told:?}");
     }
 
-    /// Checks that blocks are in order and complete.
+    /// Checks that the received blocks are in order and complete.
     pub fn assert_whole(&self) {
         for (number, block) in self.blocks.iter().enumerate() {
             assert_eq!(block.sequence as usize, number);
@@ -153,7 +153,7 @@ impl Device {
         begun.expect("the library fits a slot").next_offset as usize
     }
 
-    /// Sends chunks from byte `from` on, until byte `end` has been sent. Returns the offset of the next one.
+    /// Sends chunks from byte `from` on, until byte `end` has been sent. Returns the offset of the next chunk.
     pub fn send_chunks(&mut self, library: &[u8], from: usize, end: usize) -> usize {
         let mut next = from;
         for chunk in chunks(library, from, MAX_CHUNK_BYTES) {
@@ -173,8 +173,8 @@ impl Device {
             .expect("a valid library")
     }
 
-    /// Uploads with up to `window` chunks on their way before the answer to the first of them, as the product's client
-    /// does with [`UPLOAD_WINDOW`](model_format::link::UPLOAD_WINDOW).
+    /// Uploads with up to `window` chunks under way before the first of them is answered, like the product's client
+    /// with [`UPLOAD_WINDOW`](model_format::link::UPLOAD_WINDOW).
     pub fn upload_ahead(&mut self, library: &[u8], window: usize) -> UploadCommitted {
         self.begin_upload(library);
         self.send_ahead(library, window);
@@ -182,7 +182,7 @@ impl Device {
             .expect("a valid library")
     }
 
-    /// Sends all chunks of `bytes`, up to `window` of them before the answer to the first.
+    /// Sends all chunks of `bytes`, with up to `window` chunks under way before the first of them is answered.
     pub fn send_ahead(&mut self, bytes: &[u8], window: usize) {
         let mut chunks = chunks(bytes, 0, MAX_CHUNK_BYTES);
         let mut on_their_way = VecDeque::new();
@@ -207,7 +207,8 @@ impl Device {
             .expect("a valid slot")
     }
 
-    /// Sets what nothing plays without, as the owner of the coil does; the values are those of `Settings::default`.
+    /// Sets the settings without which nothing plays, as the owner of the coil does. The values are those of
+    /// `Settings::default`.
     pub fn set_coil(&mut self) {
         let values: Vec<SettingChange> = SettingSet::REQUIRED.iter().map(default_of).collect();
         self.change_settings(&values)
@@ -229,7 +230,7 @@ impl Device {
         self.request::<SettingsApplyEndpoint>(&proposal.token)
     }
 
-    /// Plays with keep-alives.
+    /// Starts a play, and sends keep-alives from then on.
     pub fn plays(&mut self, request: &PlayRequest) {
         self.keep_alive(true);
         let played = self.request::<PlayEndpoint>(request);
@@ -277,12 +278,12 @@ pub fn assert_even(outputs: &[Output]) {
     assert_eq!(uneven, None, "instants that are not 25 µs apart");
 }
 
-/// The default of `setting`.
+/// The change of `setting` to its default.
 pub fn default_of(setting: Setting) -> SettingChange {
     change(setting, setting.spec().default)
 }
 
-/// A request to play a texture along the sensors.
+/// A request to play a texture that follows the sensors.
 pub fn play_request(texture: &str, seed: u64) -> PlayRequest {
     PlayRequest {
         selection: Selection::Texture(texture.try_into().expect("a texture's name fits")),
@@ -292,7 +293,7 @@ pub fn play_request(texture: &str, seed: u64) -> PlayRequest {
     }
 }
 
-/// A request to play a scene along the sensors.
+/// A request to play a scene that follows the sensors.
 pub fn scene_request(scene: &str, seed: u64) -> PlayRequest {
     PlayRequest {
         selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),

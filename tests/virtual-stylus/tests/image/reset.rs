@@ -1,4 +1,4 @@
-//! From each kind of reset to the first tick: the pins of the output, and stores to RAM.
+//! The time from each kind of reset to the first tick: the pins of the output, and stores to RAM.
 
 use hil::injection::Injected;
 use stylus_boot::map::{ACTIVE, FLASH};
@@ -12,13 +12,13 @@ use crate::library;
 /// Longest time for which the pins of the output float after a reset, ns: a hundred instructions, before RAM is filled.
 const FLOATING_NS: u64 = 500;
 
-/// The cause of a reset.
+/// An action that resets the device.
 type Reset<'a> = &'a dyn Fn(&mut Device);
 
 impl Device {
-    /// Checks both pins of the output from the last reset until now, in which nothing was played: they float for a
+    /// Checks both pins of the output from the last reset until now, if nothing was played since. They float for a
     /// moment. Then the amplifier's enable is low until it is raised, and the output is at mid-scale. Returns the
-    /// reset's instant.
+    /// instant of the reset.
     pub fn assert_held_since_reset(&mut self) -> u64 {
         let reset_ns = self.stylus.resets().last().map_or(0, |reset| reset.at_ns);
         let outputs: Vec<Output> = (self.dac().iter())
@@ -77,7 +77,7 @@ fn after_each_kind_of_reset_both_pins_of_the_output_are_driven_before_ram_is_wri
 #[test]
 fn an_image_that_a_probe_starts_without_its_bootloader_drives_both_pins_before_it_writes_ram() {
     let mut flash = Device::new(&product(), Options::default()).stylus.flash();
-    // The part takes its stack pointer and its first instruction from here.
+    // The part loads its stack pointer and the address of its first instruction from here.
     let vectors = flash.bytes[ACTIVE.start as usize..][..8].to_vec();
     let placed = flash.place(u64::from(FLASH), &vectors);
     placed.expect("it is in the flash");

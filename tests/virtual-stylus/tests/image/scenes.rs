@@ -1,4 +1,4 @@
-//! Scenes, and libraries of them at 5 and at 10 kHz.
+//! Scenes, and libraries with scenes, at 5 and at 10 kHz.
 
 use kernel_vectors::scenes::{self, of_surface, side_by_side, sticky, tapped};
 use model_format::link::{Activity, MotionSource};
@@ -15,7 +15,7 @@ use crate::expected::recorded;
 use crate::library;
 use crate::requests::scene_request;
 
-/// Textures of the library, by their index in it.
+/// Textures of the library, by their index.
 const LATTICE: u8 = 0;
 const SHORT_LATTICE: u8 = 1;
 const FED_LATTICE: u8 = 2;
@@ -27,7 +27,7 @@ const FED_FOUR_LINES: u8 = 6;
 /// Orders of the long textures and of the short ones.
 pub const ORDERS: [u32; 2] = [400, 200];
 
-/// A texture of small models that differ in their first coefficient only.
+/// A texture of small models that differ only in their first coefficient.
 fn texture(name: &str, order: u32) -> TextureSpec {
     let node = |number: i16| {
         let rest = (1..order).map(|stage| (stage % 7) as i16);
@@ -47,7 +47,7 @@ fn texture(name: &str, order: u32) -> TextureSpec {
     }
 }
 
-/// `spec` with `lines` lines that are tied to position. The first line wanders.
+/// Returns `spec` with `lines` lines that are tied to position. The first line has wander.
 fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 0.3 + 0.7 * at as f32,
@@ -67,7 +67,8 @@ fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     spec
 }
 
-/// The texture of `spec` with codebooks and a level track: half of its nodes have a codebook, and half noise.
+/// Returns the texture of `spec` with codebooks and a level track. Half of its nodes use a codebook, and half use
+/// noise.
 fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
     let codebook = CodebookSpec {
         peak: 2.0,
@@ -170,7 +171,8 @@ pub fn bytes() -> Vec<u8> {
     encode_with_scenes(&textures, &scenes()).expect("within the limits")
 }
 
-/// Textures of both rates; scenes at 10 kHz: of two surfaces of the highest order, and with all effects.
+/// A library with textures of both rates. Its scenes at 10 kHz are one of two surfaces of the highest order, and one
+/// with all effects.
 pub fn fast() -> Vec<u8> {
     let at_ten_kilohertz = |spec: TextureSpec| TextureSpec {
         sample_rate_hz: 10_000,
@@ -193,12 +195,12 @@ pub fn plan<'a>(library: &Library<'a>, scene: &str) -> Plan<'a> {
     Plan::new(&scene, library).expect("it is valid")
 }
 
-/// Code of the ADC for a force, by default at 2 N/V above a zero at a sixteenth of the range.
+/// Code of the ADC for a force. By default the sensor has 2 N/V, with its zero at a sixteenth of the range.
 pub fn force_code(newton: f64) -> u16 {
     4_096 + (newton / 2.0 / 3.3 * 65_536.0) as u16
 }
 
-/// A force that presses and lifts, so that the tool taps repeatedly.
+/// A force that presses and lifts repeatedly, so that the tool taps.
 pub fn tapping(channel: u8, at_ns: u64) -> u16 {
     let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 3.1;
     match channel {
@@ -207,7 +209,7 @@ pub fn tapping(channel: u8, at_ns: u64) -> u16 {
     }
 }
 
-/// A hand that goes over the boundary of the scenes, back, and over it again.
+/// A hand that moves over the boundary of the scenes, back, and over it again.
 pub const OVER_AND_BACK: [(u64, f64); 4] = [(0, 40.0), (500, 110.0), (900, -90.0), (1_500, 160.0)];
 
 pub fn press(device: &mut Device, newton: f64) {
@@ -249,7 +251,7 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
         (switched.start..=switched.end + 20).contains(&same_until),
         "codes differ from tick {same_until} on, with {began:?}; the switch was in {switched:?}"
     );
-    // The update that runs next after the answer takes it at the latest.
+    // The first update after the answer must already use the new scene.
     let is_explained = (switched.start - 10..=switched.end + 10)
         .step_by(10)
         .any(|known| {

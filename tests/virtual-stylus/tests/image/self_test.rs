@@ -1,4 +1,4 @@
-//! The self test: a healthy board passes, each fault is found by the line that names it, and nothing is left changed.
+//! The self test: a healthy board passes, each fault fails the line that names it, and no state is left changed.
 
 use host_tools::procedures::self_test::{Line, Verdict, judge};
 use model_format::link::{
@@ -13,10 +13,10 @@ use crate::device::{Device, MID_SCALE, MS, SECOND, product};
 use crate::library;
 use crate::requests::assert_even;
 
-/// The output, by a user who has connected no amplifier.
+/// The request to test the output, where the user confirms that no amplifier is connected.
 const OUTPUT: SelfTestRequest = SelfTestRequest::Output { disconnected: true };
 
-/// A device on a board that `change` has changed before the power came on.
+/// A device on a board to which `change` was applied before the power came on.
 fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {
     let mut device = Device::new(&product(), Options::default());
     device.stylus.board(change);
@@ -32,7 +32,7 @@ fn ask(device: &mut Device, request: SelfTestRequest) -> Result<SelfTestValues, 
     device.request::<SelfTestEndpoint>(&request)
 }
 
-/// Lines of one measurement.
+/// Makes one measurement, and returns its lines.
 fn lines(device: &mut Device, request: SelfTestRequest) -> Vec<Line> {
     match ask(device, request).expect("nothing is played") {
         SelfTestValues::Chip(values) => judge::chip(&values, &device.request::<InfoEndpoint>(&())),
@@ -57,7 +57,7 @@ fn failing(lines: &[Line]) -> Vec<&str> {
         .collect()
 }
 
-/// Prints lines, for `--nocapture`.
+/// Prints the lines, which `--nocapture` shows.
 fn show(lines: &[Line]) {
     for line in lines {
         println!(
@@ -67,7 +67,7 @@ fn show(lines: &[Line]) {
     }
 }
 
-/// A healthy pin: mid-scale with the noise of a converter, and force within its range.
+/// A healthy pin: mid-scale with a converter's noise, and a force within its range.
 pub fn quiet(channel: u8, at_ns: u64) -> u16 {
     let mixed = (at_ns / 1_000)
         .wrapping_mul(0x9E37_79B9_7F4A_7C15)
@@ -86,10 +86,10 @@ fn silicon_and_option_bytes_that_are_wrong_are_named() {
     }
     let mut device = on_board(|board| {
         board.part.set_option_bytes(|options| {
-            // Level 1, and sector 6 of bank 1 protected.
+            // Protection level 1, and sector 6 of bank 1 write-protected.
             options.optsr = options.optsr & !0xFF00 | 0x5500;
             options.wpsn[0] = 0xBF;
-            // Pins for low voltage.
+            // The option that configures the pins for low voltage.
             options.optsr |= 1 << 29;
         });
     });
@@ -102,7 +102,7 @@ fn silicon_and_option_bytes_that_are_wrong_are_named() {
             "pins for low voltage"
         ]
     );
-    // As new parts have it.
+    // New parts have this level.
     let mut options = Options::default();
     options.electrical.brown_out_level = 0;
     let mut device = Device::started(options);
@@ -231,7 +231,7 @@ fn no_code_but_mid_scale_is_put_out_with_an_amplifier_that_may_be_on() {
 #[test]
 fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     let mut device = Device::started(library::options());
-    // The host asks, and is not there for the answer.
+    // The host sends the request, but does not receive the answer.
     let asked_ns = device.stylus.now_ns();
     device.send_frame(
         <SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY,
@@ -244,7 +244,7 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
         .filter(|output| output.code != Some(MID_SCALE));
     let away: Vec<u64> = away.map(|output| output.at_ns).collect();
     assert!(away.len() > 1_000, "the output was moved");
-    // Of a device that has started, the amplifier is on before and after, and off in between.
+    // After the start the amplifier is on. It must be on before and after the test, and off in between.
     let amplifier = device.stylus.take_amplifier_record();
     let on_at = |at_ns: u64| {
         let before = amplifier.iter().rev().find(|driven| driven.at_ns <= at_ns);
@@ -252,7 +252,8 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     };
     assert!(on_at(asked_ns) && on_at(now));
     assert!(!away.iter().any(|&at_ns| on_at(at_ns)));
-    // An amplifier takes its time to go off, and a coil behind it gets no jumps but the one that is measured.
+    // An amplifier takes some time to switch off. A coil connected to it must receive no jump except the one that is
+    // measured.
     let dropped = amplifier.iter().rfind(|driven| driven.drive == Drive::Low);
     let dropped = dropped.expect("it was on").at_ns;
     assert!(away[0] - dropped >= 100 * MS, "{} ns", away[0] - dropped);

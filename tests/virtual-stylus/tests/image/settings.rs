@@ -1,4 +1,5 @@
-//! Settings on the image: nothing plays with guessed ones, and none is lost with a word of the flash or by a power cut.
+//! Settings on the image: nothing plays with guessed settings, and no setting is lost if a word of the flash fails or
+//! the power is cut.
 
 use model_format::link::{PlayEndpoint, PlayError, Setting};
 use virtual_stylus::Options;
@@ -25,12 +26,12 @@ fn play(device: &mut Device) -> Result<(), Box<PlayError>> {
     device.keep_alive(true);
     let request = play_request("lattice", 1);
     let played = device.request::<PlayEndpoint>(&request);
-    // While the settings' bank is erased, the serial line would lose what is sent.
+    // While the bank with the settings is erased, the serial line would lose what is sent.
     device.keep_alive(played.is_ok());
     played.map(|_| ()).map_err(Box::new)
 }
 
-/// Addresses of the last word that is programmed in each copy.
+/// Addresses of the last programmed word in each copy.
 fn last_words(flash: &Contents) -> [u32; 2] {
     COPIES.map(|start| {
         let offset = (start - 0x0800_0000) as usize;
@@ -55,7 +56,7 @@ fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
         assert_eq!(device.settings(), expected);
         let state = device.status().settings;
         assert!(state.mended && state.check_playable().is_ok(), "{state:?}");
-        // Both copies are whole again.
+        // Both copies are intact again.
         let mended = device.stylus.flash();
         let state = Device::started(options(mended)).status().settings;
         assert!(!state.mended && state.check_playable().is_ok(), "{state:?}");
@@ -77,7 +78,7 @@ fn a_power_cut_at_any_operation_of_a_change_leaves_the_setting_before_or_the_new
     let mut device = Device::started(library::options());
     let before = device.set(Setting::HardLimit, 0.25);
     let flash = device.stylus.flash();
-    // A record is 16 words, in two copies; the first of these 32 operations and the last one are cut in each run.
+    // A record is 16 words, in two copies. Every run cuts the first and the last of these 32 operations.
     let cases = (0..24).filter(|&case| is_drawn(case) || case == 0 || case == 23);
     let wanted: Vec<(u64, Moment)> = cases
         .map(|case| {

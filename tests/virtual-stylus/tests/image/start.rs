@@ -1,4 +1,5 @@
-//! Starts on clocks that do not come, hang or fail, on old silicon, with a low supply, and after quick faults.
+//! Starts with clocks that do not start, do not lock or fail, on old silicon, with a low supply, and after faults in
+//! quick succession.
 
 use fake_stylus::device::change;
 use hil::injection::Injected;
@@ -28,7 +29,7 @@ const ODR: u64 = 0x14;
 const LD1: u32 = 1;
 const LD3: u32 = 1 << 14;
 
-/// Options with a library, and with a change of silicon, clocks or supply.
+/// Options with a library, and with changed silicon, clocks or supply.
 fn with(change: impl FnOnce(&mut Electrical)) -> Options {
     let mut options = library::options();
     change(&mut options.electrical);
@@ -44,7 +45,7 @@ fn register(device: &mut Device, instance: &'static str, offset: u64) -> u32 {
     value.expect("it exists")
 }
 
-/// Plays until it is heard, and a while longer.
+/// Plays until the output is heard, and a little longer.
 fn plays(device: &mut Device) {
     let motion = Motion::steady(120.0, 0.01);
     device.stylus.set_motion(motion);
@@ -67,7 +68,7 @@ fn the_watchdog_counts_before_a_clock_is_touched() {
 
 #[test]
 fn a_healthy_start_reports_itself_and_never_comes_near_the_watchdogs_end() {
-    // The largest libraries in both slots: the scan takes longest.
+    // With the largest libraries in both slots, the scan takes longest.
     let large = library::large();
     let flash = library::flash_with(&[&large, &large]);
     let mut device = Device::started(library::of(flash));
@@ -133,7 +134,7 @@ fn when_no_pll_locks_at_all_the_device_speaks_and_does_not_play() {
     assert_eq!(report.clock, ClockSource::InternalUnmultiplied);
     assert_eq!(report.hung_stage, Some(StartStage::InternalClock));
     assert!(report.safe_mode);
-    // It stays up, and no reset follows.
+    // The device stays up, and no reset follows.
     device.run_for(1_000 * MS);
     assert_eq!(device.resets().len(), 2);
     assert_eq!(device.sounds_from(0), 0);
@@ -157,7 +158,7 @@ fn an_external_clock_that_fails_in_mid_play_ends_at_mid_scale_and_is_not_used_ag
     assert_eq!(kind, Some(FaultKind::ClockFailed));
     assert_eq!(status.start.clock, ClockSource::Internal);
     plays(&mut device);
-    // A reset by hand tries the external clock again, within a bound, and it is not there.
+    // A manual reset tries the external clock again for a bounded time, but the clock is still missing.
     device.stylus.reset_by_pin();
     device.wait_for_start();
     assert_eq!(start(&mut device).clock, ClockSource::Internal);
@@ -199,11 +200,11 @@ fn after_three_quick_faults_the_device_speaks_and_does_not_play_until_a_person_r
     assert!(seen[0] >= 5 && seen[1] >= 5, "{seen:?}");
     assert!(device.status().uptime_ms > 1_000);
     assert_eq!(device.sounds_from(safe_ns), 0);
-    // One more fault changes nothing. A person does.
+    // One more fault changes nothing. Only a person's reset does.
     let faulted_ns = device.stylus.now_ns();
     panics(&mut device);
     assert!(start(&mut device).safe_mode);
-    // In safe mode this is embassy's clock, which must not be ahead of the time since the start.
+    // In safe mode the uptime is embassy's clock, which must not be ahead of the time since the start.
     let uptime_ms = device.status().uptime_ms;
     let elapsed_ms = (device.stylus.now_ns() - faulted_ns) / MS;
     assert!(uptime_ms <= elapsed_ms, "{uptime_ms} of {elapsed_ms} ms");
@@ -247,7 +248,7 @@ fn while_the_supply_is_low_no_flash_is_written() {
 
 #[test]
 fn a_start_with_a_low_supply_writes_no_flash_either() {
-    // Without settings in flash, a start makes room for them.
+    // Without settings in flash, a start would erase sectors for them.
     let mut options = Options::default();
     options.electrical.supply_millivolts = 2_700;
     let mut device = Device::started(options);
@@ -274,12 +275,12 @@ fn the_cycle_counter_goes_on_in_sleep_after_a_debugger_has_detached() {
     assert_eq!((before, after), (DBGSLEEP_D1 | D1DBGCKEN, before));
 }
 
-/// The memory of the library that is played (RM0433 section 2.4); none was played here.
+/// The memory of the library that is played (RM0433 section 2.4). Nothing was played here.
 const AXI_SRAM: std::ops::Range<u64> = 0x2400_0000..0x2408_0000;
 
 #[test]
 fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
-    // RAM holds what power-on leaves in it.
+    // RAM holds noise, as after power-on.
     let options = Options {
         ram_noise: Some(1),
         ..Options::default()
@@ -287,7 +288,7 @@ fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
     let mut device = Device::new(&product(), options);
     device.run_for(300 * MS);
     device.wait_for_start();
-    // A host that connects, asks and leaves does not move the output.
+    // A host that connects, requests information and leaves does not move the output.
     let info = device.request::<InfoEndpoint>(&());
     assert_eq!(info.protocol_version, PROTOCOL_VERSION);
     assert_eq!(info.schema_hash, SCHEMA_HASH);
@@ -310,12 +311,12 @@ fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
             .iter()
             .all(|output| output.code.is_some())
     );
-    // The start has written all of the AXI SRAM, because a board's would fail to read what was never written.
+    // The start has written all of the AXI SRAM, because on a board a read of memory that was never written would fail.
     for address in AXI_SRAM.step_by(1024 - 4).chain([AXI_SRAM.end - 4]) {
         let word = device.stylus.read_word(address);
         assert_eq!(word, Some(0), "{address:#x}");
     }
-    // And all else before it reads it, or stores a part of it.
+    // All other RAM was written before it was read or partly written.
     let read: Vec<String> = (device.stylus.unwritten_ram().iter())
         .map(|address| format!("{address:#x}"))
         .collect();

@@ -1,4 +1,4 @@
-//! Cost of a tick, and the memory that it touches.
+//! Cost of a tick, and which memory it touches.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -10,21 +10,21 @@ use crate::device::{Device, MS};
 use crate::library;
 use crate::page::Page;
 
-/// Texture that is played, and its name in the page.
+/// The texture that is played, and its name in the page.
 const PLAYED: (&str, &str) = ("lattice", "lattice, order 400");
 
 /// Ticks that play [`PLAYED`], and the limits that acted on them.
 static PLAYING: LazyLock<(TickStatistics, Limited)> = LazyLock::new(|| playing(&[]));
 
-/// Ticks that play nothing, and those that record.
+/// Ticks that play nothing: without and with recording.
 static AT_REST: LazyLock<[TickStatistics; 2]> = LazyLock::new(at_rest);
 
-/// Cycles per instruction of the virtual stylus, whose core runs at 400 MHz.
+/// Cycles per instruction of the virtual stylus, for a core at 400 MHz.
 const CYCLES_PER_INSTRUCTION: u32 = 2;
-/// Cycles of a period at 400 MHz.
+/// Cycles per period at 400 MHz.
 const PERIOD_CYCLES: u32 = 80_000;
-/// Settings with which the limits of each code act on [`PLAYED`], and those with which the thermal limiter
-/// does.
+/// Two sets of settings: with the first, the limits of each code act on [`PLAYED`]; with the second, the thermal
+/// limiter does.
 const TIGHT: [&[(Setting, f32)]; 2] = [
     &[
         (Setting::OutputGain, 0.2),
@@ -34,7 +34,7 @@ const TIGHT: [&[(Setting, f32)]; 2] = [
     ],
     &[(Setting::OutputGain, 0.2), (Setting::PowerLimit, 0.001)],
 ];
-/// Largest part of the period that playing may take, per cent.
+/// Largest part of the period that playing may take, percent.
 const MOST_PERCENT: u32 = 20;
 
 fn ticks(device: &mut Device) -> TickStatistics {
@@ -44,7 +44,7 @@ fn ticks(device: &mut Device) -> TickStatistics {
     TickStatistics::of(&ticks).expect("there were ticks")
 }
 
-/// Ticks at which each limit acted: hard limit, slew limit, thermal limiter.
+/// Number of ticks at which each limit acted: hard limit, slew limit, thermal limiter.
 type Limited = [u32; 3];
 
 fn limited(device: &mut Device) -> Limited {
@@ -121,7 +121,7 @@ fn a_tick_that_plays_nothing_takes_less_and_recording_adds_nothing_to_it() {
         idle.max * CYCLES_PER_INSTRUCTION * 25 <= PERIOD_CYCLES,
         "{idle:?}"
     );
-    // The tick passes every sample on, recorded or not.
+    // The tick passes every sample on, whether it is recorded or not.
     assert!(
         recording.max.abs_diff(idle.max) <= 8,
         "{idle:?}, {recording:?}"
@@ -138,16 +138,16 @@ fn a_tick_takes_the_same_instructions_whether_limits_act_on_it_or_not() {
         let (limited, acted) = playing(settings);
         show("limited", limited);
         println!("ticks at which the limits acted: {acted:?}");
-        // A tenth of the ticks at least.
+        // Each limit must act on at least a tenth of the ticks.
         let some = limited.ticks as u32 / 10;
         assert!(acted[limits].iter().all(|&ticks| ticks > some), "{acted:?}");
         assert_eq!(least_and_most(limited), least_and_most(free));
     }
-    // All but the ticks that begin a block are alike.
+    // All ticks are alike except those that begin a block.
     assert_eq!(free.min, free.median);
 }
 
-/// The block's lines: a row for each kind of tick, and the compiler.
+/// The lines of the page's block: a row for each kind of tick, and the compiler.
 fn table(compiler: &str) -> String {
     let rows = [
         (AT_REST[0], "idle"),
@@ -166,8 +166,8 @@ fn table(compiler: &str) -> String {
     )
 }
 
-/// The figures are those of the compiler that the page names; those of another one are not compared.
-/// `cargo tasks tables ticks` has this test write them.
+/// Compares the page's figures if this image was built with the compiler that the page names. `cargo tasks tables
+/// ticks` makes this test write them.
 #[test]
 fn the_page_has_the_ticks_of_this_image() {
     const TABLE: &str = "ticks";

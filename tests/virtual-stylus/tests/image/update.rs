@@ -1,4 +1,4 @@
-//! Updates: bootloader and image together, from the signed file to the confirmation, the way back, and power cuts.
+//! Updates of bootloader and image together: from the signed file to the confirmation, the way back, and power cuts.
 
 use std::path::Path;
 
@@ -18,14 +18,14 @@ use crate::device::{Device, MS, SECOND, inject, long, product, with_faults};
 use crate::library;
 use crate::upload::state_of;
 
-/// Time in which the bootloader exchanges two images, with a margin.
+/// Time in which the bootloader exchanges two images, with a margin, ns.
 pub const EXCHANGE_NS: u64 = 30 * SECOND;
 
-/// Work with a device.
+/// Steps that a test performs with a device.
 type Work<'a> = &'a dyn Fn(&mut Device);
 
-/// Cuts of `work`, which begins with this content of the flash: some spread over its operations, then the three of the
-/// last operation.
+/// Captures power cuts of `work`, which begins with this content of the flash: some spread over its operations, then
+/// all three moments of the last operation.
 fn cuts(flash: &Contents, work: Work<'_>) -> Vec<PowerCut> {
     const SPREAD: u64 = 8;
     let device = || Device::new(&product(), library::after(flash.clone()));
@@ -77,7 +77,7 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
             assert!(device.answers_within(EXCHANGE_NS), "{told:?}");
             let is_new = device.runs(&new);
             assert!(is_new || device.runs(&old), "{told:?}");
-            // The last word of the exchange begins the trial, which a cut after it ends.
+            // The last word of the exchange begins the trial. A power cut after that ends the trial.
             let expected = match (stage, last - cut.operation.number, cut.moment) {
                 (0 | 1, 0, Moment::During { .. }) | (1, 1, _) => is_new,
                 (_, 0, Moment::Before) | (2, ..) => false,
@@ -101,7 +101,7 @@ pub fn image(path: &Path) -> Vec<u8> {
     active(&bytes)
 }
 
-/// The image in the active part of a flash with these `bytes`, without the ones after it.
+/// The image in the active part of a flash with these `bytes`, without the erased bytes after it.
 pub fn active(bytes: &[u8]) -> Vec<u8> {
     let part = &bytes[ACTIVE.start as usize..ACTIVE.end as usize];
     let length = part.iter().rposition(|byte| *byte != 0xFF);
@@ -118,7 +118,7 @@ impl Device {
         state.expect("there is a bootloader")
     }
 
-    /// Sends `image` and commits it.
+    /// Sends `image`, and commits it.
     pub fn update(&mut self, image: &[u8]) -> UpdateReport {
         let begin = UpdateBegin::new(image, &sign(image, version(), &DEVELOPMENT_SEED));
         let begun = self.request::<UpdateBeginEndpoint>(&begin);
@@ -148,11 +148,11 @@ impl Device {
         self.wait_for_start();
     }
 
-    /// Runs until an image answers after an exchange, and returns the time until it started. From the reset on nothing
-    /// but mid-scale goes out, and the amplifier is held off.
+    /// Runs until an image answers after an exchange, and returns the time until it started. Checks that from the reset
+    /// on only mid-scale is put out and the amplifier is off.
     fn wait_for_exchange(&mut self) -> u64 {
         let begin = self.stylus.now_ns();
-        // By then the image before answers no more.
+        // After this time the previous image no longer answers.
         self.run_for(SECOND);
         assert!(
             self.answers_within(EXCHANGE_NS),
@@ -161,7 +161,7 @@ impl Device {
         );
         assert_eq!(self.sounds_from(begin), 0, "codes other than mid-scale");
         let reset_ns = self.assert_held_since_reset();
-        // The image writes mid-scale over the bootloader's.
+        // The image writes mid-scale to the output after the bootloader has done so.
         let is_of_image =
             |output: &&Output| output.at_ns > reset_ns && output.cause == Cause::Write;
         let started = self.dac().iter().find(is_of_image);
@@ -179,8 +179,8 @@ fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_co
     let committed = device.update(&new).phase;
     let version = version();
     assert_eq!(committed, UpdatePhase::Committed { version });
-    // What was flashed has left the record's sectors erased: the first word is the record written anew before the slot
-    // is given up, the second the commit.
+    // Flashing has left the record's sectors erased. The first word is the record, which is written again before the
+    // slot is released; the second word is the commit.
     let operations = device.stylus.flash_operations();
     let places = operations.iter().map(|done| match &done.kind {
         Kind::Program { address, .. } => (address - BASE, false),

@@ -1,4 +1,4 @@
-//! Uploads: the playing that they leave undisturbed, and an erasure that the flash refuses.
+//! Uploads: they do not disturb playing, and the flash may refuse an erasure.
 
 use model_format::link::{SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint};
 use virtual_stylus::Options;
@@ -10,7 +10,7 @@ use crate::requests::announced;
 
 #[test]
 fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwards() {
-    // The older library is erased for it.
+    // The upload must erase the older library.
     let both = library::flash_with(&[&library::other(), &library::small()]);
     let mut device = Device::started(library::of(both));
     device.move_at(120.0);
@@ -57,7 +57,7 @@ fn an_erasure_that_the_flash_does_not_begin_is_no_success() {
     let refuse = |device: &mut Device, refuses| {
         (device.stylus).board(move |board| board.part.flash.around.refuses_erasures = refuses);
     };
-    // A slot that holds a library, so that something is to be erased.
+    // The slot holds a library, so that there is something to erase.
     device.upload(&library::other());
     refuse(&mut device, true);
     let begun = device.request::<UploadBeginEndpoint>(&announced(&library::middling()));
@@ -66,7 +66,7 @@ fn an_erasure_that_the_flash_does_not_begin_is_no_success() {
     device.upload(&library::middling());
 }
 
-/// The next chunk crosses the link while one is programmed.
+/// Checks that the next chunk crosses the link while another one is programmed.
 #[test]
 fn an_upload_with_chunks_ahead_takes_less_time_than_one_with_a_turn_of_the_line_between_them() {
     let library = library::middling();
@@ -76,11 +76,11 @@ fn an_upload_with_chunks_ahead_takes_less_time_than_one_with_a_turn_of_the_line_
         device.upload_ahead(&library, window);
         device.status().uptime_ms - begin_ms
     });
-    // Programming takes 0.1 ms per word of 32 bytes, about 190 ms in all; most of it is saved.
+    // Programming takes 0.1 ms per word of 32 bytes, about 190 ms in all. Sending ahead saves most of it.
     assert!(ahead + 80 < one_by_one, "{ahead} ms of {one_by_one} ms");
 }
 
-/// The active slot and its library's checksum.
+/// The active slot and the checksum of its library.
 pub fn state_of(device: &mut Device) -> Option<(SlotId, u32)> {
     let slots = device.slots();
     let active = slots.active?;

@@ -1,4 +1,4 @@
-//! USB descriptors of the device, byte by byte as they came over the wire.
+//! USB descriptors of the device, byte by byte as they were on the wire.
 
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 use virtual_stylus::Options;
@@ -18,7 +18,7 @@ fn word(bytes: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([bytes[at], bytes[at + 1]])
 }
 
-/// UTF-16, little-endian.
+/// Decodes UTF-16, little-endian.
 fn text(bytes: &[u8]) -> String {
     let units: Vec<u16> = bytes.chunks(2).map(|pair| word(pair, 0)).collect();
     String::from_utf16(&units).expect("UTF-16")
@@ -48,9 +48,9 @@ fn check_device(device: &[u8]) {
         (device.len(), device[0], device[1]),
         (18, 18, descriptor::DEVICE)
     );
-    // From 2.1 on there is a BOS.
+    // From USB 2.1 on there is a BOS.
     assert!((0x0201..=0x0210).contains(&word(device, 2)));
-    // One function, described by its interface.
+    // The device has one function, which its interface describes.
     assert_eq!(device[4..7], [0, 0, 0]);
     assert!([8, 16, 32, 64].contains(&device[7]), "endpoint 0's packets");
     assert_eq!(
@@ -141,7 +141,7 @@ fn windows_finds_its_driver_by_the_descriptors_of_microsoft_os_2() {
     let compatible = features[0];
     assert_eq!((compatible.len(), word(compatible, 2)), (20, 3));
     assert_eq!(&compatible[4..], b"WINUSB\0\0\0\0\0\0\0\0\0\0");
-    // Table 14: a property of several strings, each ended by a zero, and all of them by another.
+    // Table 14: a property of several strings. A zero ends each string, and another zero ends the list.
     let property = features[1];
     assert_eq!((word(property, 2), word(property, 4)), (4, 7));
     let name_bytes = usize::from(word(property, 6));

@@ -1,4 +1,4 @@
-//! The product's own client, `host-tools`' link, over the virtual bus.
+//! The product's own client, the link of `host-tools`, over the virtual bus.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -24,14 +24,14 @@ use crate::library;
 use crate::requests::{assert_even, play_request};
 use crate::self_test::quiet;
 
-/// Virtual time between two looks at the socket.
+/// Virtual time between two checks of the socket, ns.
 const STEP_NS: u64 = MS / 8;
-/// Timeouts of the client, because the run may be slower than real time.
+/// Timeout of the client. It is long because the run may be slower than real time.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 type Job = Box<dyn FnOnce(&mut VirtualStylus) + Send>;
 
-/// A virtual stylus that runs by itself, no faster than real time, with its USB on a socket.
+/// A virtual stylus that runs on its own thread, no faster than real time, with its USB on a socket.
 struct Running {
     address: LinkAddress,
     now_ns: Arc<AtomicU64>,
@@ -62,7 +62,7 @@ impl Running {
                 }
                 stylus.run_for(STEP_NS);
                 socket.serve(&mut stylus);
-                // On a busy computer the client gets its turn before virtual time goes on.
+                // On a busy computer, this lets the client run before virtual time continues.
                 let begin = Instant::now();
                 while socket.is_ahead() && begin.elapsed() < Duration::from_secs(2) {
                     std::thread::sleep(Duration::from_micros(50));
@@ -87,7 +87,7 @@ impl Running {
     }
 
     fn connect(&self) -> Device {
-        // There is nothing to connect to until the device has started and is enumerated.
+        // The client cannot connect until the device has started and is enumerated.
         let begin = Instant::now();
         loop {
             match Device::connect(&self.address, Timeouts::scaled_to(PATIENCE)) {
@@ -106,7 +106,7 @@ impl Running {
         self.now_ns.load(Ordering::Relaxed) / MS
     }
 
-    /// Ends the run, in which no reset and no output may have occurred.
+    /// Ends the run. Checks that there was no reset, and that codes were put out every 25 µs.
     fn finish(mut self) {
         self.ends.store(true, Ordering::Relaxed);
         let (outputs, resets) = (self.thread.take())
@@ -174,7 +174,7 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
         (0, 0, 0)
     );
     drop(device);
-    // Another program finds no leftovers of this one.
+    // Another program must find no leftovers of this one.
     let again = running.connect();
     assert_eq!(again.status().expect("the link holds").tick.missed, 0);
     drop(again);
@@ -234,7 +234,7 @@ fn the_products_self_test_passes_on_a_healthy_board() {
             line.name, line.value, line.limits, line.verdict, line.remedy
         );
     }
-    // How long an answer takes is a matter of the computer that emulates.
+    // How long an answer takes depends on the computer that emulates.
     let bad: Vec<&str> = (lines.iter())
         .filter(|line| line.verdict == Verdict::Fail && !line.name.contains("round trip"))
         .map(|line| line.name.as_str())

@@ -1,4 +1,4 @@
-//! The link over USB: its traffic, and the states of the bus that it survives.
+//! The link over USB: its traffic, and the states of the bus after which it must still work.
 
 use model_format::link::{ActivateEndpoint, RecordSample, SlotId, StatusEndpoint};
 use postcard_rpc::Endpoint;
@@ -17,13 +17,13 @@ fn a_device_that_is_busy_with_a_large_library_sleeps_through_no_reset_of_the_bus
     sleeps_through_nothing(&mut device, slot);
 }
 
-/// The tasks of the device are busy with a large library while the bus is suspended, reset, and runs again.
+/// Suspends the bus, resets it and lets it run again while the tasks of the device are busy with a large library.
 fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
     device.usb().1.timing = Timing {
         settle_ns: 0,
         ..Timing::default()
     };
-    // The library is checked without a pause some 50 ms after the request.
+    // Some 50 ms after the request, the library is checked without a pause.
     for micros in (18..34)
         .filter(|point| long() || point % 4 == 0)
         .map(|point| point * 2_000)
@@ -40,8 +40,8 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
 
 #[test]
 fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
-    // Three broken tries in succession end a transfer. With one packet broken in 200 that is one transaction in a
-    // million.
+    // Three broken attempts in succession end a transfer. With one packet broken in 200, that happens to one
+    // transaction in a million.
     const PER_MILLION: u64 = 5_000;
     let mut device = Device::on_usb(library::options());
     device
@@ -95,7 +95,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
         device.run_for(30 * MS);
         device.status();
     }
-    // In the middle of a recording: blocks sent meanwhile are lost and counted, and those that arrive are whole.
+    // This happens during a recording: blocks sent meanwhile are lost and counted, and those that arrive are intact.
     device.record();
     device.run_for(100 * MS);
     device.stylus.usb(Host::suspend);
@@ -105,7 +105,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
         .usb(|host, now_ns| host.resume(now_ns, 20 * MS));
     device.run_for(200 * MS);
     device.stop_recording();
-    // The frame that was under way is cut off.
+    // The frame that was under way is incomplete.
     assert!(device.broken <= 1, "{} frames are broken", device.broken);
     let missing = device
         .blocks
@@ -120,7 +120,7 @@ fn after_a_halt_is_cleared_the_next_command_works() {
     let mut device = Device::on_usb(library::options());
     for halted in [&[BULK_OUT][..], &[BULK_IN], &[BULK_OUT, BULK_IN]] {
         for round in 0..2 {
-            // Once after an odd number of packets, once after an even number.
+            // This is done once after an odd number of packets, and once after an even number.
             for _ in 0..round {
                 device.status();
             }
@@ -132,7 +132,7 @@ fn after_a_halt_is_cleared_the_next_command_works() {
                 let told = usb.control(stylus, status, &[]);
                 assert_eq!(told, Ok(vec![1, 0]));
             }
-            // Transfers that wait end in a stall.
+            // Transfers that were waiting end with a stall.
             let answer = device.try_request::<StatusEndpoint>(&());
             assert!(answer.is_none(), "{answer:?}");
             device.clear_halts();
@@ -147,7 +147,7 @@ fn a_program_that_ends_in_the_middle_of_a_frame_leaves_nothing_to_the_next_one()
     let mut device = Device::on_usb(library::options());
     device.record();
     for point in (0..24).filter(|&point| long() || point % 6 == 1) {
-        // A frame of almost the largest length, cancelled on its way.
+        // A frame of almost the largest length is cancelled on its way.
         device.send_raw(&[0x55; 900]);
         device.stylus.run_for(point * 47_000);
         device.reopen();
@@ -177,7 +177,7 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
             assert_eq!(device.broken, 0);
         }
     }
-    // Without a configuration there are no endpoints; with one they are back.
+    // Without a configuration there are no endpoints. With the configuration they are back.
     let (stylus, usb) = device.usb();
     for value in [0, 1] {
         usb.control(stylus, Request::set_configuration(value), &[])
@@ -200,7 +200,7 @@ fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
         device.reopen();
         let broken = device.broken;
         device.run_for(50 * MS);
-        // The frame that was under way is cut off.
+        // The frame that was under way is incomplete.
         assert!(device.broken <= broken + 1, "after {millis} ms");
         device.status();
     }
@@ -210,7 +210,7 @@ fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
         "in order, none twice"
     );
     assert!(sequences.max() > Some(10), "the host was away");
-    // A frame with the beginning of another would show, because the levels on the pins are constant.
+    // A frame that begins with a part of another one would be noticed, because the levels on the pins are constant.
     let mut samples =
         (device.blocks.iter()).flat_map(|block| block.samples.map(RecordSample::from));
     let first = samples.next().expect("there are blocks");

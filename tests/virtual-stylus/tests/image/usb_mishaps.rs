@@ -1,5 +1,5 @@
-//! Cables that are pulled and buses that are reset at any transaction: the device comes back, the next command works,
-//! and the active library stays.
+//! Cables that are pulled and buses that are reset at any transaction. The device is enumerated again, the next command
+//! works, and the active library stays.
 
 use fake_stylus::library::chunks;
 use model_format::link::{
@@ -16,14 +16,15 @@ use crate::upload::state_of;
 
 const MISHAPS: [Mishap; 2] = [Mishap::Unplug, Mishap::Reset];
 
-/// Times of a hasty host, for which a slow device stays behind.
+/// Times of a host that is too fast for a slow device.
 const HURRIED: Timing = Timing {
     settle_ns: 2 * MS,
     reset_ns: 10 * MS,
     recovery_ns: 2 * MS,
 };
 
-/// The drawn points of a test, each with its mishap and the host's times. The host is hasty at most of them.
+/// The points of a test that are chosen at random, each with its mishap and the host's times. At most points the host
+/// is in a hurry.
 fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
     (0..count).filter(|&point| is_drawn(point)).map(|point| {
         let timing = if point % 3 == 0 {
@@ -35,7 +36,7 @@ fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
     })
 }
 
-/// Schedules `mishap` after `transactions` transactions.
+/// Schedules `mishap` after `transactions` more transactions.
 pub fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
     device
         .stylus
@@ -46,7 +47,7 @@ pub fn has_happened(device: &mut Device) -> bool {
     device.stylus.usb(|host, _| host.has_happened())
 }
 
-/// Checks that the device is back and answers the first request.
+/// Checks that the device can be enumerated again and answers the first request.
 fn comes_back(device: &mut Device, after: &str) {
     assert!(
         device.enumerate().is_ok(),
@@ -81,7 +82,7 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
     assert!(points > 60, "{points} points");
 }
 
-/// Goes on with an upload of `library` until it is committed; none if the link broke before.
+/// Continues an upload of `library` until it is committed. Returns `None` if the link breaks before.
 pub fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
     let begun = device.try_request::<UploadBeginEndpoint>(&announced(library))?;
     let begun = begun.expect("the library fits a slot").next_offset;

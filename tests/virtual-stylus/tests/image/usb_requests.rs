@@ -1,4 +1,4 @@
-//! Control requests that no host should make, and hosts that do not finish what they began.
+//! Control requests that no host should make, and hosts that do not finish a transfer that they began.
 
 use virtual_stylus::Options;
 use virtual_stylus::chance::Chance;
@@ -7,10 +7,10 @@ use virtual_stylus::usb_host::{Request, descriptor};
 
 use crate::device::{BULK_OUT, Device, MS, long};
 
-/// Time within which a request gets an answer or an error.
+/// Time within which a request must be answered or fail, ns.
 const ANSWERED_NS: u64 = 100 * MS;
 
-/// Makes one control request; returns its result.
+/// Makes one control request, and returns its result.
 fn ask(device: &mut Device, request: Request, data: &[u8]) -> Result<Vec<u8>, TransferError> {
     let (stylus, usb) = device.usb();
     usb.control_within(stylus, request, data, ANSWERED_NS)
@@ -47,7 +47,7 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
     let mut next = move || chance.draw() as u32 >> 1;
     let (mut answered, mut stalled) = (0, 0);
     for number in 0..requests {
-        // Half of them are similar to the specified ones.
+        // Half of the requests are similar to specified ones.
         let near = next() % 2 == 0;
         let (kind, asked) = if near {
             NEAR[next() as usize % NEAR.len()]
@@ -60,7 +60,7 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
         });
         let length = [0, 1, 2, 8, 18, 63, 64, 65, 255, 1024][next() as usize % 10];
         let request = Request::new(kind, asked, value, index, length);
-        // Requests that would take the device away or end the test.
+        // These requests would disconnect the device or end the test.
         if matches!(kind, 0x00 | 0x80) && matches!(asked, 5 | 9) || kind == 1 && asked == 11 {
             continue;
         }
@@ -79,7 +79,7 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
         }
     }
     assert!(answered > requests / 10 && stalled > requests / 3);
-    // Halts that some of them set are cleared as by a program.
+    // Some of the requests set halts. They are cleared as a program would do it.
     device.clear_halts();
     device.enumerate().expect("it enumerates");
     device.status();

@@ -1,4 +1,4 @@
-//! The part without a core: registers written and read one by one, at given instants.
+//! The part without a core: a test writes and reads registers one by one, at given instants.
 
 use rigless::emulator::{Error, Memory};
 use rigless::mcu::Operate;

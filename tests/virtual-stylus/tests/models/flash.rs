@@ -13,7 +13,7 @@ use crate::probe::{MILLISECOND_NS, TICK_NS, ask, ready, words};
 
 const BANK_2: u32 = 0x0810_0000;
 const ERASED: u32 = u32::MAX;
-/// The image's report of a fault: `!`, the status of bank 2, the address of the failed read.
+/// Length of the image's report of a fault: `!`, the status of bank 2, the address of the failed read.
 const FAULT_BYTES: usize = 1 + 4 + 4;
 
 fn with(flash: Contents) -> Options {
@@ -23,7 +23,7 @@ fn with(flash: Contents) -> Options {
     }
 }
 
-/// The content of the flash if the power is cut at operation `number` of those that `command` asks for one by one.
+/// The content of the flash if the power is cut at operation `number`. Each operation is requested by one `command`.
 fn cut(flash: Contents, command: u8, number: u64, moment: Moment) -> Contents {
     let mut stylus = ready(with(flash));
     stylus.capture_power_cuts(vec![(number, moment)]);
@@ -54,7 +54,7 @@ fn a_read_of_a_bank_that_is_busy_waits_and_then_has_what_was_programmed() {
     let mut stylus = ready(Options::default());
     ask(&mut stylus, b'e', 1);
     ask(&mut stylus, b'p', 1);
-    // What waits for the bank before it reads waits for nothing.
+    // A program that waits for the bank before it reads is not stalled.
     assert_eq!(stylus.flash_stalls(), Stalls::default());
     assert_eq!(words(&ask(&mut stylus, b'b', 4)), [2]);
     assert_eq!(words(&ask(&mut stylus, b'b', 4)), [3]);
@@ -65,7 +65,7 @@ fn a_read_of_a_bank_that_is_busy_waits_and_then_has_what_was_programmed() {
 
 #[test]
 fn code_in_a_bank_that_is_busy_stands_still_and_so_do_its_interrupts() {
-    /// Shorter than an erasure takes by the datasheet.
+    /// A lower bound of the time that an erasure takes according to the datasheet.
     const ERASING_NS: u64 = 500 * MILLISECOND_NS;
     let mut stylus = ready(Options::default());
     ask(&mut stylus, b'c', 2);
@@ -82,7 +82,7 @@ fn code_in_a_bank_that_is_busy_stands_still_and_so_do_its_interrupts() {
         "{} ticks",
         ticks.len()
     );
-    // Time has gone on, and so does the code.
+    // Time has continued, and the code runs on.
     ask(&mut stylus, b'c', 2);
     stylus.run_for(100 * TICK_NS);
     assert!(stylus.take_ticks().len() >= 99);
@@ -206,7 +206,7 @@ fn a_word_programmed_twice_cannot_be_read() {
     assert_eq!(ask(&mut stylus, b'r', FAULT_BYTES)[0], b'!');
 }
 
-/// An audit of the image's ticks sees these, and must be able to fail.
+/// An audit must be able to fail, so it must see that the ticks of this image execute from flash.
 #[test]
 fn an_audit_sees_code_in_flash_and_every_tick_is_followed() {
     let mut stylus = ready(Options::default());
@@ -220,7 +220,8 @@ fn an_audit_sees_code_in_flash_and_every_tick_is_followed() {
     assert!((ticks.iter()).all(|tick| u64::from(tick.instructions) == first.instructions));
 }
 
-/// The virtual stylus's program with its flash in `file`, and what it says; it has no image to run.
+/// Runs the virtual stylus's program with its flash in `file` and without an image. Returns its exit code and its
+/// messages.
 fn start_with(file: &Path) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_virtual-stylus"))
         .args(["--image", "no-such-image", "--flash"])
@@ -240,7 +241,7 @@ fn a_second_run_with_the_same_flash_file_is_refused_by_its_name_until_the_first_
     std::os::unix::fs::symlink(&file, &link).unwrap();
     let (mut held, contents) = FlashFile::open(&file).unwrap();
     held.write(&contents).unwrap();
-    // Also under another name, and from this process.
+    // The file is refused under another name, too, and from this process.
     for name in [&file, &link] {
         let refused = FlashFile::open(name);
         assert!(
@@ -263,7 +264,7 @@ fn a_second_run_with_the_same_flash_file_is_refused_by_its_name_until_the_first_
         "the refused ones changed nothing"
     );
     drop(held);
-    // Now only the image is missing.
+    // The file is free now, so only the image is missing.
     let (code, said) = start_with(&file);
     assert!(code == Some(2) && said.contains("no-such-image"), "{said}");
 }

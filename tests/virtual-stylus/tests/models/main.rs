@@ -1,4 +1,4 @@
-//! The board's models against the manual, as an image sees them.
+//! Checks the board's models against the manual, as an image sees them.
 
 mod bench;
 mod flash;

@@ -1,9 +1,9 @@
-//! The edges of an encoder on a wheel that moves.
+//! The edges of an encoder's wheel in motion.
 
 use proptest::prelude::*;
 use virtual_stylus::motion::{Edge, Motion};
 
-/// Every edge until `until_ns`, from count 0 in the middle between two counts.
+/// All edges until `until_ns`. The wheel starts with count 0, in the middle between two counts.
 fn edges(motion: &Motion, until_ns: u64) -> Vec<Edge> {
     let mut from = Edge { at_ns: 0, count: 0 };
     std::iter::from_fn(|| {
@@ -33,7 +33,7 @@ proptest! {
                 count = edge.count;
             }
             let position = motion.position(at_ns) + 0.5;
-            // An edge comes at the nanosecond after the instant at which it is reached.
+            // An edge is reported at the first whole nanosecond after the exact instant.
             prop_assert!((position - count as f64 - 0.5).abs() <= 0.5 + 1e-4, "{} at {}", position, count);
         }
     }

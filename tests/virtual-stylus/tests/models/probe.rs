@@ -1,4 +1,4 @@
-//! The probe image, and conversations with it.
+//! The probe image, and the exchange of commands and answers with it.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use virtual_stylus::{Options, VirtualStylus};
 
 pub const TICK_NS: u64 = 200_000;
 pub const MILLISECOND_NS: u64 = 1_000_000;
-/// Time within which the image is ready for commands.
+/// Time within which the image is ready for commands, ns.
 pub const READY_NS: u64 = 20 * MILLISECOND_NS;
 
 /// The image that `cargo tasks test-virtual-stylus` has built.
@@ -26,7 +26,7 @@ pub fn ready(options: Options) -> VirtualStylus {
     stylus
 }
 
-/// Sends a command and waits for `expected` bytes, for ten seconds of virtual time at most.
+/// Sends a command and waits for `expected` bytes, at most ten seconds of virtual time.
 pub fn ask(stylus: &mut VirtualStylus, command: u8, expected: usize) -> Vec<u8> {
     let mut answer = Vec::new();
     stylus.send(&[command]);

@@ -1,4 +1,4 @@
-//! Registers written one by one without a core: DAC1 fed by DMA at the triggers of TIM7, and the watchdog's.
+//! Registers written one by one without a core: DAC1, which DMA feeds at the triggers of TIM7, and the watchdog.
 
 use virtual_stylus::Electrical;
 
@@ -14,7 +14,7 @@ pub fn converters() -> Bench {
     let mut bench = Bench::new(Electrical::default());
     bench.write(APB1LENR, 1 << 29);
     bench.write(AHB1ENR, 1 << 5);
-    // The converters' clock is the peripherals' common one, 64 MHz.
+    // The converters run on the peripherals' common clock, 64 MHz.
     bench.write(D3CCIPR, 0b10 << 16);
     bench
 }
@@ -46,11 +46,11 @@ const TIM7_SELECTED: u64 = 6 << 2;
 const DMA_ENABLE: u64 = 1 << 12;
 const UNDERRUN: u64 = 1 << 13;
 
-/// Cycles of TIM7 at 64 MHz, and their time.
+/// Period of TIM7, in cycles at 64 MHz and in nanoseconds.
 const PERIOD_CYCLES: u64 = 1_600;
 const PERIOD_NS: u64 = 25_000;
 
-/// A channel that is on, with TIM7 selected as its trigger before, and TIM7 running.
+/// A channel that is on and was set to be triggered by TIM7, with TIM7 running.
 fn triggered() -> Bench {
     let mut bench = converters();
     let clocks = bench.read(APB1LENR);
@@ -58,13 +58,13 @@ fn triggered() -> Bench {
     bench.write(CR, TIM7_SELECTED);
     bench.write(CR, TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
     bench.write(TIM7 + 0x2C, PERIOD_CYCLES - 1);
-    // TRGO on an update.
+    // TIM7 sends TRGO at each update.
     bench.write(TIM7 + 0x04, 0b010 << 4);
     bench.write(TIM7, 1);
     bench
 }
 
-/// Has stream 0 of DMA1 write the other channel's holding register to this one's, one word at each request 67.
+/// Makes stream 0 of DMA1 copy the other channel's holding register to this channel's, one word at each request 67.
 fn with_stream(bench: &mut Bench) {
     const ENABLE: u64 = 1;
     const MEMORY_TO_PERIPHERAL: u64 = 0b01 << 6;
@@ -86,7 +86,7 @@ fn each_trigger_requests_one_code_which_the_next_one_puts_out() {
     let mut bench = triggered();
     with_stream(&mut bench);
     bench.write(CR, DMA_ENABLE | TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
-    // The stream has fetched this one already when the second is written.
+    // The stream has fetched the old word already, so the new one follows a trigger later.
     bench.write(DHR12R2, 0xABC);
     bench.wait(PERIOD_NS + 1_000);
     assert_eq!((bench.read(DHR12R1), bench.read(DOR1)), (0, 0));
@@ -108,7 +108,7 @@ fn a_trigger_before_the_acknowledge_is_an_underrun_and_ends_the_requests() {
     bench.wait(PERIOD_NS);
     assert_eq!(bench.read(SR), UNDERRUN);
     assert_eq!(bench.read(DOR1), 0x111, "the old code goes on");
-    // A stream that comes now serves the request that stands, and gets no other.
+    // A stream that is enabled now serves the pending request, and receives no further one.
     with_stream(&mut bench);
     bench.wait(4 * PERIOD_NS);
     assert_eq!(bench.read(DMA1 + 0x14), 3);

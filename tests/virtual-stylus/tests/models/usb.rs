@@ -57,7 +57,7 @@ const DOEPINT0: u64 = 0xB08;
 const DOEPTSIZ1: u64 = 0xB30;
 const DTXFSTS1: u64 = 0x938;
 
-/// A core with endpoint 1 in use in both directions, its FIFOs configured, and all masks open.
+/// A core with endpoint 1 in use in both directions, its FIFOs configured, and all interrupts unmasked.
 fn configured() -> Core {
     let mut core = Core::default();
     let bulk = PACKET | USBAEP | BULK | SD0PID;
@@ -90,7 +90,7 @@ fn send(core: &mut Core, words: &[u32], bytes: u32) {
     }
 }
 
-/// Empties the receive FIFO; returns the kinds of the statuses, and the words of each.
+/// Empties the receive FIFO. Returns the kind of each status, with the words that belong to it.
 fn drain(core: &mut Core) -> Vec<(u32, Vec<u32>)> {
     let mut entries = Vec::new();
     while core.peek(GINTSTS) & RXFLVL != 0 {
@@ -150,7 +150,7 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
     assert_eq!(core.peek(DOEPCTL1) & EPENA, 0, "the transfer is complete");
     core.write(DOEPTSIZ1, 1 << 19 | 64);
     core.write(DOEPCTL1, core.peek(DOEPCTL1) | CNAK);
-    // The same packet again: its acknowledgement was lost.
+    // The host sends the same packet again because the acknowledgement was lost.
     assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
     assert_eq!(drain(&mut core), [], "it is acknowledged and dropped");
     assert_eq!(core.out(1, Pid::Data1, &[9, 8, 7]), Some(Handshake::Ack));
@@ -201,7 +201,7 @@ fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
     assert_eq!(core.peek(DAINT), 1 << 1);
     assert_ne!(core.peek(GINTSTS) & IEPINT, 0);
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
-    // An empty packet, with the other toggle.
+    // An empty packet follows, with the other toggle.
     send(&mut core, &[], 0);
     assert_eq!(core.token_in(1), Some(InAnswer::Data(Pid::Data1, vec![])));
 }
@@ -238,7 +238,7 @@ const CRS_CFGR: u64 = CRS_CR + 4;
 const TRIMS: u64 = 1 << 6 | 1 << 5;
 const MS: u64 = 1_000_000;
 
-/// A part whose USB runs on HSI48, which is off by `ppm`.
+/// A part whose USB runs on HSI48, which deviates by `ppm`.
 fn part(ppm: i64) -> Bench {
     let mut electrical = Electrical::default();
     electrical.clocks.hsi48_ppm = ppm;
@@ -302,7 +302,8 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     );
 }
 
-/// Number of packets that endpoint 1 takes in `frames` frames from a host that always has another packet.
+/// Returns how many packets endpoint 1 receives in `frames` frames from a host that always has another packet, and the
+/// number that each of these packets holds.
 fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     let mut bench = part(0);
     connect(&mut bench);
@@ -353,7 +354,8 @@ fn packets_that_break_are_sent_again_and_taken_once_each_in_order() {
     assert_eq!(numbers, expected);
 }
 
-/// Outcome of a packet to the part's address, with HSI48 off by `ppm`, trimmed by the frames that `source` selects.
+/// Returns whether a packet to the part's address is answered, with HSI48 off by `ppm` and trimmed by the frames that
+/// `source` selects.
 fn answered(ppm: i64, source: Option<u64>) -> bool {
     let mut bench = part(ppm);
     connect(&mut bench);
@@ -377,7 +379,7 @@ fn answered(ppm: i64, source: Option<u64>) -> bool {
 fn a_device_is_heard_while_its_clock_is_within_a_quarter_of_a_percent() {
     assert!(answered(2_400, None) && answered(-2_400, None));
     assert!(!answered(2_600, None) && !answered(-2_600, None));
-    // Frames of the other core trim nothing.
+    // Frames of the other USB core do not trim the oscillator.
     assert!(!answered(5_000, Some(2)));
     assert!(answered(5_000, Some(3)));
 }

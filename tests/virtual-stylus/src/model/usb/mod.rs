@@ -1,5 +1,5 @@
-//! The USB core OTG2 in device mode, with its FIFOs filled and emptied by the firmware, at 0x4008 0000 (chapter 57),
-//! and a host at the other end of the cable.
+//! The USB core OTG2 in device mode, whose FIFOs the firmware fills and empties, at 0x4008 0000 (chapter 57), and a
+//! host at the other end of the cable.
 //!
 //! | What | Section |
 //! |---|---|
@@ -13,23 +13,23 @@
 //! | An OUT transfer ends with its last packet or one that is not full; the endpoint answers NAK from then on | 57.15 |
 //! | A SETUP is always taken, ends a stall of endpoint 0, sets both its NAKs, and ends with the next token | 57.15 |
 //! | A packet whose toggle is not due is acknowledged and dropped | USB 2.0, 8.6 |
-//! | A reset of the bus takes endpoints but 0 out of use and changes nothing else of them | 57.14, 57.15 |
+//! | A reset of the bus disables all endpoints but endpoint 0 and changes nothing else of them | 57.14, 57.15 |
 //! | Suspend after 3 ms of silence, with or without a cable, as the pull-up is the device's own; resume | 57.14 |
 //! | Nothing is understood while the 48 MHz are off by more than 0.25 % | USB 2.0, 7.1.11 |
 //! | A reset of the part or by `RCC_AHB1RSTR` clears all of it | 8.7.29 |
 //!
-//! On points that the manual leaves open, the model is the harder alternative for the firmware: an IN endpoint that is
-//! enabled stays so over a reset of the bus and over a SETUP, with the content of its FIFO. In one point the model
-//! follows the drivers that work on such parts instead of the manual: an OUT endpoint answers according to its NAK
-//! only, not to `EPENA` and the packet count, because embassy's driver does not change those for endpoint 0.
+//! Where the manual is not clear, the model chooses the alternative that is harder for the firmware: an IN endpoint
+//! that is enabled stays enabled over a reset of the bus and over a SETUP, and its FIFO keeps its content. In one point
+//! the model follows the drivers that work on such parts instead of the manual: an OUT endpoint answers according to
+//! its NAK only, not to `EPENA` and the packet count, because embassy's driver does not change those for endpoint 0.
 //!
 //! Left out: host mode, OTG and its change of roles, DMA, high speed and the ULPI, isochronous endpoints and the end of
-//! a periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, and the clocks that a reset or a
-//! flush takes. If the firmware asks for one of these and would notice, the run's report says
-//! so (`told`).
+//! a periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, and the clock cycles that a reset or a
+//! flush takes. If the firmware asks for one of these and could notice that it is missing, the run's report says so
+//! (`told`).
 //!
-//! The emulator has no windows for the FIFOs, so the core's registers and FIFOs are one window at [`WINDOW_BASE`], to
-//! which `core.rs` sends what goes to [`BASE`].
+//! The emulator has no windows for the FIFOs. So the core's registers and FIFOs together are one window at
+//! [`WINDOW_BASE`], to which `core.rs` redirects the accesses to [`BASE`].
 
 pub mod core;
 pub mod host;
@@ -47,21 +47,21 @@ use rigless::time::{EventId, VirtualNanos};
 use self::core::Core;
 use self::host::Host;
 
-/// Address of the core for the firmware (table 8).
+/// Address at which the firmware accesses the core (table 8).
 pub const BASE: u64 = 0x4008_0000;
 /// Length of the core's registers and FIFOs, bytes.
 pub const BYTES: u64 = 0x4_0000;
-/// Address of the model, in a range that the part leaves free.
+/// Address of the model, in a range that the part does not use.
 pub const WINDOW_BASE: u64 = 0x5F00_0000;
 /// Name of the window.
 pub const WINDOW: &str = "OTG2";
-/// The emulator's instance that is told of a reset by the clock controller.
+/// The emulator's instance that receives a reset by the clock controller.
 pub const GLOBAL: &str = "OTG2_HS_GLOBAL";
 
 /// Position of the core's interrupt (table 148: 101, OTG_FS global).
 const INTERRUPTS: &[u16] = &[101];
 
-/// The window for the emulator's bus.
+/// The window, as the emulator's bus needs it.
 pub fn window() -> Window {
     let size = NonZeroU64::new(BYTES).expect("not zero");
     Window::new(WINDOW, WINDOW_BASE, size)
@@ -82,7 +82,8 @@ pub struct Usb {
 }
 
 impl Usb {
-    /// The core after power-on, with the cable out; `layout` is the window's own, by which the emulator knows it.
+    /// The core after power-on, with the cable out. `layout` is the window's layout, by which the emulator identifies
+    /// it.
     pub fn new(layout: &'static [RegisterSpec]) -> Self {
         Self {
             core: Core::default(),
@@ -93,7 +94,7 @@ impl Usb {
         }
     }
 
-    /// Has the host's software do `work`, and then serves the bus.
+    /// Makes the host's software do `work`, and then serves the bus.
     pub fn drive<T>(
         &mut self,
         context: &mut DeviceContext<'_>,
@@ -104,7 +105,7 @@ impl Usb {
         done
     }
 
-    /// Resets the core; the host and its transfers stay as they were.
+    /// Resets the core. The host and its transfers stay as they are.
     pub fn core_reset(&mut self) {
         self.core = Core::default();
     }

@@ -1,16 +1,16 @@
-//! Packets on the wire, under the names that both ends use.
+//! Packets on the wire, with names that host and device share.
 
 /// The data packet's identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pid {
-    /// An even packet.
+    /// A packet with an even number.
     Data0,
-    /// An odd packet.
+    /// A packet with an odd number.
     Data1,
 }
 
 impl Pid {
-    /// The one that follows.
+    /// The identifier of the next packet.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -23,9 +23,9 @@ impl Pid {
 /// Handshake of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handshake {
-    /// The packet was taken.
+    /// The packet was accepted.
     Ack,
-    /// The device cannot take or send a packet now.
+    /// The device cannot accept or send a packet at present.
     Nak,
     /// The endpoint is halted, or the request is not supported.
     Stall,
@@ -36,7 +36,7 @@ pub enum Handshake {
 pub enum InAnswer {
     /// A data packet, which awaits its handshake.
     Data(Pid, Vec<u8>),
-    /// The device cannot take or send a packet now.
+    /// The device cannot send a packet at present.
     Nak,
     /// The endpoint is halted, or the request is not supported.
     Stall,

@@ -1,6 +1,6 @@
-//! Offsets and bits of the core's registers that the model answers for (section 57.14), named as the manual names them.
+//! Offsets and bits of the core's registers that the model implements (section 57.14), with the manual's names.
 
-/// Endpoints each way, endpoint 0 among them.
+/// Number of endpoints per direction, including endpoint 0.
 pub const ENDPOINTS: usize = 9;
 
 pub const GOTGCTL: u64 = 0x000;
@@ -25,12 +25,12 @@ pub const DOEPMSK: u64 = 0x814;
 pub const DAINT: u64 = 0x818;
 pub const DAINTMSK: u64 = 0x81C;
 pub const DIEPEMPMSK: u64 = 0x834;
-/// Registers of IN endpoint 0; the others follow at steps of [`ENDPOINT_STEP`].
+/// Registers of IN endpoint 0. Those of the other endpoints follow at steps of [`ENDPOINT_STEP`].
 pub const DIEP0: u64 = 0x900;
-/// Registers of OUT endpoint 0; the others follow at steps of [`ENDPOINT_STEP`].
+/// Registers of OUT endpoint 0. Those of the other endpoints follow at steps of [`ENDPOINT_STEP`].
 pub const DOEP0: u64 = 0xB00;
 pub const ENDPOINT_STEP: u64 = 0x20;
-/// Offset within an endpoint's registers.
+/// Offset of a register within an endpoint's registers.
 pub const CTL: u64 = 0x00;
 pub const INT: u64 = 0x08;
 pub const TSIZ: u64 = 0x10;
@@ -51,7 +51,7 @@ pub const GRSTCTL_CSRST: u32 = 1;
 pub const GRSTCTL_RXFFLSH: u32 = 1 << 4;
 pub const GRSTCTL_TXFFLSH: u32 = 1 << 5;
 pub const GRSTCTL_AHBIDL: u32 = 1 << 31;
-/// `TXFNUM` of all FIFOs.
+/// Value of `TXFNUM` that selects all FIFOs.
 pub const ALL_FIFOS: u32 = 0x10;
 pub const GINTSTS_CMOD: u32 = 1;
 pub const GINTSTS_OTGINT: u32 = 1 << 2;
@@ -69,7 +69,7 @@ pub const GINTSTS_OEPINT: u32 = 1 << 19;
 pub const GINTSTS_PTXFE: u32 = 1 << 26;
 pub const GINTSTS_CIDSCHG: u32 = 1 << 28;
 pub const GINTSTS_WKUPINT: u32 = 1 << 31;
-/// Bits of `GINTSTS` that stay until a one is written.
+/// Bits of `GINTSTS` that stay set until a one is written to them.
 pub const GINTSTS_LATCHED: u32 = 0xF8F0_FC0A;
 pub const GCCFG_PWRDWN: u32 = 1 << 16;
 pub const GCCFG_VBDEN: u32 = 1 << 21;
@@ -110,11 +110,11 @@ pub const TSIZ_SETUPS_SHIFT: u32 = 29;
 
 /// `PKTSTS` of an entry of the receive FIFO: data of an OUT packet.
 pub const OUT_DATA: u32 = 0b0010;
-/// An OUT transfer is complete.
+/// `PKTSTS`: an OUT transfer is complete.
 pub const OUT_DONE: u32 = 0b0011;
-/// A setup stage is complete.
+/// `PKTSTS`: a setup stage is complete.
 pub const SETUP_DONE: u32 = 0b0100;
-/// Data of a SETUP packet.
+/// `PKTSTS`: data of a SETUP packet.
 pub const SETUP_DATA: u32 = 0b0110;
 
 /// Bit `index` of a mask of endpoints.

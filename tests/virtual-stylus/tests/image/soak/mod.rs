@@ -1,7 +1,8 @@
-//! Random use by two hosts, one on USB and one on the serial port, with mishaps, as long as asked. All the time no tick
-//! is late, the pin keeps its limits, counters add up, marks keep their bounds, and flash holds what it must.
+//! Random use by two hosts, one on USB and one on the serial port, with mishaps, for as long as requested. During all
+//! of it no tick is late, the pin keeps its limits, counters add up, marks keep their bounds, and the flash holds what
+//! it must.
 //!
-//! `cargo tasks soak` runs it. All of it follows from its seed.
+//! `cargo tasks soak` runs it. The seed determines everything that happens.
 
 mod operations;
 mod pin;
@@ -15,19 +16,19 @@ use world::{RESETS, World};
 
 use crate::device::SECOND;
 
-/// Number of steps that a failure tells.
+/// Number of steps that the report of a failure lists.
 const TOLD: usize = 40;
 
-/// Time after which the marks of the stack are to be steady, s.
+/// Time after which the mark of the stack must no longer grow, s.
 const LONG_S: u64 = 600;
 
-/// The number in `variable`, or `default`.
+/// The number in the environment variable `variable`, or `default`.
 fn number(variable: &str, default: u64) -> u64 {
     let text = std::env::var(variable).ok();
     text.map_or(default, |text| text.parse().expect("a number"))
 }
 
-/// Tells how to see a failure again, if it ends by one.
+/// Prints how to reproduce a failure, if the run ends with one.
 struct Told {
     seed: u64,
     step: u64,
@@ -67,7 +68,7 @@ fn drawn(world: &mut World) -> &'static Operation {
     drawn.expect("the shares are all")
 }
 
-/// Prints what was done until now, and the marks.
+/// Prints how often each thing was done so far, and the marks.
 fn tell(world: &World, told: &Told, begun: Instant) {
     println!(
         "seed {}: {} steps in {} s of the device's time, {} s of this computer's",

@@ -1,4 +1,4 @@
-//! Acts of the hosts, and mishaps of the stylus.
+//! Operations of the hosts, and mishaps of the stylus.
 
 use fake_stylus::device::{MOTION, change};
 use hil::checks::faults::ENDING;
@@ -24,19 +24,19 @@ use crate::self_test::quiet;
 use crate::update::version;
 use crate::usb_mishaps::{arm, go_on, has_happened};
 
-/// Time from a fault to the reset by the watchdog, and by a handler.
+/// Longest time from a fault to the reset by the watchdog, and to the reset by a handler.
 const BITTEN_NS: u64 = 700 * MS;
 const CAUGHT_NS: u64 = 200 * MS;
 
-/// An operation: its name, its share of all, and what is done.
+/// An operation: its name, its relative frequency, and its function.
 pub type Operation = (&'static str, u64, fn(&mut World));
 
-/// Name of the count of uploads in which a mishap broke the link.
+/// Name of the count of broken links during uploads.
 pub const LINKS_BROKEN: &str = "links broken in uploads";
-/// Name of the count of power cuts that came at an operation of the flash.
+/// Name of the count of power cuts at an operation of the flash.
 pub const CUT_AT_OPERATION: &str = "power cuts at an operation of the flash";
 
-/// Name of the count of updates that a reset took back.
+/// Name of the count of updates that a reset rolled back.
 pub const ROLLED_BACK: &str = "updates rolled back";
 
 pub const OPERATIONS: [Operation; 22] = [
@@ -86,7 +86,7 @@ fn play_from_host(world: &mut World) {
     }
 }
 
-/// One texture or scene after the other, each before the one before has settled.
+/// Plays one texture or scene after another, each before the previous one has settled.
 fn switch(world: &mut World) {
     for _ in 0..=world.below(4) {
         world.play(MotionSource::Sensors);
@@ -122,7 +122,7 @@ fn record(world: &mut World) {
     }
 }
 
-/// One of the libraries, drawn.
+/// One of the libraries, chosen at random.
 fn library(world: &mut World) -> Vec<u8> {
     let index = world.below(world.libraries.len() as u64) as usize;
     world.libraries[index].bytes.clone()
@@ -162,7 +162,7 @@ fn activate(world: &mut World) {
     }
 }
 
-/// Some new values, each anywhere in its range.
+/// Some random new values, each anywhere in its range.
 fn new_values(world: &mut World) -> Vec<SettingChange> {
     let count = 1 + world.below(3);
     let mut changes: Vec<SettingChange> = Vec::new();
@@ -229,7 +229,8 @@ fn measured(world: &mut World) -> AtRest {
     AtRest::of(&world.device.samples())
 }
 
-/// Cables that are pulled and buses that are reset while a library comes over USB, until it is there.
+/// Pulls the cable or resets the bus while a library is uploaded over USB, until the upload succeeds or three attempts
+/// are over.
 fn mishap(world: &mut World) {
     world.turn_to(true);
     if world.player == Some(true) {
@@ -325,7 +326,8 @@ fn reset_pin(world: &mut World) {
     assert_eq!(world.device.status().reset, ResetReason::Pin);
 }
 
-/// A fault on request while something plays, where the image takes them, else of the external clock.
+/// Causes a fault while something plays: an injected fault if the image accepts them, otherwise a failure of the
+/// external clock.
 fn fault(world: &mut World) {
     if !world.bears_fault() {
         return world.skip();
@@ -335,7 +337,7 @@ fn fault(world: &mut World) {
     }
     let (name, kind, reason, within_ns) = if world.takes_faults() {
         let ending = &ENDING[world.below(ENDING.len() as u64) as usize];
-        // Among codes of mid-scale nobody misses the eraser, and nothing comes to the coil.
+        // While all codes are mid-scale, a missing eraser has no effect, and the coil receives nothing.
         if ending.fault == Injected::NoEraser && !world.is_heard(20) {
             return world.skip();
         }
@@ -363,7 +365,7 @@ fn fault(world: &mut World) {
     );
 }
 
-/// The power cut at once, or at an operation of the flash in an upload or a change of settings.
+/// Cuts the power at once, or at an operation of the flash in an upload or a change of settings.
 fn cut(world: &mut World) {
     let (active, mut allowed) = world.slots();
     let settings = [world.settings; 2];
@@ -399,7 +401,8 @@ fn cut(world: &mut World) {
     }
 }
 
-/// Does `work`, and cuts the power at the flash operation `number`. If `work` ends before that, the cut comes after it.
+/// Does `work`, and cuts the power at the flash operation `number`. If `work` ends earlier, the power is cut after
+/// `work`.
 fn cut_at(
     world: &mut World,
     number: u64,
@@ -422,7 +425,7 @@ fn cut_at(
     world.cut_power(contents, active, allowed, settings);
 }
 
-/// Installs the other image, then confirms it or resets; or cuts the power at a random operation of the flash.
+/// Installs the other image and then confirms it or resets, or cuts the power at a random operation of the flash.
 fn update(world: &mut World) {
     world.stop();
     let (active, _) = world.slots();
@@ -436,7 +439,7 @@ fn update(world: &mut World) {
     }
     if world.once_in(3) {
         let allowed: Vec<u32> = active.into_iter().collect();
-        // Two words are programmed for each one of the image and of the image before it.
+        // Two words are programmed for each word of the new image and of the previous one.
         let number = (world.device.stylus.flash_operations().len() as u64)
             + 1
             + world.below(image.len() as u64 / 32 * 5 / 2);
@@ -463,7 +466,7 @@ fn update(world: &mut World) {
     assert_eq!(world.slots().0, active);
 }
 
-/// Counts of ticks that pass the ends of their 32 bits while something plays and is recorded.
+/// Makes the counts of ticks overflow their 32 bits while something plays and is recorded.
 fn wrap(world: &mut World) {
     if !world.takes_faults() || !world.age() {
         return world.skip();

@@ -1,4 +1,4 @@
-//! Limits at the pin, code by code, and the amplifier, which is on only while mid-scale has settled and is driven.
+//! Limits at the pin, code by code, and the amplifier, which may be on only while mid-scale has settled and is driven.
 
 use std::collections::VecDeque;
 
@@ -7,33 +7,33 @@ use virtual_stylus::model::pin::{Drive, Driven};
 
 use crate::device::{CODE_NS, MID_SCALE, MS};
 
-/// Time for which mid-scale must be put out before the amplifier is on.
+/// Time for which mid-scale must be put out before the amplifier is switched on, ns.
 const SETTLED_NS: u64 = 9 * MS;
 
-/// Largest offset of a code from mid-scale and largest change from one code to the next, converter steps.
+/// Largest offset of a code from mid-scale and largest change between successive codes, converter steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     pub offset: u16,
     pub slew: u16,
 }
 
-/// The pin of one run, from power-on.
+/// Follows the pin in one run, from power-on.
 #[derive(Debug, Default)]
 pub struct Pin {
     last: Option<Output>,
     /// The outputs of the last [`SETTLED_NS`].
     settled: VecDeque<Output>,
     amplifier: bool,
-    /// Codes put out so far.
+    /// Number of codes put out so far.
     pub codes: u64,
-    /// Codes other than mid-scale.
+    /// Number of codes other than mid-scale.
     pub heard: u64,
-    /// Largest offset from mid-scale.
+    /// Largest offset from mid-scale, converter steps.
     pub largest: u16,
 }
 
 impl Pin {
-    /// Checks the next outputs and changes of the amplifier, which are later than those before.
+    /// Checks the next outputs and changes of the amplifier, which are later than those of the previous call.
     pub fn follow(&mut self, outputs: &[Output], amplifier: &[Driven], limits: Limits) {
         let mut changes = amplifier.iter().peekable();
         for output in outputs {

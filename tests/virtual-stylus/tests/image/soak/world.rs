@@ -1,4 +1,4 @@
-//! The virtual stylus with its two hosts, what its flash must hold, and what holds after every step.
+//! The virtual stylus with its two hosts, what its flash must hold, and what must be true after every step.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -25,13 +25,13 @@ use crate::update::{EXCHANGE_NS, active as active_image, image};
 /// Ticks per millisecond.
 const TICKS_PER_MS: u64 = 5;
 
-/// Resets of all kinds, each of them expected.
+/// Name of the count of resets, all of which are expected.
 pub const RESETS: &str = "resets, all expected";
 
-/// Most that the last quarter's mark of the stack may exceed those before: what a rare meeting of interrupts takes.
+/// Largest growth of the stack's mark in the last quarter, bytes: what a rare coincidence of interrupts uses.
 const MOST_GROWTH_BYTES: u32 = 512;
 
-/// A library, and all that it plays.
+/// A library, and everything that it can play.
 pub struct Known {
     pub bytes: Vec<u8>,
     pub crc32: u32,
@@ -58,20 +58,22 @@ struct Run {
     has_faults: bool,
     /// Resets since power-on.
     resets: u32,
-    /// Frames that each host has sent more than the device has counted, modulo 2³²; the serial port's first.
+    /// Number of frames that each host has sent minus the number that the device has counted, modulo 2³². The serial
+    /// port's is first.
     sent: [u32; 2],
-    /// False once a host has sent what is no frame, or has lost one on its way.
+    /// False once a host has sent something that is not a frame, or has lost a frame under way.
     is_exact: [bool; 2],
-    /// True once the counts of ticks were put near the ends of their 32 bits.
+    /// True once the counts of ticks were set close to the overflow of their 32 bits.
     is_aged: bool,
     faults: u32,
-    /// Accesses that waited for the flash in exchanges by the bootloader, which runs from the bank that it erases.
+    /// Accesses that waited for the flash while the bootloader exchanged images. The bootloader runs from the bank that
+    /// it erases.
     stalls: Stalls,
     pin: Pin,
     last: Option<Status>,
 }
 
-/// Names of the figures of each quarter of the time.
+/// Names of the figures that are kept per quarter of the run.
 const FIGURES: [&str; 6] = [
     "stack, bytes",
     "tick's delay, cycles",
@@ -81,29 +83,29 @@ const FIGURES: [&str; 6] = [
     "offset, steps",
 ];
 
-/// The figures of [`FIGURES`].
+/// The values named by [`FIGURES`].
 type Figures = [u32; FIGURES.len()];
 
-/// The stylus, its hosts, and what they know.
+/// The stylus, its hosts, and what the hosts know.
 pub struct World {
     pub device: Device,
     pub chance: Chance,
     pub libraries: Vec<Known>,
     /// The settings that flash must hold.
     pub settings: Settings,
-    /// True while the host on USB, or else the one on the serial port, keeps alive what it has begun to play.
+    /// The host that keeps its play alive, if any: true for the host on USB, false for the one on the serial port.
     pub player: Option<bool>,
-    /// The images: the product's, and the one that takes faults.
+    /// The images: the product, and the image with fault injection.
     images: [Vec<u8>; 2],
     run: Run,
-    /// Virtual time of the runs before.
+    /// Virtual time of the previous runs, ns.
     earlier_ns: u64,
     pub done: BTreeMap<&'static str, u64>,
-    /// Largest figures of each quarter of the time.
+    /// Largest figures of each quarter of the run.
     most: [Figures; 4],
     pub quarter: usize,
     pub codes: [u64; 2],
-    /// True after a step that could not be taken.
+    /// True after a step that was not possible.
     pub skipped: bool,
 }
 
@@ -141,17 +143,17 @@ impl World {
         world
     }
 
-    /// Virtual time so far.
+    /// Virtual time of all runs so far, ns.
     pub fn now_ns(&self) -> u64 {
         self.earlier_ns + self.device.stylus.now_ns()
     }
 
-    /// A number below `bound`.
+    /// A random number below `bound`.
     pub fn below(&mut self, bound: u64) -> u64 {
         self.chance.below(bound)
     }
 
-    /// True once in `of`.
+    /// Returns true at random, with the probability 1/`of`.
     pub fn once_in(&mut self, of: u64) -> bool {
         self.below(of) == 0
     }
@@ -160,50 +162,51 @@ impl World {
         *self.done.entry(what).or_default() += 1;
     }
 
-    /// Runs for some time up to `most_ms`.
+    /// Runs for a random time of at most `most_ms`.
     pub fn pass(&mut self, most_ms: u64) {
         let nanos = (1 + self.below(most_ms)) * MS;
         self.device.run_for(nanos);
     }
 
-    /// Gives the turn to the host on USB, or else to the one on the serial port.
+    /// Gives the turn to the host on USB if `usb` is true, otherwise to the one on the serial port.
     pub fn turn_to(&mut self, usb: bool) {
         if self.device.is_usb() != usb {
             self.device.turn();
         }
     }
 
-    /// True for the image that takes faults on request.
+    /// Returns true if the image with fault injection runs.
     pub fn takes_faults(&self) -> bool {
         self.run.has_faults
     }
 
-    /// True for a run with less faults than lead to safe mode, on a clock that can fail.
+    /// Returns true if another fault is possible without safe mode. Without fault injection only the external clock can
+    /// fail, and only once.
     pub fn bears_fault(&self) -> bool {
         self.run.faults < if self.run.has_faults { 2 } else { 1 }
     }
 
-    /// Notes that the step does nothing.
+    /// Notes that the step did nothing.
     pub fn skip(&mut self) {
         self.skipped = true;
     }
 
-    /// Counts the ticks as near the ends of their 32 bits from now on.
+    /// Notes that the counts of ticks are close to the overflow of their 32 bits. Returns true if they were not before.
     pub fn age(&mut self) -> bool {
         !std::mem::replace(&mut self.run.is_aged, true)
     }
 
-    /// Frames of the host that has its turn are no longer all counted.
+    /// Notes that the frames of the host with the turn can no longer be counted exactly.
     pub fn sends_noise(&mut self) {
         self.run.is_exact[usize::from(self.device.is_usb())] = false;
     }
 
-    /// The image that does not run.
+    /// The image that does not run at present.
     pub fn other_image(&self) -> Vec<u8> {
         self.images[usize::from(!self.run.has_faults)].clone()
     }
 
-    /// Waits until an image answers after an exchange that a reset begins now or soon.
+    /// Waits until an image answers after an exchange, which a reset begins now or soon.
     pub fn wait_for_exchange(&mut self) {
         self.turn_to(false);
         self.device.run_for(300 * MS);
@@ -211,14 +214,14 @@ impl World {
         self.run.stalls = self.device.stylus.flash_stalls();
     }
 
-    /// Handles an exchange that a reset begins now or soon.
+    /// Handles an exchange, which a reset begins now or soon.
     pub fn is_exchanged(&mut self) {
         self.wait_for_exchange();
         self.run.has_faults ^= true;
         self.was_reset(false);
     }
 
-    /// Handles a reset that was caused.
+    /// Handles a reset that the test has caused.
     pub fn was_reset(&mut self, is_fault: bool) {
         self.count(RESETS);
         self.run.resets += 1;
@@ -241,7 +244,7 @@ impl World {
         for usb in [false, true] {
             self.turn_to(usb);
             self.device.wait_for_start();
-            // Requests before the start were lost, and their answers come late.
+            // Requests sent before the start were lost, and their answers arrive late.
             self.device.run_for(20 * MS);
             self.device.forget_frames();
             self.run.is_exact[usize::from(usb)] = false;
@@ -253,7 +256,7 @@ impl World {
         self.count_frames_from(&status);
     }
 
-    /// Counts frames from here on.
+    /// Counts frames exactly from now on.
     fn count_frames_from(&mut self, status: &Status) {
         for (usb, counters) in [(false, status.serial), (true, status.usb)] {
             self.turn_to(usb);
@@ -264,8 +267,8 @@ impl World {
         }
     }
 
-    /// Cuts the power, and switches it on with `contents` in the flash. One of `allowed` must be active then, and the
-    /// library that `was` must be there.
+    /// Cuts the power, and switches it on with `contents` in the flash. After that one of the libraries `allowed` must
+    /// be active, and the library `was` must still be in a slot.
     pub fn cut_power(
         &mut self,
         contents: Contents,
@@ -311,7 +314,7 @@ impl World {
         self.come_back();
     }
 
-    /// The checksum of the active library, and those of all valid ones.
+    /// The checksum of the active library, and the checksums of all valid libraries.
     pub fn slots(&mut self) -> (Option<u32>, Vec<u32>) {
         let slots = self.device.slots();
         let crc32 = |state: &SlotState| match state {
@@ -324,7 +327,7 @@ impl World {
         (active, slots.slots.iter().filter_map(crc32).collect())
     }
 
-    /// Something that the active library plays.
+    /// A random texture or scene of the active library.
     pub fn selection(&mut self) -> Selection {
         let (active, _) = self.slots();
         let active = active.expect("a library is active");
@@ -335,7 +338,7 @@ impl World {
         known.expect("as above").selections[index].clone()
     }
 
-    /// Has the host that has its turn play something; false if it was refused, as it must be then.
+    /// Makes the host with the turn play something. Returns false if it was refused, and checks that it had to be.
     pub fn play(&mut self, motion: MotionSource) -> bool {
         let request = PlayRequest {
             selection: self.selection(),
@@ -358,13 +361,13 @@ impl World {
         }
     }
 
-    /// Notes that nothing is played any more, because a library was activated.
+    /// Notes that nothing is played any more because a library was activated.
     pub fn has_stopped(&mut self) {
         self.player = None;
         self.silence();
     }
 
-    /// Has the host that has its turn stop what is played, and waits until nothing is.
+    /// Makes the host with the turn stop the play, and waits until nothing plays.
     pub fn stop(&mut self) {
         self.silence();
         if self.player.take().is_some() {
@@ -379,7 +382,7 @@ impl World {
         panic!("it does not come to rest: {:?}", self.device.status());
     }
 
-    /// Ends the keep-alives of both hosts, as at a fault.
+    /// Ends the keep-alives of both hosts, as after a fault.
     pub fn silence(&mut self) {
         for usb in [false, true] {
             self.turn_to(usb);
@@ -387,12 +390,12 @@ impl World {
         }
     }
 
-    /// Forgets the status before, whose counts go on elsewhere.
+    /// Drops the previous status, because its counts do not continue.
     pub fn forget_last(&mut self) {
         self.run.last = None;
     }
 
-    /// Prints the largest figures of each quarter of the time.
+    /// Prints the largest figures of each quarter of the run.
     pub fn tell_figures(&self) {
         let [codes, heard] = [
             self.codes[0] + self.run.pin.codes,
@@ -405,7 +408,7 @@ impl World {
         }
     }
 
-    /// Checks that the stack no longer grew in the last quarter, after a `long` time.
+    /// Checks, if the run was `long`, that the stack's mark no longer grew in the last quarter.
     pub fn check_marks(&self, long: bool) {
         let stacks = self.most.map(|[stack, ..]| stack);
         let before = stacks[..3].iter().max().copied().unwrap_or_default();
@@ -415,7 +418,7 @@ impl World {
         );
     }
 
-    /// Checks all that holds after every step; a settings' change before it was from `before`.
+    /// Checks everything that must be true after every step. `before` are the settings before the step.
     pub fn check(&mut self, before: Settings) {
         self.limits_and_pin(before);
         let status = self.device.status();
@@ -460,7 +463,7 @@ impl World {
         self.run.pin.follow(&outputs, &amplifier, limits);
     }
 
-    /// Lets `most_ms` pass; true if the pin left mid-scale meanwhile.
+    /// Lets up to `most_ms` pass. Returns true if the pin left mid-scale meanwhile.
     pub fn is_heard(&mut self, most_ms: u64) -> bool {
         self.follow_pin();
         let before = self.run.pin.heard;
@@ -473,7 +476,7 @@ impl World {
         self.limits_and_pin(self.settings);
     }
 
-    /// Checks that counters add up, and only rise.
+    /// Checks that counters add up and only rise.
     fn counters(&mut self, status: &Status) {
         for (usb, counters) in [(false, status.serial), (true, status.usb)] {
             self.turn_to(usb);
@@ -483,17 +486,17 @@ impl World {
                 .sent()
                 .wrapping_sub(self.run.sent[usize::from(usb)]);
             if self.run.is_exact[usize::from(usb)] {
-                // A keep-alive may be on its way, now or when the counting began.
+                // A keep-alive may be under way, now or when the counting began.
                 assert!(
                     counted.abs_diff(sent) <= 1,
                     "{counted} of {sent}: {counters:?}, USB: {usb}"
                 );
             }
         }
-        // A step that has sent noise is over.
+        // A step that has sent something other than frames is over now.
         self.count_frames_from(status);
         let (ticks, uptime) = (status.tick.ticks, status.uptime_ms);
-        // A tick may come between the readings of the two.
+        // A tick may happen between the readings of the two counts.
         assert!((ticks / TICKS_PER_MS).abs_diff(uptime) <= 1, "{status:?}");
         if !self.run.is_aged {
             let binned: u64 = status
@@ -545,8 +548,8 @@ impl Run {
     }
 }
 
-/// The stylus with `contents` in its flash, and the file at `image` unless it is to `keep` the image there, and two
-/// hosts.
+/// Switches on a stylus with two hosts. Its flash has `contents`, and the image in the file at `image` unless `keep` is
+/// true, which keeps the image of the contents.
 fn switched_on(image: &Path, contents: Contents, keep: bool, chance: &mut Chance) -> Device {
     let options = Options {
         ram_noise: Some(chance.draw()),

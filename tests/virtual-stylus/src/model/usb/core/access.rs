@@ -31,7 +31,7 @@ fn endpoint_register(offset: u64, base: u64) -> Option<(usize, u64)> {
     (index < ENDPOINTS).then_some((index, within % ENDPOINT_STEP))
 }
 
-/// The endpoint to whose FIFO a window leads.
+/// The endpoint whose FIFO is at `offset`.
 fn fifo(offset: u64) -> Option<usize> {
     let index = (offset.checked_sub(FIFO0)? / FIFO_STEP) as usize;
     (index < ENDPOINTS).then_some(index)
@@ -146,7 +146,8 @@ impl Core {
             GCCFG => self.general_config = value,
             DCFG => {
                 self.device_config = value;
-                // Section 57.15, SetAddress: written before the status stage, which still goes to the old one.
+                // Section 57.15, SetAddress: the address is written before the status stage, which still uses the old
+                // address.
                 if !self.in_control {
                     self.take_address();
                 }
@@ -166,7 +167,8 @@ impl Core {
 
     fn write_reset(&mut self, value: u32) {
         if value & GRSTCTL_CSRST != 0 {
-            // Section 57.14, OTG_GRSTCTL.CSRST: interrupts and all control and status registers, but for the PHY's.
+            // Section 57.14, OTG_GRSTCTL.CSRST: it resets interrupts and all control and status registers, except the
+            // PHY's.
             let (general_config, changes) = (self.general_config, self.changes);
             let told = std::mem::take(&mut self.told);
             *self = Self {

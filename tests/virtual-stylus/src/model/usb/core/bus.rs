@@ -28,7 +28,7 @@ impl Core {
 
     pub(super) fn pop_status(&mut self) -> u32 {
         self.changes += 1;
-        // Data words that were not read stay queued; the next status is that of the next entry.
+        // Data words that were not read stay queued; the next status is the status of the next entry.
         let Some(entry) = self.received.pop_front() else {
             return 0;
         };
@@ -57,7 +57,7 @@ impl Core {
     }
 
     pub(super) fn has_room(&self, bytes: usize) -> bool {
-        // One word for its status, and one for the status of the transfer's end.
+        // Besides the data, one word for the packet's status, and one for the status at the transfer's end.
         self.held_words() + bytes.div_ceil(4) as u32 + 2 <= self.receive_words
     }
 
@@ -112,7 +112,7 @@ impl Core {
         self.latched |= GINTSTS_USBRST;
         self.in_control = false;
         self.setup_stage = false;
-        // Section 57.14, OTG_DIEPCTLx.USBAEP: cleared for all endpoints but 0 by a reset of the bus.
+        // Section 57.14, OTG_DIEPCTLx.USBAEP: a reset of the bus clears it for all endpoints but endpoint 0.
         for endpoint in self.inputs.iter_mut().chain(&mut self.outputs) {
             endpoint.active = false;
         }
@@ -123,7 +123,7 @@ impl Core {
         self.latched |= GINTSTS_ENUMDNE;
     }
 
-    /// Receives a SETUP packet, and acknowledges it if the receive FIFO has room.
+    /// Receives a SETUP packet, and acknowledges it if the receive FIFO has space.
     pub fn setup(&mut self, data: [u8; 8]) -> Option<Handshake> {
         self.changes += 1;
         if !self.has_room(data.len()) {
@@ -144,7 +144,7 @@ impl Core {
         Some(Handshake::Ack)
     }
 
-    /// True after a SETUP until the next token.
+    /// Returns true from a SETUP packet until the next token.
     pub fn in_setup_stage(&self) -> bool {
         self.setup_stage
     }
@@ -157,7 +157,7 @@ impl Core {
         }
     }
 
-    /// The handshake that an OUT packet of `bytes` would get; none if the device would be silent.
+    /// Returns the handshake that an OUT packet of `bytes` would receive, or `None` if the device would be silent.
     pub fn answer_out(&self, index: usize, bytes: usize) -> Option<Handshake> {
         let endpoint = self.outputs.get(index)?;
         if index != 0 && !endpoint.active {
@@ -176,7 +176,7 @@ impl Core {
         })
     }
 
-    /// Receives an OUT packet that came whole, and returns the handshake, or none if the device is silent.
+    /// Receives an intact OUT packet, and returns the handshake, or `None` if the device is silent.
     pub fn out(&mut self, index: usize, pid: Pid, data: &[u8]) -> Option<Handshake> {
         if index == 0 {
             self.end_setup_stage();
@@ -185,7 +185,7 @@ impl Core {
         if answer == Handshake::Ack {
             self.changes += 1;
             let endpoint = &mut self.outputs[index];
-            // A packet that comes twice is acknowledged twice, and taken once.
+            // A packet that arrives twice is acknowledged twice, but accepted only once.
             if endpoint.pid() == pid {
                 endpoint.odd = !endpoint.odd;
                 endpoint.packets = endpoint.packets.saturating_sub(1);
@@ -202,7 +202,7 @@ impl Core {
         Some(answer)
     }
 
-    /// The answer that an IN token would get; none if the device would be silent.
+    /// Returns the answer that an IN token would receive, or `None` if the device would be silent.
     pub fn answer_in(&self, index: usize) -> Option<InAnswer> {
         let endpoint = self.inputs.get(index)?;
         if index != 0 && !endpoint.active {
@@ -228,7 +228,7 @@ impl Core {
         Some(InAnswer::Data(endpoint.pid(), data))
     }
 
-    /// Receives an IN token, and returns the device's answer, or none if the device is silent.
+    /// Receives an IN token, and returns the device's answer, or `None` if the device is silent.
     pub fn token_in(&mut self, index: usize) -> Option<InAnswer> {
         if index == 0 {
             self.end_setup_stage();
@@ -240,7 +240,7 @@ impl Core {
         Some(answer)
     }
 
-    /// Handles the host's acknowledgement of the packet that the last IN token got.
+    /// Handles the host's acknowledgement of the packet that answered the last IN token.
     pub fn acknowledged(&mut self, index: usize) {
         let Some(InAnswer::Data(_, data)) = self.answer_in(index) else {
             // The firmware has withdrawn the packet meanwhile.

@@ -1,5 +1,5 @@
-//! The core itself: registers, FIFOs and endpoints, without a bus and without time. The bus calls it with the packets
-//! on the wire, and gets the handshakes.
+//! The core itself: registers, FIFOs and endpoints, without a bus and without time. The bus passes the packets on the
+//! wire to it, and receives the handshakes.
 
 mod access;
 mod bus;

@@ -12,7 +12,7 @@ use crate::model::usb::registers::{
     GOTGCTL_BVALOVAL, GUSBCFG_FHMOD, TSIZ_BYTES, TSIZ_PACKETS, TSIZ_PACKETS_SHIFT, bit,
 };
 
-/// One endpoint, in one direction.
+/// One endpoint in one direction.
 #[derive(Clone, Copy, Debug, Default)]
 #[expect(
     clippy::struct_excessive_bools,
@@ -66,7 +66,7 @@ impl Endpoint {
     pub(super) fn write_control(&mut self, index: usize, value: u32) {
         self.kept = value & EPCTL_KEPT;
         self.active = value & EPCTL_USBAEP != 0;
-        // The stall of a control endpoint is ended by the core only, when a SETUP comes.
+        // Only the core ends the stall of a control endpoint, when a SETUP packet arrives.
         self.stalled = value & EPCTL_STALL != 0 || index == 0 && self.stalled;
         if value & EPCTL_CNAK != 0 {
             self.nak = false;
@@ -84,7 +84,7 @@ impl Endpoint {
     }
 }
 
-/// An entry of the receive FIFO: its status word, and the data words behind it.
+/// An entry of the receive FIFO: its status word, followed by its data words.
 #[derive(Clone, Debug)]
 pub(super) struct Received {
     pub(super) status: u32,
@@ -93,7 +93,7 @@ pub(super) struct Received {
     pub(super) words: VecDeque<u32>,
 }
 
-/// A register, and the request to it that the manual does not describe or the model leaves out.
+/// A register, and a request to it that the manual does not describe or the model does not carry out.
 pub type Told = (&'static str, &'static str);
 
 /// The core.
@@ -169,12 +169,12 @@ impl Default for Core {
 }
 
 impl Core {
-    /// Number of changes of the state that the answers to the bus depend on.
+    /// Number of changes of the state on which the answers to the bus depend.
     pub fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// Returns the requests since the last call that the manual does not describe or the model leaves out.
+    /// Returns the requests since the last call that the manual does not describe or the model does not carry out.
     pub fn take_told(&mut self) -> Vec<Told> {
         std::mem::take(&mut self.told)
     }

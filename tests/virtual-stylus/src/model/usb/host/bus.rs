@@ -10,14 +10,14 @@ use crate::model::usb::packets::{Handshake, InAnswer, Pid};
 /// A bit's time in thousandths of a nanosecond.
 const PICOS_PER_BIT: u64 = 83_333;
 const FRAME_NS: u64 = 1_000_000;
-/// Bits of a token, of a handshake, and of a data packet beside its data: sync, identifiers, CRC and end of packet.
+/// Bits of a token, of a handshake, and of a data packet without its data: sync, identifiers, CRC and end of packet.
 const TOKEN_BITS: u64 = 35;
 const HANDSHAKE_BITS: u64 = 19;
 const DATA_BITS: u64 = 35;
-/// Longest time to an answer, and the wait for one that does not come (section 7.1.19).
+/// Longest time until an answer begins, and time after which an answer counts as missing, bits (section 7.1.19).
 const TURNAROUND_BITS: u64 = 8;
 const TIMEOUT_BITS: u64 = 18;
-/// Time left free at the end of a frame.
+/// Time that no transaction uses at the end of a frame.
 const GUARD_NS: u64 = 3_500;
 
 fn nanos(bits: u64) -> u64 {
@@ -51,8 +51,8 @@ fn longest_nanos(packets: &Packets) -> u64 {
 const SUSPEND_NS: u64 = 3_000_000;
 
 impl Host {
-    /// Does what is due at `now_ns`, after any change of the core since the last call; returns the latest instant of
-    /// the next call.
+    /// Does what is due at `now_ns`, after any change of the core since the last call. Returns the instant by which the
+    /// next call must come.
     pub fn advance(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         let is_pulled_up = core.is_connected();
         if is_pulled_up && !self.is_pulled_up {
@@ -93,7 +93,8 @@ impl Host {
         }
     }
 
-    /// Suspends the core after the silence. The core notices it while its pull-up is on, even without a cable.
+    /// Suspends the core after 3 ms of silence. The core notices the silence while its pull-up is on, even without a
+    /// cable.
     fn quiet(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         let due_ns = self.quiet_from_ns + SUSPEND_NS;
         if !self.is_pulled_up || self.quiet_told {
@@ -136,7 +137,7 @@ impl Host {
             return None;
         }
         if self.refused_at.take().is_some() {
-            // Until now the device was asked again and again.
+            // Until now the host would have asked the device again and again.
             let round: u64 = (self.queue.values())
                 .map(|waiting| refusal_nanos(&waiting[0].packets()))
                 .sum();
@@ -165,8 +166,8 @@ impl Host {
         Some(self.free_from_ns)
     }
 
-    /// Ends the transaction under way when its time has come, or has the mishap that is due. Returns the instant of the
-    /// next look if the bus is not free.
+    /// Ends the present transaction when its time has come, or lets the scheduled mishap happen. Returns the instant of
+    /// the next call if the bus is not free.
     fn end_due(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         let transaction = self.under_way.take()?;
         if now_ns < transaction.ends_ns {
@@ -189,14 +190,14 @@ impl Host {
         Some(now_ns)
     }
 
-    /// The pipe after the one that had its turn.
+    /// The pipe whose turn comes next.
     fn next_pipe(&self) -> Option<Pipe> {
         let after = self.queue.keys().find(|pipe| Some(**pipe) > self.turn);
         after.or_else(|| self.queue.keys().next()).copied()
     }
 }
 
-/// True if the core would refuse the transfer's next transaction without any other effect.
+/// Returns true if the core would refuse the transfer's next transaction without any other effect.
 fn refused(pending: &Pending, core: &Core) -> bool {
     match pending.packets() {
         Packets::Setup(_) => false,
@@ -212,12 +213,12 @@ fn refused(pending: &Pending, core: &Core) -> bool {
 
 /// Tolerance of a full-speed device's clock (USB 2.0, section 7.1.11).
 const CLOCK_TOLERANCE_PPM: i64 = 2_500;
-/// Tries of a transaction that fails.
+/// Number of attempts at a transaction that fails.
 const TRIES: u32 = 3;
 
 impl Host {
-    /// Sets the deviation of the device's clock, parts per million. Beyond the tolerance neither side understands the
-    /// other.
+    /// Sets the deviation of the device's clock, parts per million. Beyond the tolerance neither host nor device
+    /// understands the other.
     pub fn set_clock_deviation(&mut self, ppm: i64) {
         self.clock_is_off = ppm.abs() > CLOCK_TOLERANCE_PPM;
     }
@@ -330,7 +331,7 @@ enum Outcome {
 }
 
 impl Outcome {
-    /// Has the core do its part of the transaction, at the transaction's end.
+    /// Makes the core do its part of the transaction, at the transaction's end.
     fn of(transaction: Transaction, core: &mut Core) -> Self {
         let pid = transaction.pid;
         match (&transaction.packets, transaction.sent) {
@@ -372,7 +373,7 @@ impl Outcome {
         }
     }
 
-    /// Takes the outcome into the transfer. Returns the transfer's result if it is over.
+    /// Applies the outcome to the transfer. Returns the transfer's result if the transfer is over.
     fn ends(self, pending: &mut Pending) -> Option<Result<Vec<u8>, TransferError>> {
         let is_over = match self {
             Self::Broken => {

@@ -6,17 +6,17 @@
 //! | A transaction lasts its packets' bits, data with the worst bit stuffing (7/6) | 5.11.3, 7.1.9 |
 //! | and the longest turnaround between its packets | 7.1.18 |
 //! | Control, bulk IN and bulk OUT, one transfer of a pipe at a time, pipes in turn | 5.5, 5.8, 8.5 |
-//! | Data toggles at both ends; a packet that comes twice is acknowledged and dropped | 8.6 |
-//! | NAK: tried again for ever; STALL: the transfer ends | 8.4.5 |
-//! | No answer or a broken one: three tries, then the transfer ends | 10.2.6 |
+//! | Data toggles at both ends; a packet that arrives twice is acknowledged and dropped | 8.6 |
+//! | NAK: tried again without limit; STALL: the transfer ends | 8.4.5 |
+//! | No answer or a broken one: three attempts, then the transfer ends | 10.2.6 |
 //! | Reset, suspend by silence, resume; a cable that is pulled | 7.1.7 |
 //!
-//! Packets are broken at random, at a rate and from a seed. A token or data that breaks on its way to the device is not
-//! answered; after a broken handshake the two sides disagree on what happened.
+//! Packets are broken at random, at a rate and from a seed. A token or data packet that breaks on its way to the device
+//! is not answered. After a broken handshake, host and device disagree on what happened.
 //!
-//! While everything that is due would be refused again, no token is sent and none is counted, because the firmware
-//! cannot tell the difference; the next one comes at the instant at which it would have come. Left out: low and high
-//! speed, hubs, isochronous and interrupt transfers, and the host's software, which is in `usb_host`.
+//! While the device would refuse everything that is due, no token is sent and none is counted, because the firmware
+//! cannot notice the difference. The next token is sent at the instant at which it would have been sent otherwise. Left
+//! out: low and high speed, hubs, isochronous and interrupt transfers, and the host's software, which is in `usb_host`.
 
 mod bus;
 mod state;

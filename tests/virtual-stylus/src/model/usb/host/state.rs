@@ -1,4 +1,4 @@
-//! State of the host between two calls, and the calls of its software.
+//! State of the host between two calls, and the calls that the host's software makes.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -11,17 +11,17 @@ use crate::model::usb::packets::{InAnswer, Pid};
 /// Counts of the bus's traffic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Transactions that were carried out.
+    /// Number of transactions that were carried out.
     pub transactions: u64,
-    /// Transactions that the device refused for now.
+    /// Number of transactions that the device refused for the time being.
     pub naks: u64,
-    /// Transactions that were broken or not answered.
+    /// Number of transactions that were broken or not answered.
     pub broken: u64,
-    /// Packets that came twice and were dropped by the host.
+    /// Number of packets that arrived twice and that the host dropped.
     pub repeated: u64,
 }
 
-/// A mishap, which may happen at any transaction.
+/// A mishap, which may happen at the end of any transaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mishap {
     /// The cable is pulled.
@@ -30,7 +30,7 @@ pub enum Mishap {
     Reset,
 }
 
-/// A reset of the bus by a root port (section 7.1.7.5).
+/// Duration of a bus reset by a root port, ns (section 7.1.7.5).
 pub const RESET_NS: u64 = 10_000_000;
 
 /// State of the bus.
@@ -40,11 +40,11 @@ pub(super) enum Bus {
     Unplugged,
     /// The cable is in, and nothing is sent.
     Silent,
-    /// A reset, until an instant.
+    /// The host drives a reset until an instant.
     Reset { until_ns: u64, begun: bool },
-    /// A resume, until an instant.
+    /// The host drives a resume until an instant.
     Resume { until_ns: u64 },
-    /// Frames.
+    /// The host sends frames.
     Running,
 }
 
@@ -62,12 +62,12 @@ pub(super) struct Transaction {
 /// Fate of a transaction's packets on the wire.
 #[derive(Clone, Debug)]
 pub(super) enum Sent {
-    /// The device receives nothing, or nothing whole.
+    /// The device receives nothing, or only broken packets.
     Unheard,
-    /// The device receives all; its handshake arrives if `is_answered`.
+    /// The device receives all packets. The device's handshake reaches the host if `is_answered` is true.
     Heard { is_answered: bool },
-    /// The device's answer to an IN token, which arrives if `arrives`; the host's handshake arrives if
-    /// `is_acknowledged`.
+    /// The device answers an IN token. The answer reaches the host if `arrives` is true, and the host's handshake
+    /// reaches the device if `is_acknowledged` is true.
     Answered {
         answer: InAnswer,
         arrives: bool,
@@ -83,7 +83,7 @@ pub(super) enum Sent {
 )]
 pub struct Host {
     pub(super) bus: Bus,
-    /// Beginning of the silence on the bus; `quiet_told` is set once the silence has suspended the device.
+    /// Start of the silence on the bus. `quiet_told` is set once the silence has suspended the device.
     pub(super) quiet_from_ns: u64,
     pub(super) quiet_told: bool,
     pub(super) is_pulled_up: bool,
@@ -95,7 +95,7 @@ pub struct Host {
     pub(super) turn: Option<Pipe>,
     pub(super) toggles: BTreeMap<Pipe, Pid>,
     pub(super) under_way: Option<Transaction>,
-    /// The core's number of changes when it refused everything that was due.
+    /// The core's number of changes at the time when it refused everything that was due.
     pub(super) refused_at: Option<u64>,
     chance: Chance,
     broken_per_million: u64,
@@ -103,7 +103,7 @@ pub struct Host {
     pub(super) next_id: u64,
     pub(super) completions: Vec<Completion>,
     pub(super) traffic: Traffic,
-    /// True if the device's clock is off by more than a host puts up with.
+    /// True if the device's clock deviates by more than a host tolerates.
     pub(super) clock_is_off: bool,
 }
 
@@ -142,7 +142,7 @@ impl Host {
         }
     }
 
-    /// Pulls the cable: the device sees silence, the host no device.
+    /// Pulls the cable: the device receives nothing, and the host sees no device.
     pub fn unplug(&mut self, now_ns: u64) {
         if self.bus != Bus::Unplugged {
             self.go_quiet(Bus::Unplugged, now_ns);
@@ -151,17 +151,18 @@ impl Host {
         }
     }
 
-    /// True while the host sees a device's pull-up.
+    /// Returns true while the host sees a device's pull-up.
     pub fn sees_device(&self) -> bool {
         self.sees_device
     }
 
-    /// True while frames are sent.
+    /// Returns true while the host sends frames.
     pub fn is_running(&self) -> bool {
         self.bus == Bus::Running
     }
 
-    /// Drives a reset for `nanos`; frames are sent afterwards, to address 0, and data toggles begin anew.
+    /// Drives a reset for `nanos`. Afterwards the host sends frames, to address 0, and its data toggles start again at
+    /// DATA0.
     pub fn reset_bus(&mut self, now_ns: u64, nanos: u64) {
         if self.sees_device {
             self.bus = Bus::Reset {
@@ -174,7 +175,8 @@ impl Host {
         }
     }
 
-    /// Sends nothing more, so that the device is suspended 3 ms later. Transfers that wait go on after a resume.
+    /// Sends nothing from now on, so that the device is suspended 3 ms later. Transfers that wait continue after a
+    /// resume.
     pub fn suspend(&mut self, now_ns: u64) {
         if self.bus == Bus::Running {
             self.go_quiet(Bus::Silent, now_ns);
@@ -190,33 +192,33 @@ impl Host {
         }
     }
 
-    /// Sets the address of the tokens from now on.
+    /// Sets the address that all later tokens carry.
     pub fn set_address(&mut self, address: u8) {
         self.address = address;
     }
 
-    /// Breaks each packet from now on with a probability of `per_million` in a million.
+    /// Breaks each later packet with a probability of `per_million` in a million.
     pub fn break_packets(&mut self, per_million: u64, seed: u64) {
         (self.chance, self.broken_per_million) = (Chance(seed), per_million);
     }
 
-    /// True if the next packet breaks.
+    /// Draws at random whether the next packet breaks.
     pub(super) fn breaks(&mut self) -> bool {
         self.broken_per_million != 0 && self.chance.below(1_000_000) < self.broken_per_million
     }
 
-    /// Schedules `mishap` for the time when `transactions` more transactions have begun. If `transactions` is even, the
-    /// last transaction is lost; if it is odd, it is carried out.
+    /// Schedules `mishap` for the end of a transaction: the one that follows once `transactions` more transactions have
+    /// been counted. It is lost if [`Traffic::transactions`] is even by then, and carried out if it is odd.
     pub fn have(&mut self, mishap: Mishap, transactions: u64) {
         self.mishap = Some((self.traffic.transactions + transactions, mishap));
     }
 
-    /// True once the mishap has happened.
+    /// Returns true once the mishap has happened.
     pub fn has_happened(&self) -> bool {
         self.mishap.is_none()
     }
 
-    /// Puts `transfer` behind those that wait for the same pipe.
+    /// Appends `transfer` to the transfers that wait for the same pipe.
     pub fn submit(&mut self, transfer: Transfer) -> TransferId {
         let id = TransferId(self.next_id);
         self.next_id += 1;
@@ -237,7 +239,7 @@ impl Host {
         id
     }
 
-    /// Cancels a transfer; a transaction under way still ends on the wire, without a report.
+    /// Cancels a transfer. A transaction under way still ends on the wire, but is not reported.
     pub fn cancel(&mut self, id: TransferId, now_ns: u64) {
         for waiting in self.queue.values_mut() {
             if let Some(position) = waiting.iter().position(|pending| pending.id == id) {
@@ -252,7 +254,7 @@ impl Host {
         }
     }
 
-    /// Resets the toggle of a bulk endpoint in one direction, as after the end of its halt.
+    /// Resets the data toggle of a bulk endpoint in one direction, as at the end of the endpoint's halt.
     pub fn reset_toggle(&mut self, address: u8) {
         let number = address & 0x0F;
         let pipe = if address & 0x80 == 0 {

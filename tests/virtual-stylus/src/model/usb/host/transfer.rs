@@ -1,4 +1,4 @@
-//! Transfers, as the software of the host asks for them, and as the bus carries them, transaction by transaction.
+//! Transfers, both as the host's software requests them and as the bus carries them, transaction by transaction.
 
 /// Longest packet of a bulk or control endpoint at full speed (sections 5.5.3 and 5.8.3).
 pub const PACKET_BYTES: usize = 64;
@@ -14,17 +14,17 @@ pub enum Transfer {
     Control {
         /// The eight bytes of the SETUP packet.
         setup: [u8; 8],
-        /// The data stage's data, when it goes to the device.
+        /// Data that the data stage carries to the device, if any.
         data: Vec<u8>,
     },
-    /// Data to a bulk endpoint, in packets of [`PACKET_BYTES`]; no data is an empty packet.
+    /// Data to a bulk endpoint, in packets of [`PACKET_BYTES`]. Without data, one empty packet is sent.
     Out {
         /// The endpoint's number.
         endpoint: u8,
         /// The data.
         data: Vec<u8>,
     },
-    /// Data from a bulk endpoint, until a packet is not full or all of `bytes` is there.
+    /// Data from a bulk endpoint. The transfer ends with a packet that is not full, or once all `bytes` have arrived.
     In {
         /// The endpoint's number.
         endpoint: u8,
@@ -33,13 +33,13 @@ pub enum Transfer {
     },
 }
 
-/// Reason for which a transfer failed.
+/// Reason why a transfer failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TransferError {
     /// The device answered STALL.
     #[error("the device stalled it")]
     Stall,
-    /// Three tries of a transaction were broken or not answered.
+    /// Three attempts at a transaction were broken or not answered.
     #[error("it was not answered, three times")]
     NotAnswered,
     /// The device sent more than was asked for.
@@ -58,9 +58,9 @@ pub enum TransferError {
 pub struct Completion {
     /// Number of the transfer.
     pub id: TransferId,
-    /// Instant, in nanoseconds of virtual time.
+    /// Instant of the end, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// Data from the device, or the reason of the failure.
+    /// Data from the device, or the reason for the failure.
     pub result: Result<Vec<u8>, TransferError>,
 }
 
@@ -83,7 +83,7 @@ pub(super) struct Pending {
     pub(super) id: TransferId,
     pub(super) transfer: Transfer,
     pub(super) stage: Stage,
-    /// Bytes of the data that the device has acknowledged.
+    /// Number of data bytes that the device has acknowledged.
     pub(super) sent: usize,
     pub(super) received: Vec<u8>,
     pub(super) failures: u32,
@@ -109,7 +109,7 @@ impl Pending {
                 endpoint: 0,
                 data: rest(data),
             },
-            // The status goes in the opposite direction to the data (section 8.5.3).
+            // The status stage goes in the opposite direction to the data stage (section 8.5.3).
             (Transfer::Control { .. }, Stage::Status) if self.is_read() && self.asked() > 0 => {
                 Packets::Out {
                     endpoint: 0,
@@ -142,7 +142,7 @@ impl Pending {
         }
     }
 
-    /// Goes on after the device has acknowledged `bytes` of data; true if the transfer is over.
+    /// Continues after the device has acknowledged `bytes` of data. Returns true if the transfer is over.
     pub(super) fn took(&mut self, bytes: usize) -> bool {
         self.sent += bytes;
         match (&self.transfer, self.stage) {
@@ -158,7 +158,7 @@ impl Pending {
         }
     }
 
-    /// Goes on after `data` from the device; true if the transfer is over.
+    /// Continues after `data` from the device. Returns true if the transfer is over.
     pub(super) fn got(&mut self, data: &[u8]) -> Result<bool, TransferError> {
         let is_control = matches!(self.transfer, Transfer::Control { .. });
         if is_control && self.stage == Stage::Status {
@@ -179,7 +179,7 @@ impl Pending {
         Ok(is_last && !is_control)
     }
 
-    /// Goes on after the device has taken the SETUP packet.
+    /// Continues after the device has accepted the SETUP packet.
     pub(super) fn set_up(&mut self) {
         let data = match &self.transfer {
             Transfer::Control { data, .. } => data.len(),
