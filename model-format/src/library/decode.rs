@@ -234,7 +234,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         })
     }
 
-    /// Compares the checksums, and reads the first number after the prefix, that of textures.
+    /// Compares the checksums, and reads the number of textures, which follows the prefix.
     fn body(&mut self, stored: u32, computed: u32) -> Result<Stage<'a>, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Library);
         if stored != computed {

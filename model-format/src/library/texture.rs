@@ -24,7 +24,7 @@ pub struct Texture<'a> {
     pub(super) coefficients: &'a [u8],
     pub(super) summary: Summary,
     pub(super) parts: Parts<'a>,
-    /// The laws that `parts` state.
+    /// The laws that `parts` contain, or the default laws.
     laws: Laws,
 }
 

@@ -32,8 +32,8 @@ pub const BUILT_FOR_OHM: f32 = 8.0;
 pub const MAX_PIN_MEAN_SQUARE: f32 =
     MAX_COIL_POWER_WATT * BUILT_FOR_OHM / (BUILT_FOR_GAIN * BUILT_FOR_GAIN);
 
-/// Longest `thermal-time-constant`, s. A cold coil takes up an energy, in J, of this time constant times its power
-/// limit before the thermal limiter acts: 60 J at most, whatever the settings are.
+/// Longest `thermal-time-constant`, s. Before the thermal limiter acts, a cold coil takes up an energy of this time
+/// constant times its power limit: 60 J at most, for any settings.
 pub const MAX_THERMAL_TIME_CONSTANT_S: f32 = 60.0;
 
 /// Limits of the output that are in force: those of the settings, or the caps of this module where the caps are

@@ -12,7 +12,7 @@ pub const BLOCK_SAMPLES: usize = 32;
 /// overloaded.
 ///
 /// At the rail, noise moves a pin's code by up to 64 codes: 4 standard deviations of 16 codes each. 64 codes are 3.2 mV
-/// of 3.3 V. A sensor's zero and its greatest force have to lie between the rails.
+/// of 3.3 V. The codes of a sensor at no force and at its greatest force must lie between these two ranges.
 pub const RAIL_CODES: u16 = 64;
 
 /// Codes of the converters in one tick.

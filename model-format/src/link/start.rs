@@ -151,7 +151,7 @@ pub struct StartReport {
     pub quick_faults: u8,
     /// True if nothing is played until the power is switched off and on or the reset button is pressed.
     pub safe_mode: bool,
-    /// Stage in which a start hung until the watchdog ended it. If several starts hung since power-on, it is that of
-    /// the last.
+    /// Stage in which a start hung until the watchdog ended it. If several starts hung since power-on, this is the
+    /// stage of the last such start.
     pub hung_stage: Option<StartStage>,
 }

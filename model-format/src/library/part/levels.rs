@@ -34,7 +34,8 @@ pub enum FadeLaw {
     #[default]
     Amplitude,
     /// The power is proportional to speed or force, and so the amplitude to the square root of speed or force. The
-    /// published HaTT models have this law, because their variance is interpolated towards that of a model of zeros.
+    /// published HaTT models have this law, because their variance is interpolated towards 0, the variance of a model
+    /// of zeros.
     Power,
 }
 

@@ -190,7 +190,7 @@ impl ModulationCheck {
                 sum += squares(from, to);
                 (from, bits) = (to, bits | entry);
             }
-            // The entry that follows those of this step. After the last entry of the track, that is the first.
+            // The entry after the last one of this step. The first entry follows the last one of the track.
             let next = entries.get(end).unwrap_or(&entries[0]);
             sum += squares(from, level_amplitude(next.cast_signed()));
             bits |= first;
