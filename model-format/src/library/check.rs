@@ -217,8 +217,8 @@ fn check_record(texture: &Texture<'_>, number: usize, record: &NodeRecord) -> Re
             record.prediction_error_power,
         ),
     ] {
-        // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger. A -0.0 is
-        // refused because it would be a second way to write silence.
+        // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger than those of
+        // the limit. A -0.0 is refused because it would be a second way to write silence.
         if value.to_bits() > limits::MAX_OUTPUT_POWER.to_bits() {
             let range = [0.0, limits::MAX_OUTPUT_POWER];
             return Err(Problem::Range { what, value, range });
@@ -294,7 +294,8 @@ impl<'a> LinesCheck<'a> {
                     }
                     left -= 1;
                     let value = line.amplitude(self.speed, self.force);
-                    // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger.
+                    // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger
+                    // than those of the limit.
                     if value.to_bits() > MAX_LINE_AMPLITUDE.to_bits() {
                         let what = "the amplitude of a line in m/s²";
                         let range = [0.0, MAX_LINE_AMPLITUDE];
@@ -352,7 +353,7 @@ impl<'a> FedCheck<'a> {
         })
     }
 
-    /// Runs one step of the check; returns true once both parts were found valid.
+    /// Runs one step of the check; returns true once codebooks and level track were found valid.
     pub fn step(&mut self) -> Result<bool, DecodeError> {
         let here = Place::Texture(self.index);
         if let (Some(check), Some(excitation)) = (&mut self.excitation, self.texture.excitation()) {

@@ -62,7 +62,7 @@ pub struct SceneInfo {
     pub stick_slips: u8,
     /// Number of sections of its equaliser.
     pub sections: u8,
-    /// True if it is played at one speed and force, whatever the hand does.
+    /// True if the scene is played at one speed and force, independent of the hand's motion.
     pub constant_motion: bool,
 }
 

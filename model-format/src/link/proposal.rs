@@ -217,8 +217,8 @@ impl core::fmt::Display for SettingSet {
 /// State of the settings and of their two copies in flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct SettingsState {
-    /// Settings that were set; every other setting has its default. With a default of [`SettingSet::REQUIRED`], nothing
-    /// is played.
+    /// Settings that were set; every other setting has its default. Nothing is played while a setting of
+    /// [`SettingSet::REQUIRED`] has only its default.
     pub set: SettingSet,
     /// Settings whose value was lost with both copies. Nothing is played until each is set again, or all are reset.
     pub lost: SettingSet,

@@ -158,8 +158,8 @@ impl Setting {
             ),
             Self::PowerLimit => number("power-limit", "W", [0.001, MAX_COIL_POWER_WATT], 0.1),
             Self::SoftStart => number("soft-start", "ms", [1.0, 5000.0], 200.0),
-            // LINK_LOST_AFTER_MS, a few ms until the mute begins and at most 16 ms of slew add up to silence within
-            // 100 ms.
+            // With the longest ramp, the output is silent within 100 ms after a link was lost: LINK_LOST_AFTER_MS, a
+            // few ms until the mute begins, the ramp and at most 16 ms of slew.
             Self::MuteRamp => number("mute-ramp", "ms", [1.0, 30.0], 20.0),
             Self::ContactThreshold => number("contact-threshold", "N", [0.0, 10.0], 0.0),
             Self::EnableWired => SettingSpec {

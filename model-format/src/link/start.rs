@@ -77,7 +77,7 @@ impl core::fmt::Display for StartStage {
     }
 }
 
-/// Lowest level of the brown-out reset that a board should have: 1 of 0 to 3; 0 is off.
+/// Lowest level of the brown-out reset that a board should have. Levels are 0 to 3, and 0 is off.
 ///
 /// If the brown-out reset is off, the processor runs until its supply falls below 1.58 to 1.68 V (DS12110, reset and
 /// power control block, falling threshold of the power-down reset). But the core and the flash need 1.62 V (DS12110,

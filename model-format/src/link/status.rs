@@ -45,7 +45,7 @@ pub struct OutputStatus {
     pub at_rest: bool,
     /// Reasons for which the output is muted now.
     pub mute: MuteReasons,
-    /// Number of times that each of [`super::MuteReason::ALL`] began.
+    /// Number of times that a mute began for each reason of [`super::MuteReason::ALL`].
     pub mute_counts: [u32; MUTE_REASON_COUNT],
     /// Number of samples at the kernel's full scale.
     pub saturations: u32,
@@ -234,7 +234,7 @@ pub struct Status {
     pub settings: SettingsState,
     /// The start: clock, silicon, supply, safe mode.
     pub start: StartReport,
-    /// The lease to play.
+    /// State of the lease to play.
     pub lease: LeaseStatus,
     /// Limits of the output that are in force.
     pub limits: OutputLimits,

@@ -156,7 +156,7 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
     // At the serial rate, 10 bits per byte, blocks take less than three quarters of the line.
     let bytes_per_second = SAMPLE_RATE_HZ / BLOCK_SAMPLES as u32 * (length as u32 + 20);
     assert!(bytes_per_second * 10 < SERIAL_BAUD / 4 * 3);
-    // Twice as many would not fit, so recordings stay at this rate.
+    // Twice as many samples would not fit, so recordings stay at this sample rate.
     assert!(2 * bytes_per_second * 10 > SERIAL_BAUD);
 }
 

@@ -184,7 +184,7 @@ pub struct UpdateReport {
     pub bootloader: Option<ImageVersion>,
     /// Phase of the update.
     pub phase: UpdatePhase,
-    /// True if the running image trusts the development key, and so everybody's images.
+    /// True if the running image trusts the development key, and so accepts everybody's images.
     pub trusts_development_key: bool,
     /// True if the device accepts an image that is not signed, because the button was held at power-on.
     pub takes_unsigned: bool,
@@ -229,7 +229,7 @@ pub enum UpdateError {
         /// Version of the offered image.
         offered: ImageVersion,
     },
-    /// A new image that is not confirmed, or one that waits for the restart.
+    /// A new image that is not confirmed, or an image that waits for the restart.
     #[error("the running image is on trial: wait a minute, after which it confirms itself")]
     Unconfirmed,
     /// A confirmation of an image that is not on trial.

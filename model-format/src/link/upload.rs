@@ -28,7 +28,8 @@ pub struct UploadBegin {
     pub length: u32,
     /// CRC-32 (ISO-HDLC) of all the library's bytes.
     pub crc32: u32,
-    /// True if the upload may erase the last readable library. Until its commit the device then has none.
+    /// True if the upload may erase the last readable library. The device then has no library until the upload is
+    /// committed.
     pub replaces_last: bool,
 }
 

@@ -56,8 +56,8 @@ pub const STICK_SLIP_DUTY: [f32; 2] = [0.05, 1.0];
 /// Lowest threshold of stick-slip, of speed in mm/s and of force in N.
 pub const MIN_STICK_SLIP_THRESHOLD: f32 = 0.001;
 
-/// Largest radius of a pole of an equaliser's section, in 1024ths: 1023/1024 is a time constant of 1023 samples, 0.2 s
-/// at 5 kHz.
+/// Largest radius of a pole of an equaliser's section, in 1024ths: 1023/1024 corresponds to a time constant of 1023
+/// samples, 0.2 s at 5 kHz.
 pub const MAX_POLE_RADIUS_1024THS: i64 = 1023;
 
 /// Largest gain at any frequency, 24 dB: of each section of an equaliser, and of the sections from the first up to

@@ -275,7 +275,7 @@ fn mean_square(sum: u64, count: usize, peak: f32) -> f32 {
     peak * peak * (sum as f32 / UNIT) / count.max(1) as f32
 }
 
-/// The check of a part's codes and sources of nodes, in steps.
+/// The check of the codes of a part and of its nodes' sources, in steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::library) struct ExcitationCheck {
     /// Index of the codebook that is being checked; the number of codebooks while the nodes are being checked.

@@ -58,7 +58,7 @@ impl<'a> LinesPart<'a> {
         }
     }
 
-    /// Checks all but the amplitudes, in a texture of `nodes` nodes.
+    /// Checks everything except the amplitudes, in a texture of `nodes` nodes.
     pub fn check(self, nodes: usize) -> Result<(), Problem> {
         let count = self.count();
         Problem::count("the number of lines", count, [1, MAX_LINES])?;

@@ -54,7 +54,7 @@ pub fn level_amplitude(entry: i8) -> u32 {
 /// Level track of a texture.
 ///
 /// The amplitude is played as straight lines between entries. Its mean square is 1 within 2 %, see
-/// [`ModulationSpec::mean_square`]. This is a little less than the mean of the squared amplitudes at the entries.
+/// [`ModulationSpec::mean_square`]. This mean square is a little less than the mean of the squares at the entries.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModulationSpec {
@@ -148,7 +148,7 @@ impl<'a> ModulationPart<'a> {
     }
 }
 
-/// Three times the mean square on the straight line between two amplitudes, in steps of 2⁻³².
+/// Three times the mean square of the amplitude on the straight line between two entries, in steps of 2⁻³².
 #[inline]
 fn squares(from: u32, to: u32) -> u64 {
     // Each amplitude is below 2²², so that 4096 such sums together are far below 2⁶⁴.
