@@ -150,7 +150,8 @@ pub(super) fn check_poles(sections: &[Biquad]) -> Result<(), (usize, SceneProble
 /// bound of a short interval comes near to the peak but always stays above it.
 const MARGIN: f32 = 1.02;
 
-/// Largest number of intervals of the band that are halved. Eight narrow sections at the limit take some two hundred.
+/// Largest number of intervals of the band that are halved. Eight narrow sections at the limit take some two hundred
+/// intervals in all, of which about half are halved.
 const MOST_INTERVALS: usize = 512;
 
 /// Number of intervals that one step of a check looks at.
