@@ -1,4 +1,5 @@
-//! Text of a number for messages, by whole numbers alone: the core library's text of floats takes 18 KB of an image.
+//! Formatting of numbers in messages, with integer arithmetic for the digits, because the core library's formatting of
+//! floats takes 18 KB of an image.
 
 use core::fmt;
 
@@ -17,7 +18,7 @@ impl fmt::Display for Decimal {
         if value.is_infinite() {
             return f.write_str("inf");
         }
-        // Six digits and their exponent of ten: f64 holds both exactly enough.
+        // The number is scaled to six digits and an exponent of ten. `f64` is precise enough for this.
         let (mut digits, mut exponent) = (f64::from(value).abs(), 0i32);
         if digits == 0.0 {
             return f.write_str("0");

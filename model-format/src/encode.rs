@@ -38,30 +38,31 @@ pub struct TextureSpec {
 pub struct NodeSpec {
     /// Variance of the model's output, (m/s²)².
     pub output_power: f32,
-    /// Variance of the prediction error of the model that was fitted, (m/s²)². Nothing plays by it.
+    /// Variance of the prediction error of the model that was fitted, (m/s²)². It is only for reports.
     pub prediction_error_power: f32,
-    /// Origin of the node, and its remarks.
+    /// Flags of the node: its origin, and whether it is silent or doubtful.
     pub flags: NodeFlags,
     /// Coefficients, as many as the model's order.
     pub codes: CodeSpec,
 }
 
-/// Coefficients to be written: θ of stage 1 first. [`CodeSpec::lattice`] and [`CodeSpec::fine_lattice`] make it.
+/// Coefficients to be written: θ of stage 1 first. [`CodeSpec::lattice`], [`CodeSpec::fine_lattice`] and
+/// [`CodeSpec::compact_lattice`] create them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodeSpec {
     /// The codes, in steps of [`crate::THETA_STEP_RAD`].
     pub codes: Vec<i16>,
-    /// Fractions of the first stages, in steps of [`crate::FINE_THETA_STEP_RAD`]; those of further stages are 0.
-    /// There are at most [`limits::MAX_FINE_STAGES`] up to the last that is not 0.
+    /// Fractions of θ of the first stages, in steps of [`crate::FINE_THETA_STEP_RAD`]; further stages have a fraction
+    /// of 0. Only the first [`limits::MAX_FINE_STAGES`] may have a fraction that is not 0.
     pub fractions: Vec<i8>,
-    /// The stages after those of `codes`. If one node of a texture has a tail, every node of more than
-    /// [`limits::MAX_FINE_STAGES`] stages has one, after so many.
+    /// The stages after those of `codes`. If one node of a texture has a tail, then every node with more than
+    /// [`limits::MAX_FINE_STAGES`] stages must have one, which begins after that number of stages.
     pub tail: TailSpec,
 }
 
 impl TextureSpec {
-    /// A texture of `nodes` on this grid, mm/s and N, at [`crate::SAMPLE_RATE_HZ`]: simulated, with the usual laws and
-    /// without parts.
+    /// Creates a simulated texture of `nodes` at [`crate::SAMPLE_RATE_HZ`], with the default laws and without optional
+    /// parts. `speeds` are in mm/s and `forces` in N.
     pub fn new(name: &str, speeds: &[f32], forces: &[f32], nodes: Vec<NodeSpec>) -> Self {
         Self {
             name: name.into(),
@@ -77,8 +78,8 @@ impl TextureSpec {
 }
 
 impl NodeSpec {
-    /// A node without remarks that is as loud as this, (m/s²)²; silent at a power of 0. Its prediction error counts as
-    /// strong as its output.
+    /// Creates a node with this output power, (m/s²)². It is silent at a power of 0 and has no other flag. Its
+    /// prediction error gets the same power as its output.
     pub fn new(output_power: f32, codes: CodeSpec) -> Self {
         Self {
             output_power,
@@ -92,14 +93,14 @@ impl NodeSpec {
         }
     }
 
-    /// A node that puts out nothing.
+    /// Creates a silent node, without coefficients.
     pub fn silent() -> Self {
         Self::new(0.0, CodeSpec::lattice(Vec::new()))
     }
 }
 
 impl From<Coefficients<'_>> for CodeSpec {
-    /// The coefficients of a decoded node, which encode to the same bytes.
+    /// Copies the coefficients of a decoded node. Encoding them gives the same bytes.
     fn from(stored: Coefficients<'_>) -> Self {
         let signed = |bytes: &[u8]| bytes.iter().map(|byte| byte.cast_signed()).collect();
         let codes = stored.codes.iter();
@@ -115,7 +116,7 @@ impl From<Coefficients<'_>> for CodeSpec {
 }
 
 impl CodeSpec {
-    /// A lattice of these codes, without fractions.
+    /// Creates a lattice of these codes, without fractions.
     pub const fn lattice(codes: Vec<i16>) -> Self {
         Self {
             codes,
@@ -124,10 +125,11 @@ impl CodeSpec {
         }
     }
 
-    /// A lattice of θ in steps of [`crate::FINE_THETA_STEP_RAD`], stage 1 first. The first
-    /// [`limits::MAX_FINE_STAGES`] keep all digits, further ones are rounded to the nearest code.
+    /// Creates a lattice from θ in steps of [`crate::FINE_THETA_STEP_RAD`], stage 1 first. The first
+    /// [`limits::MAX_FINE_STAGES`] stages keep all digits of θ. In further stages, θ is rounded to the nearest 16-bit
+    /// code.
     ///
-    /// Values beyond the largest θ that a library holds, [`crate::MAX_FINE_THETA`], count as that.
+    /// A θ whose magnitude exceeds [`crate::MAX_FINE_THETA`] is limited to it.
     pub fn fine_lattice(thetas: &[i32]) -> Self {
         let split = |&theta: &i32| {
             let theta = theta.clamp(-crate::MAX_FINE_THETA, crate::MAX_FINE_THETA);
@@ -146,9 +148,9 @@ impl CodeSpec {
         }
     }
 
-    /// A lattice of θ in steps of [`crate::FINE_THETA_STEP_RAD`], stage 1 first, in the fewest bytes: the first `fine`
-    /// stages keep all digits, further ones are rounded to the nearest code of 16 bits, and those after the first
-    /// [`limits::MAX_FINE_STAGES`] have a tail, see [`TailSpec::of`].
+    /// Creates a lattice from θ in steps of [`crate::FINE_THETA_STEP_RAD`], stage 1 first, that takes the fewest bytes.
+    /// The first `fine` stages keep all digits of θ. In further stages, θ is rounded to the nearest 16-bit code. The
+    /// stages after the first [`limits::MAX_FINE_STAGES`] form a tail, see [`TailSpec::of`].
     pub fn compact_lattice(thetas: &[i32], fine: usize) -> Self {
         let (before, after) = thetas.split_at(thetas.len().min(limits::MAX_FINE_STAGES));
         let mut node = Self::fine_lattice(before);
@@ -340,7 +342,7 @@ fn append_parts(
     part::append(&parts, bytes).map_err(malformed)
 }
 
-/// Place of node `number` of a texture that may have no force axis.
+/// Place of node `number`. The texture may be invalid and have no force axis.
 fn node_place(texture: &TextureSpec, index: usize, number: usize) -> Place {
     let forces = texture.force_axis_n.len().max(1);
     Place::Node {
@@ -367,7 +369,7 @@ fn write_prefix(bytes: &mut [u8]) {
         crc32: 0,
     };
     for _ in 0..2 {
-        // The first turn writes the bytes that the checksum covers, the second the checksum.
+        // The first pass writes the fields that the checksum covers, the second pass writes the checksum.
         postcard::to_slice(&prefix, &mut bytes[..wire::PREFIX_BYTES])
             .expect("a prefix of fixed-width fields fits its fixed length");
         prefix.crc32 = wire::checksum(bytes);

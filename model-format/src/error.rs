@@ -1,8 +1,8 @@
 //! Faults that decoding and encoding a library report, each with its place.
 //!
-//! [`Library::decode`](crate::Library::decode) and `encode` make them; `stylus` shows them as they are. No allocation,
-//! and no text but `'static` text, because the device makes them too. The package's README explains the fields and
-//! their limits.
+//! [`Library::decode`](crate::Library::decode) and `encode` return these faults, and `stylus` shows them unchanged.
+//! They allocate nothing and contain only `'static` text, because the device reports them too. The package's README
+//! explains the fields and their limits.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ use crate::decimal::Decimal;
 use crate::scene::SceneError;
 use crate::wire::FORMAT_VERSION;
 
-/// The first fault found in bytes that are no valid library, or in what was to be encoded.
+/// The first fault found in bytes that are not a valid library, or in textures and scenes that were to be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{place}: {problem}")]
 pub struct DecodeError {
@@ -61,7 +61,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// A fault of a library. Nobody acts by its kind; it is made to be shown with its place.
+/// A fault of a library. It is meant to be shown with its place; no program decides by the kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "each message says it")]
@@ -83,7 +83,7 @@ pub enum Problem {
     Length {
         /// Length that the prefix declares, bytes.
         declared: u32,
-        /// Length of the bytes.
+        /// Number of bytes that were given.
         found: usize,
     },
     #[error("checksum {computed:08x} where {stored:08x} is stored: the bytes were damaged")]
@@ -115,12 +115,12 @@ pub enum Problem {
         /// Name of the number.
         what: &'static str,
         found: usize,
-        /// The number that agrees.
+        /// The number that is required.
         expected: usize,
     },
     #[error("{what} of {code:#x}, which this program does not know: update the program")]
     Unknown {
-        /// Thing that has the code.
+        /// Name of the field that has the code.
         what: &'static str,
         code: u32,
     },
@@ -128,7 +128,7 @@ pub enum Problem {
     Taken {
         /// The property that is shared.
         what: &'static str,
-        /// Index of the earlier owner.
+        /// Index of the earlier item with this property.
         other: usize,
     },
     #[error("{0} says nothing: leave it out")]
@@ -140,7 +140,7 @@ pub enum Problem {
         stage: usize,
         what: &'static str,
     },
-    /// Another rule that is broken.
+    /// Any other broken rule.
     #[error("{0}")]
     Rule(&'static str),
     /// A scene that cannot be played.
@@ -156,10 +156,10 @@ impl Problem {
         }
     }
 
-    /// Checks that `value` is in its range, both ends included.
+    /// Checks that `value` is in `range`, both ends included, and is not -0.0.
     pub(crate) fn within(what: &'static str, value: f32, range: [f32; 2]) -> Result<(), Self> {
         let [lowest, highest] = range;
-        // A comparison with NaN is false.
+        // A comparison with NaN is false, so that NaN is refused.
         if value >= lowest && value <= highest && value.is_sign_positive() {
             Ok(())
         } else {
@@ -167,18 +167,18 @@ impl Problem {
         }
     }
 
-    /// Checks that there are so many things.
+    /// Checks that the count `found` is in `range`, both ends included.
     pub(crate) fn count(what: &'static str, found: usize, range: [usize; 2]) -> Result<(), Self> {
         let [lowest, highest] = range;
         if (lowest..=highest).contains(&found) {
             return Ok(());
         }
-        // As text they have six digits at most.
+        // A message shows at most six digits, which `f32` can hold.
         let (value, range) = (found as f32, range.map(|end| end as f32));
         Err(Self::Range { what, value, range })
     }
 
-    /// Checks that a number is the one that is due.
+    /// Checks that `found` equals `expected`.
     pub(crate) fn same(what: &'static str, found: usize, expected: usize) -> Result<(), Self> {
         if found == expected {
             return Ok(());

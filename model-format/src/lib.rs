@@ -35,20 +35,22 @@ pub use units::{
 };
 pub use wire::{FORMAT_VERSION, Provenance};
 
-/// Angle of one step of a stored lattice code, rad: codes of ±2¹⁵ are ±π/2.
+/// Angle of one step of a stored lattice code, rad. A code of ±2¹⁵ would be ±π/2.
 ///
-/// A node of a normalised lattice stores θ = arcsin k, not the reflection coefficient k itself: near |k| = 0.9999,
-/// where resonances live, a step of θ is worth 7e-7 in k, forty times finer than a 16-bit k.
+/// A node of a normalised lattice stores θ = arcsin k instead of the reflection coefficient k, because θ resolves
+/// narrow resonances better: near |k| = 0.9999, where resonances live, a step of θ changes k by 7e-7, forty times less
+/// than a step of a 16-bit k.
 pub const THETA_STEP_RAD: f64 = core::f64::consts::PI / 65_536.0;
 
-/// Binary digits that a θ has in addition to its 16-bit code: in the first stages of a lattice with a fine part, and
-/// between nodes.
+/// Binary digits of θ beyond its 16-bit code. The first stages of a lattice may store them, and an interpolated θ
+/// between nodes has them.
 pub const THETA_FRACTION_BITS: u32 = 8;
 
-/// Largest θ of a library, in steps of [`FINE_THETA_STEP_RAD`]: the largest code with the largest fraction, both ways.
+/// Largest magnitude of θ that `CodeSpec` writes, in steps of [`FINE_THETA_STEP_RAD`]: the largest code with the
+/// largest fraction.
 ///
-/// This largest θ is a little below π/2, so that no stage has a reflection coefficient of magnitude 1.
+/// It is a little below π/2, so that no stage has a reflection coefficient of magnitude 1.
 pub const MAX_FINE_THETA: i32 = (i16::MAX as i32) * (1 << THETA_FRACTION_BITS) + i8::MAX as i32;
 
-/// Angle of one step of θ with its fraction, rad: π/2²⁴.
+/// Angle of one step of the fraction of θ, rad: π/2²⁴.
 pub const FINE_THETA_STEP_RAD: f64 = THETA_STEP_RAD / (1 << THETA_FRACTION_BITS) as f64;

@@ -1,13 +1,12 @@
-//! The sample rate, and newtypes for physical quantities and converter codes, with their scales beside them.
+//! The sample rate, and newtypes with their scales for physical quantities and for converter codes.
 
-/// Sample rate of the stylus, Hz: of the device's tick, of recordings, and of models unless they say otherwise. A
-/// sample has 200 µs.
+/// Sample rate of the device's tick, of recordings, and by default of models, Hz. The sample period is 200 µs.
 pub const SAMPLE_RATE_HZ: u32 = 5_000;
 
-/// Rates of textures and scenes that a stylus plays.
+/// Sample rate of a texture or scene that a stylus can play.
 ///
-/// The tick, and with it the inputs, the update and all limits, keeps its 200 µs at every rate. At 10 kHz it computes
-/// two samples.
+/// A tick takes 200 µs at either rate. The inputs, the update of coefficients and all limits keep the timing of the
+/// tick. At 10 kHz, each tick computes two samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PlayRate {
     /// One sample per tick.
@@ -21,7 +20,7 @@ impl PlayRate {
     /// All rates, the default first.
     pub const ALL: [Self; 2] = [Self::Hz5000, Self::Hz10000];
 
-    /// The rate of `sample_rate_hz` samples per second, if a stylus plays it.
+    /// Returns the rate of `sample_rate_hz` samples per second, or none if a stylus cannot play it.
     pub const fn of(sample_rate_hz: u32) -> Option<Self> {
         let mut index = 0;
         while index < Self::ALL.len() {
@@ -63,7 +62,7 @@ pub struct Newton(pub f32);
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct MillimetresPerSecond(pub f32);
 
-/// Supply and reference of the board's analogue side, V.
+/// Supply and reference voltage of the board's analogue circuits, V.
 const REFERENCE_VOLT: f32 = 3.3;
 
 /// A code of a 16-bit analogue-to-digital converter: code 0 is 0 V, 65 536 would be 3.3 V.

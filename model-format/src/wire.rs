@@ -1,7 +1,7 @@
 //! The records of a library as they are stored. The package's `README.md` has the layout with offsets.
 //!
-//! Multi-byte numbers in byte strings are little-endian and not aligned. The CRC covers every byte before and after
-//! itself, the version and the length included.
+//! Multi-byte numbers in byte strings are little-endian and not aligned. The CRC covers all bytes of a library but its
+//! own four, and so also the version and the length.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,10 +20,10 @@ pub(crate) const RESERVED: core::ops::Range<usize> = 6..8;
 /// Bytes of [`Prefix::crc32`].
 pub(crate) const CRC_RANGE: core::ops::Range<usize> = 12..16;
 
-/// CRC-32 (ISO-HDLC) of a whole library, as its prefix has it, an upload announces it and a slot keeps it.
+/// Algorithm of the CRC-32 (ISO-HDLC) with which libraries are checked: in their prefix, in an upload and in a slot.
 pub static CRC32: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// CRC-32 (ISO-HDLC, that of zlib) of a library without the field that holds it.
+/// CRC-32 (ISO-HDLC, as in zlib) of all bytes of a library except the field that stores it.
 ///
 /// `bytes` must be at least as long as a [`Prefix`].
 #[cfg(feature = "alloc")]
@@ -34,8 +34,8 @@ pub(crate) fn checksum(bytes: &[u8]) -> u32 {
     digest.finalize()
 }
 
-/// A reader of postcard's encodings, which refuses a varint of more bytes than it needs, so that a library has one form
-/// of bytes.
+/// Reader of postcard's encodings. It refuses a varint of more bytes than necessary, so that a library has only one
+/// encoding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reader<'a>(pub &'a [u8]);
 
@@ -47,7 +47,7 @@ impl<'a> Reader<'a> {
         Some(byte)
     }
 
-    /// A varint of 32 bits.
+    /// Reads a varint whose value has at most 32 bits.
     pub fn varint(&mut self) -> Option<u32> {
         let mut value = u32::from(self.byte()?);
         if value < 0x80 {
@@ -65,7 +65,7 @@ impl<'a> Reader<'a> {
         None
     }
 
-    /// A string: its length as a varint, then its bytes.
+    /// Reads a string: its length as a varint, then its bytes.
     pub fn string(&mut self) -> Option<&'a [u8]> {
         let length = self.varint()? as usize;
         let (string, rest) = self.0.split_at_checked(length)?;
@@ -83,7 +83,7 @@ impl<'a> Reader<'a> {
         self.array().map(f32::from_le_bytes)
     }
 
-    /// The byte before an `Option`'s value: 0 for none, 1 for one.
+    /// Reads the first byte of an `Option`: 0 if there is no value, 1 if the value follows.
     pub fn is_some(&mut self) -> Option<bool> {
         match self.byte()? {
             0 => Some(false),
@@ -94,7 +94,7 @@ impl<'a> Reader<'a> {
 }
 
 impl<'a> TextureRecord<'a> {
-    /// The record that `reader` is at.
+    /// Reads the record at the reader's position.
     pub fn read(reader: &mut Reader<'a>) -> Option<Self> {
         Some(Self {
             name: core::str::from_utf8(reader.string()?).ok()?,
@@ -116,7 +116,7 @@ impl<'a> TextureRecord<'a> {
     }
 }
 
-/// The part that every version shares, at the same place and of the same size.
+/// First bytes of a library, with the same layout in every version of the format.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Prefix {
     pub magic: [u8; 4],
@@ -148,7 +148,8 @@ impl core::fmt::Display for Provenance {
     }
 }
 
-/// A texture as postcard encodes it. Its optional parts follow, and a string holds both.
+/// Record of a texture, as postcard encodes it. In a library, one string holds the record and the optional parts after
+/// it.
 #[derive(Serialize)]
 pub(crate) struct TextureRecord<'a> {
     pub name: &'a str,
@@ -161,7 +162,7 @@ pub(crate) struct TextureRecord<'a> {
     pub summary: Summary,
 }
 
-/// Facts of all nodes of a texture, stored so that no player has to read the nodes for them.
+/// Highest values of all nodes of a texture. They are stored so that a player need not read all nodes to find them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub(crate) struct Summary {
     /// Highest order.
@@ -171,12 +172,12 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    /// The summary with a node of these facts added.
+    /// Returns the summary with one more node included.
     #[inline]
     pub fn with_node(self, order: u16, output_power: f32) -> Self {
         Self {
             highest_order: self.highest_order.max(order),
-            // Powers are not negative, so that they are ordered as their bits are.
+            // Powers are not negative, so their bits, read as integers, have the same order as the powers.
             highest_output_power: f32::from_bits(
                 self.highest_output_power
                     .to_bits()
@@ -186,7 +187,8 @@ impl Summary {
     }
 }
 
-/// A node of the grid in its form of fixed width, so that any node is found without reading those before it.
+/// Record of a node of the grid. It has a fixed width, so that any node can be found without reading the nodes before
+/// it.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeRecord {
     pub order: u16,
@@ -200,7 +202,7 @@ pub(crate) struct NodeRecord {
 impl NodeRecord {
     pub const BYTES: usize = 16;
 
-    /// First byte of the flags.
+    /// Offset of the flags in the record, bytes.
     pub const FLAGS: usize = 2;
 
     pub fn read(bytes: &[u8; Self::BYTES]) -> Self {

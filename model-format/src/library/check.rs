@@ -1,5 +1,5 @@
-//! The checks that a texture of a library must pass, in bounded steps: the header in one, then some nodes, amplitudes
-//! of lines, or bytes of codebooks and level track per step.
+//! The checks that a texture of a library must pass, in bounded steps. The header takes one step. Each further step
+//! checks some nodes, some amplitudes of lines, or some bytes of codebooks or of a level track.
 
 use super::node::NodeFlags;
 use super::part::excitation::ExcitationCheck;
@@ -11,7 +11,8 @@ use crate::error::{DecodeError, Place, Problem};
 use crate::limits::{self, MAX_LINE_AMPLITUDE, STEP_BYTES};
 use crate::wire::{NodeRecord, Summary};
 
-/// Checks all of texture number `index` of a library except its nodes.
+/// Checks the header of texture number `index` of a library. Its nodes, its lines' amplitudes, its codebooks' codes and
+/// its level track's entries are checked by the types below.
 ///
 /// # Errors
 /// The first fault found, with its place.
@@ -81,7 +82,7 @@ pub(super) struct NodesCheck<'a> {
     index: usize,
     /// Number of the next node, speed-major.
     number: usize,
-    /// Byte at which the next node's coefficients are due.
+    /// Byte at which the next node's coefficients must begin.
     begin: usize,
     summary: Summary,
     last_fine_stage_is_used: bool,
@@ -132,7 +133,7 @@ impl<'a> NodesCheck<'a> {
         Ok(false)
     }
 
-    /// Checks what holds of all nodes together.
+    /// Checks the rules that concern all nodes together.
     fn end(&self) -> Result<(), DecodeError> {
         let here = |problem: Problem| Err(problem.at(Place::Texture(self.index)));
         self.check_length(self.begin).or_else(here)?;
@@ -183,11 +184,11 @@ impl<'a> NodesCheck<'a> {
         Ok(end)
     }
 
-    /// Checks the stages of the next node, and returns whether the last fine one is used.
+    /// Checks the stages of the next node, and returns whether the last of its fractions of θ is not 0.
     fn check_stages(&self, order: usize, bytes: &[u8]) -> Result<bool, Problem> {
         let (codes, tail) = self.texture.lattice_codes(self.number, order, bytes);
         tails::check(tail)?;
-        // ±2¹⁵ would be ±π/2.
+        // A code of -2¹⁵ is a θ of -π/2, where |k| is 1.
         let full = |&code: &[u8; 2]| i16::from_le_bytes(code) == i16::MIN;
         if let Some(index) = codes.iter().position(full) {
             let (stage, what) = (index + 1, "a reflection coefficient of magnitude 1");
@@ -201,7 +202,7 @@ impl<'a> NodesCheck<'a> {
     }
 }
 
-/// Checks all of node `number` that does not concern its coefficients.
+/// Checks everything about node `number` except its coefficients.
 fn check_record(texture: &Texture<'_>, number: usize, record: &NodeRecord) -> Result<(), Problem> {
     let order = usize::from(record.order);
     Problem::count("the order", order, [0, limits::MAX_ORDER])?;
@@ -216,8 +217,8 @@ fn check_record(texture: &Texture<'_>, number: usize, record: &NodeRecord) -> Re
             record.prediction_error_power,
         ),
     ] {
-        // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger. A -0.0 is
-        // refused because it would be a second way to write silence.
+        // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger than those of
+        // the limit. A -0.0 is refused because it would be a second way to write silence.
         if value.to_bits() > limits::MAX_OUTPUT_POWER.to_bits() {
             let range = [0.0, limits::MAX_OUTPUT_POWER];
             return Err(Problem::Range { what, value, range });
@@ -253,10 +254,10 @@ pub(super) struct LinesCheck<'a> {
     lines: Lines<'a>,
     /// Index of the line that is checked.
     line: usize,
-    /// The next node of that line.
+    /// Index of the next speed of that line; `force` is the index of the next force.
     speed: usize,
     force: usize,
-    /// True if a node of that line was found above 0.
+    /// True if an amplitude of that line was found to be above 0.
     sounds: bool,
 }
 
@@ -293,7 +294,8 @@ impl<'a> LinesCheck<'a> {
                     }
                     left -= 1;
                     let value = line.amplitude(self.speed, self.force);
-                    // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger.
+                    // As integers, the bits of a negative number, of -0.0, of an infinity and of a NaN are all larger
+                    // than those of the limit.
                     if value.to_bits() > MAX_LINE_AMPLITUDE.to_bits() {
                         let what = "the amplitude of a line in m/s²";
                         let range = [0.0, MAX_LINE_AMPLITUDE];
@@ -330,18 +332,18 @@ impl<'a> LinesCheck<'a> {
     }
 }
 
-/// The check of both parts of a texture whose header was found valid, in steps.
+/// The check of the codebooks and of the level track of a texture whose header was found valid, in steps.
 #[derive(Clone, Debug)]
 pub(super) struct FedCheck<'a> {
     texture: Texture<'a>,
     index: usize,
-    /// The rest of the codebooks' check.
+    /// The check of the codebooks; none if there are none, or when it is complete.
     excitation: Option<ExcitationCheck>,
     modulation: ModulationCheck,
 }
 
 impl<'a> FedCheck<'a> {
-    /// The check of texture number `index`, if it has one of the parts.
+    /// The check of texture number `index`, if it has codebooks or a level track.
     pub fn new(texture: Texture<'a>, index: usize) -> Option<Self> {
         texture.is_fed().then(|| Self {
             texture,
@@ -351,7 +353,7 @@ impl<'a> FedCheck<'a> {
         })
     }
 
-    /// Runs one step of the check; returns true once both parts were found valid.
+    /// Runs one step of the check; returns true once codebooks and level track were found valid.
     pub fn step(&mut self) -> Result<bool, DecodeError> {
         let here = Place::Texture(self.index);
         if let (Some(check), Some(excitation)) = (&mut self.excitation, self.texture.excitation()) {

@@ -1,7 +1,8 @@
-//! From bytes to a [`Library`], or to the first fault and its place.
+//! Decoding of bytes to a [`Library`], or to the first fault and its place.
 //!
-//! [`Decoder`] does it in bounded steps, for a device that has other things to do in between; [`Library::decode`] is
-//! the loop over it. A new kind of check is a variant of [`Stage`] with its state, entered from the stage before it.
+//! [`Decoder`] decodes in bounded steps, so that a device can do other work between them. [`Library::decode`] runs all
+//! steps in a loop. To add a check, add a variant of [`Stage`] that holds the check's state, and enter it from the
+//! stage before it.
 
 use core::borrow::BorrowMut;
 
@@ -15,7 +16,7 @@ use crate::scene::limits::MAX_SCENES;
 use crate::scene::{GainCheck, Scene, SceneError, ScenePlace, TextureBounds};
 use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 
-/// A decoding in steps, each of which takes a bounded time; [`crate::limits`] has the bound.
+/// Decodes a library in steps. Each step takes a bounded time, see [`crate::limits::STEP_INSTRUCTIONS`].
 ///
 /// ```
 /// # use model_format::{CodeSpec, NodeSpec, TextureSpec};
@@ -29,40 +30,41 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 ///     if let Some(library) = decoder.step()? {
 ///         break library;
 ///     }
-///     // Here others have their turn.
+///     // Other work can be done here.
 /// };
 /// assert_eq!(library.len(), 1);
 /// # Ok::<(), model_format::DecodeError>(())
 /// ```
 ///
-/// [`Decoder::new`] holds its [`Workspace`], which is some kilobytes; [`Decoder::within`] borrows one.
+/// A decoder from [`Decoder::new`] contains its [`Workspace`], which takes some kilobytes. A decoder from
+/// [`Decoder::within`] borrows its workspace.
 #[derive(Clone)]
 pub struct Decoder<'a, W = Workspace> {
     bytes: &'a [u8],
     stage: Stage<'a>,
-    /// The bytes that no stage has taken yet.
+    /// The bytes that no stage has read yet.
     rest: Reader<'a>,
-    /// The library as far as it was read. Nobody sees it before the last step.
+    /// The library as far as it was read. Only the last step returns it.
     library: Library<'a>,
-    /// Number of textures that were found valid, and of scenes.
+    /// Number of textures that were begun; `scenes` is the number of scenes that were begun.
     textures: usize,
     scenes: usize,
     work: W,
 }
 
-/// Notes of a [`Decoder`] on textures and scenes that it has seen.
+/// Memory of a [`Decoder`]: the names of textures and scenes that it has read, and properties that later checks need.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     texture_names: Names<MAX_TEXTURES>,
     scene_names: Names<MAX_SCENES>,
-    /// The facts of each texture that scenes are checked against.
+    /// Properties of each texture that the checks of scenes need.
     bounds: [TextureBounds; MAX_TEXTURES],
-    /// The gain of the equaliser that is being checked.
+    /// The check of the gain of the current scene's equaliser.
     gain: Option<GainCheck>,
 }
 
 impl Workspace {
-    /// A workspace for any number of decoders in turn.
+    /// Creates a workspace. Any number of decoders can use it, one after the other.
     pub const fn new() -> Self {
         Self {
             texture_names: Names::new(),
@@ -79,12 +81,12 @@ impl Default for Workspace {
     }
 }
 
-/// The subject of the next step.
+/// What the next step checks.
 #[derive(Clone)]
 enum Stage<'a> {
     /// Prefix: magic, version, length.
     Prefix,
-    /// Checksum of the whole: that of the bytes before `at`.
+    /// Checksum of the whole library. `digest` covers the bytes before `at` so far.
     Checksum {
         stored: u32,
         at: usize,
@@ -105,14 +107,14 @@ enum Stage<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// A decoder of `bytes`, which has looked at none yet.
+    /// Creates a decoder of `bytes`, which has not read any of them yet.
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self::with(bytes, Workspace::new())
     }
 }
 
 impl<'a, 'w> Decoder<'a, &'w mut Workspace> {
-    /// As [`Decoder::new`], in a workspace that the caller keeps.
+    /// Like [`Decoder::new`], with a workspace that the caller owns.
     pub const fn within(bytes: &'a [u8], work: &'w mut Workspace) -> Self {
         Self::with(bytes, work)
     }
@@ -138,7 +140,8 @@ impl<'a, W> Decoder<'a, W> {
 }
 
 impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
-    /// Runs one step; returns the library after the last one. A call after that, or after an error, begins anew.
+    /// Runs one step; returns the library after the last one. A call after the last step, or after an error, starts
+    /// again.
     ///
     /// # Errors
     /// The first fault found, with its place.
@@ -203,7 +206,8 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         Ok(None)
     }
 
-    /// Checks magic, version and length before all else, and the length before the checksum.
+    /// Checks magic, version and length. This comes first, so that the length is known to be right when the checksum is
+    /// computed.
     fn prefix(&self) -> Result<Stage<'a>, DecodeError> {
         let at = |problem: Problem| problem.at(Place::Library);
         if !self.bytes.starts_with(&wire::MAGIC) {
@@ -230,7 +234,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         })
     }
 
-    /// Compares the checksum of the whole, and begins with what follows the prefix.
+    /// Compares the checksums, and reads the number of textures, which follows the prefix.
     fn body(&mut self, stored: u32, computed: u32) -> Result<Stage<'a>, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Library);
         if stored != computed {
@@ -247,7 +251,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         Ok(Stage::Texture)
     }
 
-    /// Offset of `record`, which ends where the rest begins.
+    /// Offset of `record` in the library. `record` must end where `rest` begins.
     fn offset(&self, record: &[u8]) -> u32 {
         (self.bytes.len() - self.rest.0.len() - record.len()) as u32
     }
@@ -279,7 +283,8 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
                 other,
             })
         })?;
-        // They follow from the summary, which is compared with the nodes before any scene is checked.
+        // The bounds are taken from the texture's summary. The summary is compared with the nodes before any scene is
+        // checked.
         work.bounds[index] = TextureBounds::of(&texture);
         self.textures += 1;
         Ok(match LinesCheck::new(texture, index) {
@@ -325,9 +330,10 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
 }
 
 impl<'a> Library<'a> {
-    /// Checks `bytes` from the first to the last and returns a view of them, by a [`Decoder`].
+    /// Checks all of `bytes` by a [`Decoder`], and returns a view of them.
     ///
-    /// The work is bounded by a constant per byte. Nothing is copied but one scene at a time.
+    /// The work has constant bounds per byte, texture and scene, see [`crate::limits`]. Nothing is copied except
+    /// scenes, one at a time.
     ///
     /// # Errors
     /// The first fault found, with its place.

@@ -1,15 +1,15 @@
-//! Reading a library: decoding and validating any bytes, and views into the bytes that hold.
+//! Reading of a library: decoding and validation of any bytes, and views into bytes that were found valid.
 //!
 //! | file | content |
 //! |---|---|
 //! | `view` | [`Library`] and its textures and scenes |
 //! | `texture`, `node` | the parts of a texture |
-//! | `part` | what a texture may say beside its models, a kind each |
+//! | `part` | the optional parts of a texture, one file per kind |
 //! | `decode` | from bytes to [`Library`]: prefix, textures, scenes, in steps |
-//! | `check` | all that a texture must hold |
+//! | `check` | all rules that a texture must keep |
 //! | `names` | names that were found so far |
 //!
-//! Views allocate nothing. They parse again what validation has parsed before, so that this cannot fail.
+//! Views allocate nothing. They parse bytes that validation has already parsed, so that this parsing cannot fail.
 
 mod check;
 mod decode;

@@ -1,11 +1,11 @@
-//! Names that were found so far, in an order of their own, so that a new one is compared with few.
+//! The names that were read so far, in sorted order, so that a new name is compared with only a few of them.
 
 use core::cmp::Ordering;
 
 use crate::wire::Reader;
 
-/// Places of up to `N` names, at most 256, in bytes that hold all of them as strings. Each has the index that it was
-/// given.
+/// Offsets of up to `N` names, where `N` is at most 256, in bytes that hold each name as a string. Names have indices
+/// in the order in which they were added.
 #[derive(Clone, Debug)]
 pub(super) struct Names<const N: usize> {
     offsets: [u32; N],
@@ -28,10 +28,10 @@ impl<const N: usize> Names<N> {
         self.len = 0;
     }
 
-    /// Adds the name at `offset` of `bytes`, which gets the next index. There is room for `N`; more are left out.
+    /// Adds the name at `offset` of `bytes` and gives it the next index. After `N` names, further names are not stored.
     ///
     /// # Errors
-    /// The index of the same name.
+    /// The index of an equal name that was added before.
     pub fn insert(&mut self, bytes: &[u8], offset: u32) -> Result<(), usize> {
         let name_at = |offset: u32| {
             let rest = bytes.get(offset as usize..).unwrap_or_default();
@@ -46,7 +46,7 @@ impl<const N: usize> Names<N> {
         };
         if self.len < N {
             self.sorted.copy_within(place..self.len, place + 1);
-            // Fewer than N are there, and N is at most 256.
+            // `len` is below N here, and N is at most 256, so that `len` fits in a byte.
             (self.sorted[place], self.offsets[self.len]) = (self.len as u8, offset);
             self.len += 1;
         }
@@ -54,8 +54,8 @@ impl<const N: usize> Names<N> {
     }
 }
 
-/// A total order of strings: by length first, then by words of four bytes. It is not the alphabet's, and compares names
-/// that begin alike in fewer steps.
+/// A total order of strings: by length first, then by words of four bytes. It is not alphabetical. It compares names
+/// that begin alike in fewer steps than an alphabetical order.
 fn order(one: &[u8], other: &[u8]) -> Ordering {
     one.len().cmp(&other.len()).then_with(|| {
         let (words, rest) = one.as_chunks::<4>();
@@ -74,7 +74,7 @@ fn order(one: &[u8], other: &[u8]) -> Ordering {
 mod tests {
     use super::*;
 
-    /// Strings of `length` of these bytes each, one after the other.
+    /// Places the first `length` bytes of each text as a string, one every 8 bytes.
     fn strings(texts: &[[u8; 7]; 256], length: usize) -> [u8; 8 * 256] {
         let mut bytes = [0; 8 * 256];
         for (string, text) in bytes.as_chunks_mut::<8>().0.iter_mut().zip(texts) {

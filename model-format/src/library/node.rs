@@ -5,15 +5,15 @@
 pub struct Node<'a> {
     /// Variance of the model's output, (m/s²)².
     pub output_power: f32,
-    /// Variance of the prediction error of the model that was fitted, (m/s²)². Nothing plays by it.
+    /// Variance of the prediction error of the model that was fitted, (m/s²)². It is only for reports.
     pub prediction_error_power: f32,
-    /// Origin of the node, and its remarks.
+    /// Flags of the node: its origin, and whether it is silent or doubtful.
     pub flags: NodeFlags,
-    /// The model's coefficients; as many as its order.
+    /// The model's coefficients; their number is the model's order.
     pub coefficients: Coefficients<'a>,
 }
 
-/// A node's coefficients as stored: little-endian, not aligned, as many as the model's order.
+/// A node's coefficients as stored: little-endian and not aligned. Their number is the model's order.
 ///
 /// θ of stage 1 comes first; θ = (code · 256 + fraction) · [`crate::FINE_THETA_STEP_RAD`]. See
 /// [`Coefficients::thetas`].
@@ -21,7 +21,7 @@ pub struct Node<'a> {
 pub struct Coefficients<'a> {
     /// The codes, `i16` in steps of [`crate::THETA_STEP_RAD`].
     pub codes: &'a [[u8; 2]],
-    /// Fractions of the first stages, `i8`; at most as many as codes. Those of further stages are 0.
+    /// Fractions of θ of the first stages, `i8`; at most as many as codes. Further stages have a fraction of 0.
     pub fractions: &'a [u8],
     /// The stages after those of `codes`.
     pub tail: Tail<'a>,
@@ -29,12 +29,12 @@ pub struct Coefficients<'a> {
 
 /// The last stages of a lattice, whose θ is stored in one byte.
 ///
-/// The tail is empty, or its first stage is the one after [`crate::limits::MAX_FINE_STAGES`].
+/// The tail is empty, or it begins after the first [`crate::limits::MAX_FINE_STAGES`] stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Tail<'a> {
     /// The codes, `i8`, at least -127: θ = code · step.
     pub codes: &'a [u8],
-    /// Step of a code, in steps of [`crate::FINE_THETA_STEP_RAD`]; 127 of them are below π/2 whatever it is.
+    /// Step of a code, in units of [`crate::FINE_THETA_STEP_RAD`]. Even 127 of the largest steps are below π/2.
     pub step: u16,
 }
 
@@ -47,12 +47,12 @@ impl Tail<'_> {
     }
 }
 
-/// Remarks on a node beside its model, a set of flags.
+/// Set of flags of a node: its origin, and whether it is silent or doubtful.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct NodeFlags(pub(super) u8);
 
 impl NodeFlags {
-    /// No remark: the model was fitted to a recording.
+    /// No flag: the model was fitted to a recording.
     pub const NONE: Self = Self(0);
     /// A silent node, whose output power is zero.
     pub const SILENT: Self = Self(1);

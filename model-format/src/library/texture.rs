@@ -24,7 +24,7 @@ pub struct Texture<'a> {
     pub(super) coefficients: &'a [u8],
     pub(super) summary: Summary,
     pub(super) parts: Parts<'a>,
-    /// The laws that `parts` state.
+    /// The laws that `parts` contain, or the default laws.
     laws: Laws,
 }
 
@@ -137,14 +137,14 @@ impl<'a> Texture<'a> {
         self.laws.fade
     }
 
-    /// Codebooks of the excitation, if there are any; it is Gaussian noise otherwise.
+    /// Codebooks of the excitation, if there are any. Otherwise the excitation is Gaussian noise.
     pub fn excitation(&self) -> Option<Excitation<'a>> {
         let (nodes, forces) = (self.nodes.len() / NodeRecord::BYTES, self.force_axis.len());
         let view = |part: ExcitationPart<'a>| part.view(nodes, forces, self.parts.moments);
         self.parts.excitation.and_then(view)
     }
 
-    /// Level track of the excitation, if there is one; its level is steady otherwise.
+    /// Level track of the excitation, if there is one. Otherwise the excitation's level is steady.
     pub fn modulation(&self) -> Option<Modulation<'a>> {
         self.parts.modulation.and_then(ModulationPart::view)
     }
@@ -168,22 +168,22 @@ impl<'a> Texture<'a> {
         self
     }
 
-    /// The texture as it would be without its lines: the model alone.
+    /// The texture as it would be without its lines: only the model sounds.
     #[must_use]
     pub fn without_lines(mut self) -> Self {
         (self.parts.lines, self.parts.wander) = (None, None);
         self
     }
 
-    /// Number of stages, from the first, that have a finer θ than their 16-bit code; 0 without the part that holds
-    /// them, and at most [`crate::limits::MAX_FINE_STAGES`].
+    /// Number of stages, counted from the first, whose θ has a fraction in addition to its 16-bit code. It is 0 in a
+    /// texture without such fractions, and at most [`crate::limits::MAX_FINE_STAGES`].
     pub fn fine_stages(&self) -> usize {
         let nodes = self.nodes.len() / NodeRecord::BYTES;
         self.parts.fine_theta.map_or(0, |part| part.stages(nodes))
     }
 
-    /// Returns whether the stages after the first [`crate::limits::MAX_FINE_STAGES`] have codes of one
-    /// byte, in every node that has so many.
+    /// Returns whether the stages after the first [`crate::limits::MAX_FINE_STAGES`] have codes of one byte. This is
+    /// the same for all nodes of a texture.
     pub fn has_tails(&self) -> bool {
         self.parts.tails.is_some()
     }
@@ -215,7 +215,7 @@ impl<'a> Texture<'a> {
         self.summary.highest_output_power
     }
 
-    /// Number of nodes with each of `flags`. One pass over the nodes' records serves all.
+    /// Counts the nodes that have each of `flags`, in one pass over the nodes' records.
     pub fn count_flags<const N: usize>(&self, flags: [NodeFlags; N]) -> [u16; N] {
         let mut counts = [0; N];
         for bytes in self.nodes.as_chunks::<{ NodeRecord::BYTES }>().0 {

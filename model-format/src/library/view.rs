@@ -15,10 +15,10 @@ pub struct Library<'a> {
     pub(super) scene_count: usize,
 }
 
-/// Places of a decoded library's content in its bytes.
+/// Offsets of a decoded library's content in its bytes.
 ///
-/// An outline is for a keeper of bytes that cannot stay borrowed, such as a store in flash. The keeper decodes once,
-/// keeps the outline, and looks at the bytes again without another decoding.
+/// An outline serves an owner of bytes that cannot stay borrowed, such as a store in flash. The owner decodes the bytes
+/// once, keeps the outline, and can later view the bytes again without decoding them again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outline {
     textures: u32,
@@ -28,10 +28,10 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// The library of `bytes`, which must be those that were decoded to the library of this outline: its user has to
-    /// know, by their checksum for one. Views of other bytes may panic.
+    /// Returns the library in `bytes`, which must be the bytes from which this outline's library was decoded. The
+    /// caller must make sure of this, for example by a checksum. Views of other bytes may panic.
     ///
-    /// Returns none if the bytes are too few.
+    /// Returns none if there are too few bytes.
     pub fn library(self, bytes: &[u8]) -> Option<Library<'_>> {
         Some(Library {
             textures: bytes.get(self.textures as usize..)?,
@@ -43,9 +43,9 @@ impl Outline {
 }
 
 impl<'a> Library<'a> {
-    /// Places of the content in `bytes`, those that this library was decoded from.
+    /// Offsets of the content in `bytes`, from which this library must have been decoded.
     pub fn outline(&self, bytes: &[u8]) -> Outline {
-        // Textures and scenes reach to the end of the bytes, whose number fits in 32 bits.
+        // `textures` and `scenes` both reach to the end of `bytes`. The number of bytes fits in 32 bits.
         let begin = |rest: &[u8]| (bytes.len() - rest.len()) as u32;
         Outline {
             textures: begin(self.textures),
@@ -68,13 +68,13 @@ impl<'a> Library<'a> {
         records.map_while(|(index, record)| Texture::parse(record, index).ok())
     }
 
-    /// Texture number `index` in the order of the file, if there are as many. Headers before it are skipped.
+    /// Texture number `index` in the order of the file, if it exists. Textures before it are not parsed.
     pub fn texture_at(&self, index: usize) -> Option<Texture<'a>> {
         let record = self.records().nth(index)?;
         Texture::parse(record, index).ok()
     }
 
-    /// The texture of this name, if there is one. Of those before it only names are read.
+    /// The texture of this name, if there is one. Of the textures before it, only the names are read.
     pub fn texture(&self, name: &str) -> Option<Texture<'a>> {
         let mut records = self.records().enumerate();
         let (index, record) =
@@ -95,16 +95,16 @@ impl<'a> Library<'a> {
 
     /// The scenes, in the order of the file.
     pub fn scenes(&self) -> impl Iterator<Item = Scene> + use<'a> {
-        // Validation has parsed them, so that parsing them again does not fail.
+        // Validation has parsed the scenes, so that parsing them again does not fail.
         self.scene_records().map_while(Scene::parse)
     }
 
-    /// Scene number `index` in the order of the file, if there are as many. Scenes before it are skipped.
+    /// Scene number `index` in the order of the file, if it exists. Scenes before it are not parsed.
     pub fn scene_at(&self, index: usize) -> Option<Scene> {
         self.scene_records().nth(index).and_then(Scene::parse)
     }
 
-    /// The scene of this name, if there is one. Of those before it only names are read.
+    /// The scene of this name, if there is one. Of the scenes before it, only the names are read.
     pub fn scene(&self, name: &str) -> Option<Scene> {
         let is_it = |record: &&[u8]| Scene::name_of(record) == Some(name.as_bytes());
         self.scene_records().find(is_it).and_then(Scene::parse)

@@ -1,4 +1,4 @@
-//! The lease of whoever plays: the link that asked for it, and that alone keeps it alive.
+//! The lease to play. The link that asked to play holds it, and only that link can renew it.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -23,14 +23,14 @@ impl core::fmt::Display for LinkId {
 
 /// State of the lease.
 ///
-/// A play gives the lease to its link. Plays, motions and keep-alives of that link renew it for
-/// [`super::LINK_LOST_AFTER_MS`]; nothing else does. While it lasts, the other link may stop what is played, and may
-/// neither play nor move. Once it has lapsed the output is silent, and either link may play.
+/// A play request gives the lease to its link. Plays, motions and keep-alives of that link renew the lease for
+/// [`super::LINK_LOST_AFTER_MS`]; nothing else renews it. While the lease lasts, the other link may stop the output,
+/// but may neither play nor send motions. Once the lease has lapsed, the output is silent and either link may play.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct LeaseStatus {
-    /// The link that has played last, until it is stopped.
+    /// The link that has played last; none after a stop.
     pub holder: Option<LinkId>,
-    /// True while that link keeps it alive.
+    /// True while that link keeps the lease alive.
     pub is_alive: bool,
     /// Plays and motions of another link that were refused.
     pub refused: u32,

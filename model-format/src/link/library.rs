@@ -1,4 +1,5 @@
-//! The two slots for a library: their content, its list of textures and scenes, and its activation.
+//! The two slots for libraries: their content, lists of a library's textures and scenes, and the activation of a
+//! library.
 
 use heapless::String;
 use postcard_schema::Schema;
@@ -10,7 +11,7 @@ use crate::{FORMAT_VERSION, MillimetresPerSecond, Newton, Provenance};
 
 pub use crate::wire::CRC32 as LIBRARY_CRC;
 
-/// Request for one texture or scene of a slot. A listing of any length fits in frames, because each has one entry.
+/// Request for one texture or scene of a slot. A list of any length can be read, because each frame has one entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ListRequest {
     /// The slot.
@@ -53,7 +54,7 @@ pub struct SceneInfo {
     pub name: SceneName,
     /// Number of its surfaces.
     pub surfaces: u8,
-    /// Number of regions along its path; 0 is its first surface everywhere.
+    /// Number of regions along its path; with 0, its first surface is everywhere.
     pub regions: u8,
     /// Number of surfaces with a tap transient.
     pub taps: u8,
@@ -61,7 +62,7 @@ pub struct SceneInfo {
     pub stick_slips: u8,
     /// Number of sections of its equaliser.
     pub sections: u8,
-    /// True if it is played at one speed and force, whatever the hand does.
+    /// True if the scene is played at one speed and force, independent of the hand's motion.
     pub constant_motion: bool,
 }
 
@@ -105,7 +106,7 @@ pub struct Activated {
     pub library: SlotInfo,
 }
 
-/// Reason for which a library does not become active. The library that was active stays so, unless stated otherwise.
+/// Reason for which a library does not become active. The previous library stays active, unless stated otherwise.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum ActivateError {
@@ -205,7 +206,7 @@ pub enum SlotFault {
 /// A valid library in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct SlotInfo {
-    /// Number of the upload, which wraps. The valid slot with the later number is taken at boot.
+    /// Number of the upload, which wraps around. At boot, the valid slot with the later number becomes active.
     pub sequence: u32,
     /// Length of the library, bytes.
     pub length: u32,

@@ -1,13 +1,15 @@
 //! Messages between host and stylus: postcard-rpc endpoints and topics, the same over USB and over the serial port.
 //!
-//! A frame is postcard-rpc's header, with a key that stands for path and type, and the type in postcard. A change of a
-//! type changes its key, so that two sides that differ do not misread each other: the answer to such a request is an
-//! unknown key. [`DeviceInfo`] alone never changes, so that any host can tell which side is the older one.
+//! A frame is postcard-rpc's header, with a key that stands for path and type, and then the message in postcard. A
+//! change of a type changes its key, so that a host and a device with different types do not misread each other: a
+//! request whose key the device does not know is answered by an error. [`DeviceInfo`] never changes, so that any host
+//! can determine which of the two is older.
 //!
 //! Over USB a frame is a bulk transfer; over the serial port it is one COBS frame, ended by a zero byte. The host sends
 //! frames of at most [`MAX_HOST_FRAME_BYTES`] and the device of at most [`MAX_DEVICE_FRAME_BYTES`].
 //!
-//! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
+//! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other request is answered within
+//! [`ANSWER_TIMEOUT_MS`].
 
 mod cap;
 mod lease;
@@ -87,13 +89,14 @@ pub use upload::{
     UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
-/// Version of the protocol. It changes when a message changes its meaning, even where its type stays.
+/// Version of the protocol. It changes when the meaning of a message changes, even if the message's type stays the
+/// same.
 pub const PROTOCOL_VERSION: u16 = 2;
 
 /// Longest frame that the host sends, bytes before COBS.
 pub const MAX_HOST_FRAME_BYTES: usize = 1024;
 
-/// Longest frame that the device sends, bytes before COBS. Host clients of postcard-rpc read no longer ones.
+/// Longest frame that the device sends, bytes before COBS. Host clients of postcard-rpc cannot read longer frames.
 pub const MAX_DEVICE_FRAME_BYTES: usize = 1024;
 
 /// Rate of the serial port, baud.
@@ -105,14 +108,14 @@ pub const USB_VENDOR_ID: u16 = 0x1209;
 /// Product id of the USB device: pid.codes' id for tests, to be replaced by the product's own before it is sold.
 pub const USB_PRODUCT_ID: u16 = 0x0001;
 
-/// Product string of the USB device, which tells it from others with the id for tests.
+/// Product string of the USB device. It distinguishes the stylus from other devices that use the id for tests.
 pub const USB_PRODUCT: &str = "stylus";
 
 /// Age beyond which a speed or force is stale and the output fades, ms.
 pub const STALE_AFTER_MS: u32 = 50;
 
-/// Time without a play, motion or keep-alive from the link that plays, after which it counts as lost and the output
-/// fades, ms.
+/// Time without a play, motion or keep-alive from the link that plays, ms. After this time, the link counts as lost and
+/// the output fades.
 ///
 /// With the longest mute ramp that settings allow, the output is silent within 100 ms.
 pub const LINK_LOST_AFTER_MS: u32 = 50;
@@ -120,12 +123,12 @@ pub const LINK_LOST_AFTER_MS: u32 = 50;
 /// Interval at which a host sends [`KeepAliveTopic`] while it plays and sends nothing else, ms.
 pub const KEEP_ALIVE_MS: u32 = 10;
 
-/// Time that a host waits for an answer that takes no flash, ms.
+/// Time that a host waits for the answer to a request that neither erases nor writes flash, ms.
 pub const ANSWER_TIMEOUT_MS: u32 = 1_000;
 
-/// Time that a host waits for an answer that erases or writes flash, ms. One request erases at most two sectors of 128
-/// KB, the copies of the settings; each takes up to some seconds, more the narrower the programming parallelism
-/// (DS12110, flash memory programming).
+/// Time that a host waits for the answer to a request that erases or writes flash, ms. One request erases at most two
+/// sectors of 128 KB, the copies of the settings. Erasing a sector takes up to some seconds, and longer with a narrower
+/// programming parallelism (DS12110, flash memory programming).
 pub const FLASH_TIMEOUT_MS: u32 = 16_000;
 
 type InfoResult = DeviceInfo;
@@ -207,11 +210,11 @@ topics! {
     | RecordBlockTopic | RecordBlock | "stylus/record/block" |
 }
 
-/// A hash of all paths and types of this protocol: two programs with the same hash understand every message.
+/// Hash of all paths and types of this protocol. Two programs with the same hash understand all messages of each other.
 pub const SCHEMA_HASH: u64 = schema_hash();
 
-/// FNV-1a over the keys, in the order of the tables. postcard-rpc's own entries come first in its lists and are left
-/// out: they differ between host and device.
+/// FNV-1a over the keys, in the order of the tables. postcard-rpc's own entries come first in its lists. They are left
+/// out because they differ between host and device.
 const fn schema_hash() -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325;
     let mut index = standard_icd::STANDARD_ICD_ENDPOINTS.endpoints.len();

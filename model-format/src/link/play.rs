@@ -23,7 +23,7 @@ pub enum MotionSource {
 /// A texture or a scene of a library, by its name.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Selection {
-    /// A texture, everywhere and without effects. Position does not matter; it fades with speed and force alone.
+    /// A texture, at every position and without effects. It fades only with speed and force.
     Texture(TextureName),
     /// A scene.
     Scene(SceneName),
@@ -43,8 +43,9 @@ pub type Arithmetic = String<384>;
 
 /// Request to play a texture or a scene of the active library.
 ///
-/// While something is played with the same gain, the new one takes over within some milliseconds and without a mute;
-/// the noise then goes on, and the seed does not count. Otherwise what is played fades out first.
+/// If something is already played with the same gain, the new texture or scene takes over within some milliseconds and
+/// without a mute. The noise of the excitation then continues, and `seed` has no effect. Otherwise the output fades out
+/// first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PlayRequest {
     /// The texture or scene.
@@ -66,7 +67,7 @@ pub struct Playing {
     pub mute: MuteReasons,
 }
 
-/// Reason for which a request is not played. What was played before goes on.
+/// Reason for which a request is not played. What was played before continues.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(
     clippy::large_enum_variant,
@@ -188,18 +189,18 @@ pub enum StopError {
 /// Motion of the tool at a moment, as the host knows it. It is sent at up to 1 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct MotionSample {
-    /// Tangential speed. Its sign matters to lines that are tied to position alone, and only without positions.
+    /// Tangential speed. Its sign matters only to lines that are tied to position, and only if `position_mm` is none.
     pub speed: MillimetresPerSecond,
     /// Normal force; a negative one is no contact.
     pub force: Newton,
-    /// Position on the path of a scene, mm from where playing began; none leaves it to the device's encoder. Lines that
-    /// are tied to position follow it too; none leaves them to the speed.
+    /// Position on the path of a scene, mm from where playing began. If it is none, the scene follows the device's
+    /// encoder. Lines that are tied to position follow this position too; if it is none, they follow the speed.
     pub position_mm: Option<f32>,
-    /// Contact of the tool; none leaves it to the force.
+    /// Contact of the tool. If it is none, the force determines contact.
     pub contact: Option<bool>,
 }
 
-/// Reason for which a motion is not followed. The motion before stays until it is stale.
+/// Reason for which a motion is not followed. The previous motion remains in use until it is stale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum MotionRefused {
     /// The speed is NaN or infinite.
@@ -211,7 +212,7 @@ pub enum MotionRefused {
     /// The position is NaN or infinite.
     #[error("the position is not finite: send a number of mm, or none")]
     Position,
-    /// The other link plays. That link alone gives the motion.
+    /// The other link plays, and only that link may send motions.
     #[error("{by} plays, and it alone gives the motion: stop it first")]
     Held {
         /// The link that plays.
@@ -229,13 +230,13 @@ pub enum MuteReason {
     Stale,
     /// The link that plays has sent no play, motion or keep-alive for [`super::LINK_LOST_AFTER_MS`].
     LinkLost,
-    /// A library is being activated, or a texture changed for another.
+    /// A library is being activated, or another texture or scene is about to take over.
     Changing,
     /// A fault was found; only a restart ends this mute.
     Fault,
     /// The force sensor is at a rail of its converter: not connected, or overloaded.
     ForceRail,
-    /// Safe mode after quick faults; only power or the reset button ends this mute.
+    /// Safe mode after quick faults; only switching the power off and on or the reset button ends this mute.
     SafeMode,
 }
 

@@ -1,7 +1,7 @@
-//! Probe: a periodic waveform that the host loads and the device plays, so that a recording shows what the actuator
-//! makes of it.
+//! Probe: a periodic waveform that the host loads and the device plays, so that a recording shows how the actuator
+//! responds to the waveform.
 //!
-//! A probe passes the safety stages and the mute's ramps, as a texture does. A probe needs no contact and no motion.
+//! A probe passes the safety stages and the mute's ramps, like a texture. It needs no contact and no motion.
 
 use heapless::Vec;
 use postcard_schema::Schema;
@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::{LIBRARY_CRC, PlayError};
 use crate::PlayRate;
 
-/// Most samples of one period: 0.4 s at 5 kHz.
+/// Largest number of samples of one period: 0.4 s at 5 kHz.
 pub const MAX_PROBE_SAMPLES: usize = 2_000;
 
-/// Most samples of one [`ProbeLoad`].
+/// Largest number of samples of one [`ProbeLoad`].
 pub const PROBE_CHUNK_SAMPLES: usize = 256;
 
 /// Longest probe, all periods together, s.
@@ -22,10 +22,10 @@ pub const MAX_PROBE_S: u32 = 10;
 /// Largest peak of a probe, m/s²; the kernel's full scale is 2048.
 pub const MAX_PROBE_M_S2: f32 = 1_024.0;
 
-/// Sample of a waveform at the peak of the probe.
+/// Value of a waveform's sample at the peak of the probe.
 pub const PROBE_PEAK: i16 = i16::MAX;
 
-/// A part of the waveform. Samples that were loaded outside of this part stay.
+/// A part of the waveform. Samples outside this part, which were loaded before, stay as they are.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ProbeLoad {
     /// Index of the first sample in the waveform.
@@ -73,9 +73,9 @@ pub struct ProbeStart {
     pub rate_hz: u32,
     /// Samples of one period, up to [`MAX_PROBE_SAMPLES`].
     pub length: u16,
-    /// Number of periods; all together last [`MAX_PROBE_S`] at most.
+    /// Number of periods. All periods together last [`MAX_PROBE_S`] at most.
     pub periods: u16,
-    /// [`waveform_crc32`] of the period, so that what plays is what was loaded.
+    /// [`waveform_crc32`] of the period. It ensures that the device plays the waveform that the host has loaded.
     pub crc32: u32,
     /// Acceleration of a sample of [`PROBE_PEAK`], m/s², above 0 and up to [`MAX_PROBE_M_S2`].
     pub peak_m_s2: f32,
@@ -84,7 +84,7 @@ pub struct ProbeStart {
 }
 
 impl ProbeStart {
-    /// A request to play `samples` as a period, so many times, at 5 kHz and through nothing.
+    /// Creates a request to play `samples` as one period, `periods` times, at 5 kHz and without an equaliser.
     pub fn of(samples: &[i16], periods: u16, peak_m_s2: f32) -> Self {
         Self {
             rate_hz: PlayRate::Hz5000.hz(),
@@ -96,7 +96,7 @@ impl ProbeStart {
         }
     }
 
-    /// Rate and number of samples of the whole probe.
+    /// Checks the request. Returns the rate and the number of samples of the whole probe.
     ///
     /// # Errors
     /// A value out of its range.
@@ -128,18 +128,18 @@ impl ProbeStart {
     }
 }
 
-/// A probe that begins by itself, and ends by itself.
+/// A probe that was accepted. It begins and ends by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ProbeStarted {
     /// Tick of the first sample, as in [`super::RecordBlock::first_tick`].
     pub first_tick: u64,
-    /// Tick from which the level is whole, because the ramp of `soft-start` has ended.
+    /// Tick from which the probe has its full level, because the ramp of `soft-start` has ended.
     pub whole_tick: u64,
     /// Tick after the last sample.
     pub end_tick: u64,
 }
 
-/// Reason for which a waveform is not loaded or played. Anything that is already playing goes on.
+/// Reason for which a waveform is not loaded or played. Anything that is already playing continues.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(
     clippy::large_enum_variant,

@@ -1,10 +1,10 @@
-//! State of the settings, and their changes in two steps: a host proposes a change, and then applies it by the token
-//! that it was given.
+//! State of the settings, and changes of settings in two steps: a host proposes a change, receives a token, and then
+//! applies the change with this token.
 //!
-//! One frame alone changes nothing. The device holds one proposal, which [`super::Status`] shows with its token. It
-//! ends after [`super::PROPOSAL_VALID_MS`], with a play, a restart, another proposal, and with its first use. It is
-//! applied by the link that made it alone. This protects from mistakes, and from two programs at once; not from whoever
-//! has the port and means harm.
+//! So a single frame changes nothing. The device holds one proposal, which [`super::Status`] shows with its token. The
+//! proposal ends after [`super::PROPOSAL_VALID_MS`], with a play, with a restart, with another proposal, and with its
+//! first use. Only the link that made the proposal can apply it. This protects from mistakes and from two programs at
+//! once, but not from a malicious user of the port.
 
 use heapless::Vec;
 use postcard_schema::Schema;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{LinkId, SETTING_COUNT, Setting, SettingChange, Settings, SettingsError, Tighter};
 
-/// Token of a proposal. No two in a row are the same, on one device or on two.
+/// Token of a proposal. Two successive proposals have different tokens, on one device or on two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ProposalToken(pub u32);
 
@@ -22,16 +22,17 @@ impl core::fmt::Display for ProposalToken {
     }
 }
 
-/// Change of settings, of which all is done or nothing.
+/// Change of settings. It is made completely or not at all.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum SettingsChange {
     /// New values of some settings.
     Set(Vec<SettingChange, SETTING_COUNT>),
-    /// Every setting to its default, and none of them set.
+    /// Every setting gets its default and counts as not set.
     Reset,
 }
 
-/// Settings that describe the hardware or limit it: those of which one value protects better than another.
+/// Settings that describe the hardware or limit it: those for which one value protects better than another, see
+/// [`Setting::tighter`].
 pub const LOCKED: SettingSet = {
     let (mut locked, mut index) = (SettingSet::NONE, 0);
     while index < SETTING_COUNT {
@@ -43,7 +44,7 @@ pub const LOCKED: SettingSet = {
 };
 
 impl SettingsChange {
-    /// The change to `values`, which [`Self::check`] judges.
+    /// Creates the change to `values` without checking it; see [`Self::check`].
     ///
     /// # Errors
     /// More values than there are settings, so that one occurs twice.
@@ -57,7 +58,7 @@ impl SettingsChange {
         Vec::from_slice(values).map(Self::Set).map_err(|_| too_many)
     }
 
-    /// Checks that every value is in its setting's range, and that no setting has two.
+    /// Checks that every value is in its setting's range, and that no setting has two values.
     ///
     /// # Errors
     /// A value out of range, a setting that occurs twice, or no value at all.
@@ -92,8 +93,8 @@ impl SettingsChange {
         }
     }
 
-    /// Returns the [`LOCKED`] settings of which this change takes protection away, or gives a first value: those for
-    /// which a host asks its user.
+    /// Returns the [`LOCKED`] settings whose protection this change reduces, or to which it gives a first value. A host
+    /// asks its user about these settings.
     pub fn loosens(&self, settings: &Settings, state: &SettingsState) -> SettingSet {
         let Self::Set(values) = self else {
             return LOCKED;
@@ -115,13 +116,13 @@ impl SettingsChange {
 /// A change that was proposed and not yet applied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SettingsProposal {
-    /// Token that applies it.
+    /// Token with which the change is applied.
     pub token: ProposalToken,
     /// The change.
     pub change: SettingsChange,
-    /// Settings of it for which a host asks its user; see [`SettingsChange::loosens`].
+    /// Settings in the change about which a host asks its user; see [`SettingsChange::loosens`].
     pub loosens: SettingSet,
-    /// The link that proposed it, and that alone may apply it.
+    /// The link that proposed the change. Only this link may apply it.
     pub from: LinkId,
     /// Time that remains to apply it, ms.
     pub remaining_ms: u32,
@@ -140,11 +141,11 @@ impl SettingSet {
     /// Every setting.
     pub const ALL: Self = Self(!(u32::MAX << Setting::ALL.len()));
 
-    /// The settings without which nothing is played, because only the owner of the coil knows them: a wrong value makes
-    /// the model of the coil's warmth wrong by its square.
+    /// The settings without which nothing is played, because only the owner of the coil knows them. A wrong value makes
+    /// the model of the coil's temperature wrong, for the gain even by the square of the error.
     ///
-    /// `hard-limit` is not among them: it is a voltage at the pin of the device itself, and with these three known, the
-    /// thermal limiter holds the power at any value of it.
+    /// `hard-limit` is not among them, because it is a voltage at the device's own pin. If these three settings are
+    /// known, the thermal limiter limits the power for any value of `hard-limit`.
     pub const REQUIRED: Self = Self::NONE
         .with(Setting::CoilResistance, true)
         .with(Setting::AmplifierGain, true)
@@ -216,13 +217,15 @@ impl core::fmt::Display for SettingSet {
 /// State of the settings and of their two copies in flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct SettingsState {
-    /// Settings that someone has set; every other one has its default, with which [`SettingSet::REQUIRED`] do not play.
+    /// Settings that were set; every other setting has its default. Nothing is played while a setting of
+    /// [`SettingSet::REQUIRED`] has only its default.
     pub set: SettingSet,
     /// Settings whose value was lost with both copies. Nothing is played until each is set again, or all are reset.
     pub lost: SettingSet,
-    /// Settings whose copies differed at the start, so that the tighter value holds.
+    /// Settings whose two copies differed at the start, so that the tighter value is used.
     pub differing: SettingSet,
-    /// True if a copy was damaged or its writing interrupted, so that the other one holds and both were written anew.
+    /// True if one copy was damaged or its writing was interrupted. The other copy is then used, and both were written
+    /// again.
     pub mended: bool,
     /// True if the last change could not be written to flash.
     pub unwritable: bool,

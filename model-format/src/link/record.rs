@@ -8,10 +8,11 @@ use crate::AdcCode;
 /// Number of samples in a block.
 pub const BLOCK_SAMPLES: usize = 32;
 
-/// Codes from either end of the converter's range within which a force sensor counts as open, shorted or overloaded.
+/// Number of codes at either end of the converter's range in which a force sensor counts as open, shorted or
+/// overloaded.
 ///
 /// At the rail, noise moves a pin's code by up to 64 codes: 4 standard deviations of 16 codes each. 64 codes are 3.2 mV
-/// of 3.3 V. A sensor's zero and its greatest force have to lie between the rails.
+/// of 3.3 V. The codes of a sensor at no force and at its greatest force must lie between these two ranges.
 pub const RAIL_CODES: u16 = 64;
 
 /// Codes of the converters in one tick.
@@ -70,8 +71,8 @@ pub struct RecordBlock {
     pub first_tick: u64,
     /// Blocks that the device lost since the start of the recording.
     pub lost_blocks: u32,
-    /// Samples whose conversions are not all of their tick, bit n for sample n: the tick read them too early or too
-    /// late. Their encoder steps are right.
+    /// Samples whose conversions do not all belong to their tick, because the tick read them too early or too late. Bit
+    /// n stands for sample n. The encoder steps of these samples are right.
     pub torn: u32,
     /// The samples.
     pub samples: [PackedSample; BLOCK_SAMPLES],
@@ -80,7 +81,7 @@ pub struct RecordBlock {
 const _: () = assert!(BLOCK_SAMPLES <= u32::BITS as usize);
 
 impl RecordBlock {
-    /// Returns true if the conversions of sample `index` are all of its tick.
+    /// Returns true if the conversions of sample `index` all belong to its tick.
     pub const fn is_whole(&self, index: usize) -> bool {
         self.torn & (1 << index) == 0
     }
@@ -98,7 +99,7 @@ pub struct RecordStarted {
 /// A recording that has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RecordStopped {
-    /// Blocks that were numbered, lost ones included.
+    /// Number of blocks of the recording, including lost blocks.
     pub blocks: u32,
     /// Number of these blocks that the device lost.
     pub lost_blocks: u32,
@@ -107,7 +108,7 @@ pub struct RecordStopped {
 /// Reason for which a recording does not start or stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum RecordError {
-    /// A recording is under way, perhaps of another link.
+    /// A recording is under way, which perhaps another link has started.
     #[error("a recording is under way: stop it first")]
     Recording,
     /// No recording is under way.

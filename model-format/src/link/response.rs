@@ -1,8 +1,8 @@
 //! Response of the actuator, as it was measured in the stylus, and the equaliser that corrects it.
 //!
-//! A response is proposed, proved with [`super::ProbeThrough::Proposed`], and then stored by its [`Response::id`]. What
-//! is proposed is in RAM alone, so that a calibration that fails or is cut off changes nothing. Storing writes the
-//! response and `output-gain` in one record.
+//! A response is proposed, verified with [`super::ProbeThrough::Proposed`], and then stored by its [`Response::id`]. A
+//! proposed response is only in RAM, so that a calibration that fails or is interrupted changes nothing. Storing writes
+//! the response and `output-gain` in one record.
 
 use heapless::Vec;
 use postcard_schema::Schema;
@@ -14,10 +14,11 @@ use super::{LIBRARY_CRC, LinkId, Setting, SettingChange, SettingSet, Settings, S
 use crate::PlayRate;
 use crate::scene::{Biquad, SceneProblem, check_equaliser, limits::MAX_RESPONSE_SECTIONS};
 
-/// Third octaves of [`Response::bands_centi_db`]: the exact bands of base ten whose nominal centres are 10 to 1000 Hz.
+/// Number of third-octave bands of [`Response::bands_centi_db`]: the exact bands of base ten whose nominal centres are
+/// 10 to 1000 Hz.
 pub const RESPONSE_BANDS: usize = 21;
 
-/// Bytes of a response, on the wire and in flash.
+/// Length of a response in a message and in flash, bytes.
 pub const RESPONSE_BYTES: usize = 348;
 
 /// A cascade of up to [`MAX_RESPONSE_SECTIONS`] sections. Its encoded length is the same for any number of sections.
@@ -66,46 +67,48 @@ impl Sections {
 
 /// The actuator's response as it was measured, and its correction.
 ///
-/// A message holds the response as its [`Response::bytes`], because code for each of its fields would take some
-/// kilobytes of the device's flash. Two responses are equal if their bytes are.
+/// A message contains the response as [`Response::bytes`], because code for each of its fields would take some
+/// kilobytes of the device's flash. Two responses are equal if their bytes are equal.
 #[derive(Clone, Copy, Debug)]
 pub struct Response {
-    /// Equaliser of what is played at 5 kHz.
+    /// Equaliser for playing at 5 kHz.
     pub sections_5khz: Sections,
-    /// Equaliser of what is played at 10 kHz.
+    /// Equaliser for playing at 10 kHz.
     pub sections_10khz: Sections,
     /// Time of the measurement, s since 1970-01-01 UTC.
     pub measured_at: u64,
-    /// Largest deviation from flat that the proof has found, dB.
+    /// Largest deviation of the corrected response from flat, as measured in the verification, dB.
     pub worst_db: f32,
-    /// RMS of the deviation from flat, dB.
+    /// RMS deviation of the corrected response from flat, as measured in the verification, dB.
     pub rms_db: f32,
     /// Frequency of the actuator's resonance, Hz.
     pub resonance_hz: f32,
     /// Damping ratio of the resonance.
     pub damping_ratio: f32,
-    /// Delay from a sample's tick to that of its conversion, µs.
+    /// Delay from the tick that outputs a sample to the tick that records its effect, µs.
     pub delay_us: f32,
     /// Direction of the motion in the accelerometer's axes, of length 1.
     pub axis: [f32; 3],
-    /// Acceleration per voltage at the DAC, before correction, at the level of reference, m/s² per V.
+    /// Acceleration per voltage at the DAC before correction, m/s² per V: the mean of the level over the band of the
+    /// calibration.
     pub level_m_s2_per_volt: f32,
-    /// Level of each third octave as measured before correction, in hundredths of a decibel re 1 m/s² per V.
+    /// Level of each third-octave band as measured before correction, in hundredths of a decibel re 1 m/s² per V.
     pub bands_centi_db: [i16; RESPONSE_BANDS],
-    /// Bands whose level was coherent enough to be trusted, a bit each.
+    /// Bands that were measured with enough coherence for their level to be trusted, one bit each.
     pub trusted_bands: u32,
-    /// `output-gain` at which the tip has the acceleration that is asked for. The device stores it with the response.
+    /// Value of `output-gain` with which the tip has the requested acceleration. The device stores it with the
+    /// response.
     pub output_gain: f32,
-    /// `amplifier-gain` of the measurement.
+    /// Value of `amplifier-gain` in the measurement.
     pub amplifier_gain: f32,
-    /// `coil-resistance` of the measurement.
+    /// Value of `coil-resistance` in the measurement.
     pub coil_resistance: f32,
-    /// `hard-limit` of the measurement.
+    /// Value of `hard-limit` in the measurement.
     pub hard_limit: f32,
 }
 
 impl Response {
-    /// Sections for what is played at `rate`.
+    /// Equaliser for playing at `rate`.
     pub const fn sections(&self, rate: PlayRate) -> &Sections {
         match rate {
             PlayRate::Hz5000 => &self.sections_5khz,
@@ -121,7 +124,7 @@ impl Response {
     /// The response in bytes: all fields in their order, little-endian.
     pub fn bytes(&self) -> [u8; RESPONSE_BYTES] {
         let mut bytes = Vec::<u8, RESPONSE_BYTES>::new();
-        // There is room for all; a test writes and reads them.
+        // All fields fit in the capacity; a test writes and reads them.
         let mut put = |value: &[u8]| drop(bytes.extend_from_slice(value));
         for sections in [&self.sections_5khz, &self.sections_10khz] {
             put(&[sections.count]);
@@ -218,7 +221,8 @@ impl Response {
         }
     }
 
-    /// Settings with other values than the response was made for, so that it no longer says what the tip does.
+    /// Returns the settings whose values differ from those for which the response was made. If there are any, the
+    /// response no longer describes the tip's motion.
     pub fn stale(&self, settings: &Settings) -> SettingSet {
         let made_for = [
             (Setting::OutputGain, self.output_gain),
@@ -319,15 +323,16 @@ pub struct StoredResponse {
     pub response: Response,
     /// [`Response::id`] of this response.
     pub id: u32,
-    /// [`Response::stale`] for the settings in force. The equaliser of a stale response is played all the same: a
-    /// filter for another level is nearer than none, and a change of a setting does not change what plays unnoticed.
+    /// [`Response::stale`] for the settings in force. The equaliser of a stale response stays in use, because an
+    /// equaliser for another level is better than none, and because a change of a setting must not switch the equaliser
+    /// off unnoticed.
     pub stale: SettingSet,
 }
 
 /// Responses in the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ResponseState {
-    /// The response that is stored, whose equaliser follows whatever is played.
+    /// The stored response. Its equaliser is applied to every texture and scene that is played.
     pub stored: Option<StoredResponse>,
     /// [`Response::id`] of the response that was proposed and not yet stored.
     pub proposed: Option<u32>,
@@ -336,19 +341,20 @@ pub struct ResponseState {
 /// Change of the stored response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ResponseChange {
-    /// The response with this [`Response::id`], which this link has proposed, is stored with its `output_gain`.
+    /// Stores the response with this [`Response::id`] and its `output_gain`. The same link must have proposed the
+    /// response.
     Store {
         /// Hash of the response to store.
         id: u32,
     },
-    /// The stored response is removed. Settings stay.
+    /// Removes the stored response. Settings stay as they are.
     Clear {
         /// Hash of the response to remove.
         id: u32,
     },
 }
 
-/// Reason for which a response is not taken or stored. The response that was stored before stays.
+/// Reason for which a response is not accepted or stored. The previously stored response stays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum ResponseError {
@@ -386,7 +392,7 @@ pub enum ResponseError {
         /// The link that proposed the response.
         from: LinkId,
     },
-    /// A reason for which no setting is changed either.
+    /// A reason that also prevents changes of settings.
     #[error("{0}")]
     Settings(#[from] SettingsError),
 }

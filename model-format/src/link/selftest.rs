@@ -1,7 +1,7 @@
 //! Measurements of the device's self test. The device measures; the host compares with limits.
 //!
-//! A request is one measurement. It is refused while anything is played, and nothing can be played until its answer. It
-//! ends by itself, whether or not the host is still there.
+//! Each request is for one measurement. A request is refused while anything is played, and nothing can be played until
+//! it is answered. The measurement ends by itself, even if the host is no longer there.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -11,10 +11,11 @@ use super::{Reason, SlotId};
 /// Number of codes of [`OutputValues::sums`].
 pub const OUTPUT_CODES: usize = 32;
 
-/// Lowest of these codes, which the output's buffer still reaches: 0.2 V of 3.3 V (DS12110, DAC characteristics).
+/// Lowest of these codes, 0.2 V of 3.3 V. The output's buffer does not reach lower voltages (DS12110, DAC
+/// characteristics).
 pub const LOWEST_OUTPUT_CODE: u16 = 256;
 
-/// Distance of two successive codes. The highest is 3821, a little more than 0.2 V below the reference.
+/// Difference of two successive codes. The highest code is 3821, a little more than 0.2 V below the reference.
 pub const OUTPUT_CODE_STEP: u16 = 115;
 
 /// Number of conversions per sum of [`OutputValues::sums`].
@@ -26,7 +27,7 @@ pub const REST_CONVERSIONS: u32 = 64;
 /// Number of instants of [`OutputValues::step_words`].
 pub const STEP_INSTANTS: usize = 16;
 
-/// Distance of these instants, cycles of the core.
+/// Time between two successive instants, cycles of the core.
 pub const STEP_INSTANT_CYCLES: u32 = 400;
 
 /// Codes of the output before and after its step.
@@ -35,10 +36,10 @@ pub const STEP_CODES: [u16; 2] = [1024, 3072];
 /// Number of RAMECC monitors (RM0433 chapter 3).
 pub const RAM_MONITORS: usize = 12;
 
-/// Bytes that are written to flash and read back.
+/// Number of bytes that the test writes to flash and reads back.
 pub const FLASH_TEST_BYTES: u32 = 4096;
 
-/// The code of the sweep with this index.
+/// Returns code number `index` of the sweep.
 pub const fn output_code(index: usize) -> u16 {
     LOWEST_OUTPUT_CODE + index as u16 * OUTPUT_CODE_STEP
 }
@@ -56,7 +57,8 @@ pub enum SelfTestRequest {
     ErrorCorrection,
     /// The output's pin, moved and read back, with the amplifier disabled. Takes about a second.
     Output {
-        /// True if the host's user says that no amplifier is connected. Otherwise its enable must be wired.
+        /// True if the host's user states that no amplifier is connected. Otherwise its enable input must be wired, see
+        /// [`super::Setting::EnableWired`].
         disconnected: bool,
     },
     /// The output's pin at rest, read back without moving it.
@@ -75,21 +77,21 @@ pub enum SelfTestRequest {
 /// The values of a measurement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum SelfTestValues {
-    /// Of [`SelfTestRequest::Chip`].
+    /// Values of [`SelfTestRequest::Chip`].
     Chip(ChipValues),
-    /// Of [`SelfTestRequest::OptionBytes`].
+    /// Values of [`SelfTestRequest::OptionBytes`].
     OptionBytes(OptionByteValues),
-    /// Of [`SelfTestRequest::Clocks`].
+    /// Values of [`SelfTestRequest::Clocks`].
     Clocks(ClockValues),
-    /// Of [`SelfTestRequest::ErrorCorrection`].
+    /// Values of [`SelfTestRequest::ErrorCorrection`].
     ErrorCorrection(ErrorCorrectionValues),
-    /// Of [`SelfTestRequest::Output`].
+    /// Values of [`SelfTestRequest::Output`].
     Output(OutputValues),
-    /// Of [`SelfTestRequest::Rest`].
+    /// Values of [`SelfTestRequest::Rest`].
     Rest(RestValues),
-    /// Of [`SelfTestRequest::Encoder`].
+    /// Values of [`SelfTestRequest::Encoder`].
     Encoder(EncoderValues),
-    /// Of [`SelfTestRequest::Flash`].
+    /// Values of [`SelfTestRequest::Flash`].
     Flash(FlashValues),
 }
 
@@ -117,7 +119,7 @@ pub struct OptionByteValues {
     pub banks_swapped: bool,
     /// `WRPSn` of both banks: a zero protects a sector.
     pub writable_sectors: [u8; 2],
-    /// `FLASH_PRAR_CUR` of both banks: an area whose start lies above its end is none.
+    /// `FLASH_PRAR_CUR` of both banks. An area whose start lies above its end is empty.
     pub read_protected: [u32; 2],
     /// `FLASH_SCAR_CUR` of both banks, in the same form.
     pub secure: [u32; 2],
@@ -125,7 +127,7 @@ pub struct OptionByteValues {
     pub boot: u32,
 }
 
-/// A number of periods of a clock, and the time that they took by another one.
+/// A number of periods of one clock, and the time that they took, counted by another clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ClockCount {
     /// Number of periods.
@@ -141,19 +143,19 @@ pub struct ClockValues {
     pub core_hz: u32,
     /// Rate of the timers' clock by design, Hz.
     pub timer_hz: u32,
-    /// Periods of LSI in cycles of the timers; none if no edge came.
+    /// Periods of LSI, timed in cycles of the timers; none if no edge of LSI came.
     pub low_speed: Option<ClockCount>,
-    /// Frames of USB in cycles of the core; none if no host is connected.
+    /// Frames of USB, timed in cycles of the core; none if no host is connected.
     pub usb_frames: Option<ClockCount>,
-    /// Ticks of TIM6 in cycles of the core.
+    /// Ticks of TIM6, timed in cycles of the core.
     pub ticks: ClockCount,
 }
 
 /// Errors that memories have corrected or found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ErrorCorrectionValues {
-    /// Status of each RAMECC monitor since the start: bit 0 a corrected error, bit 1 one that could not be corrected,
-    /// bit 2 one of these in a write of part of a word.
+    /// Status of each RAMECC monitor since the start. Bit 0: a corrected error. Bit 1: an error that could not be
+    /// corrected. Bit 2: such an error in a write of a part of a word.
     pub ram: [u8; RAM_MONITORS],
     /// Reads of each bank of the flash with a corrected error, since the start.
     pub flash_corrected: [u32; 2],
@@ -164,23 +166,23 @@ pub struct ErrorCorrectionValues {
 /// The output's pin, read back by a converter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct OutputValues {
-    /// Sum of [`CONVERSIONS_PER_CODE`] words of 16 bits per code of [`output_code`].
+    /// For each code of [`output_code`], the sum of [`CONVERSIONS_PER_CODE`] conversions of 16 bits.
     pub sums: [u32; OUTPUT_CODES],
-    /// Noise at mid-scale, words RMS.
+    /// RMS noise at mid-scale, in codes of 16 bits.
     pub noise: f32,
-    /// Word at each instant after a step of [`STEP_CODES`], which are [`STEP_INSTANT_CYCLES`] apart; the first is that
-    /// of the trigger.
+    /// Converted code at each instant after a step of [`STEP_CODES`]. Instants are [`STEP_INSTANT_CYCLES`] apart; the
+    /// first is the instant of the trigger.
     pub step_words: [u16; STEP_INSTANTS],
-    /// Cycles of the core from the order of a conversion to its sample.
+    /// Time from the command for a conversion to the instant of its sample, cycles of the core.
     pub sample_cycles: u32,
 }
 
 /// The output's pin at rest, read back by a converter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RestValues {
-    /// Sum of [`REST_CONVERSIONS`] words of 16 bits.
+    /// Sum of [`REST_CONVERSIONS`] conversions of 16 bits.
     pub sum: u32,
-    /// The lowest and the highest of them.
+    /// The lowest and the highest of these conversions.
     pub range: [u16; 2],
 }
 
@@ -200,19 +202,19 @@ pub struct FlashValues {
     pub slot: SlotId,
     /// Duration of the erasure, µs.
     pub erase_us: u32,
-    /// Number of bytes that were not blank after it.
+    /// Number of bytes that were not blank after the erasure.
     pub not_erased: u32,
     /// Number of words of 32 bytes that were written.
     pub words: u32,
-    /// Duration of writing them, µs.
+    /// Duration of writing these words, µs.
     pub write_us: u32,
-    /// Longest duration of writing one of them, µs.
+    /// Longest duration of writing one of these words, µs.
     pub longest_write_us: u32,
     /// Number of bytes that read back wrong.
     pub wrong: u32,
 }
 
-/// Reason for which a measurement is not made.
+/// Reason for which a measurement was not made.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum SelfTestError {

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{AdcCode, Volt};
 
-/// One setting. The numbers are those under which values are kept in flash: never reused, never reordered.
+/// A setting. Flash keeps values under the numbers of these variants, so that numbers are never reused or reordered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema)]
 #[repr(u8)]
 pub enum Setting {
@@ -50,18 +50,19 @@ pub enum Setting {
     MuteRamp,
     /// Force above which contact begins, N; 0 derives it from the converter's noise.
     ContactThreshold,
-    /// 1 if the amplifier's enable is wired to PE9, so that it is off while PE9 is low; 0 if not, or if nobody knows.
-    /// The self test moves the output only with 1, or where a person says that no amplifier is connected.
+    /// 1 if the amplifier's enable input is wired to PE9, so that the amplifier is off while PE9 is low; 0 if it is
+    /// not, or if nobody knows. The self test moves the output only if the value is 1, or if the user states that no
+    /// amplifier is connected.
     EnableWired,
 }
 
-/// Time for which a change of settings that was proposed can be applied, ms.
+/// Time for which a proposed change of settings can be applied, ms.
 pub const PROPOSAL_VALID_MS: u32 = 60_000;
 
 /// Number of settings.
 pub const SETTING_COUNT: usize = 20;
 
-/// The tighter one of two values of a setting that protects.
+/// Which of two values of a protective setting is tighter, and so protects better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tighter {
     /// The lower value.
@@ -91,10 +92,11 @@ pub struct SettingSpec {
     pub lowest: f32,
     /// The highest value.
     pub highest: f32,
-    /// The least magnitude; 0 if the value may be 0. A scale of 0 would read a sensor as nothing, whatever it measures.
+    /// The least magnitude; 0 if the value may be 0. A scale must not be 0, because the sensor would then always read
+    /// 0.
     pub least_magnitude: f32,
-    /// Value of the setting in a device where it was never set. For a setting of [`super::SettingSet::REQUIRED`] it
-    /// only stands in for no value: nothing plays with it.
+    /// Value of the setting in a device where it was never set. For a setting of [`super::SettingSet::REQUIRED`], the
+    /// default is only a placeholder, and nothing is played with it.
     pub default: f32,
     /// True if the value must be a whole number.
     pub whole: bool,
@@ -128,7 +130,8 @@ impl Setting {
     /// Name, unit, range and default of this setting.
     pub const fn spec(self) -> SettingSpec {
         match self {
-            // A sixteenth of the range: a sensor with a live zero, so that an open wire is not taken for no force.
+            // A sixteenth of the range, because the sensor should have a live zero: an open wire then differs from no
+            // force.
             Self::ForceZero => code("force-zero", 4096.0),
             Self::ForcePerVolt => scale("force-per-volt", "N/V", 0.001, 100.0, 2.0),
             Self::PathPerCount => scale("path-per-count", "mm", 1e-6, 10.0, 0.01),
@@ -138,11 +141,12 @@ impl Setting {
             Self::AccelerationPerVoltX => acceleration("acceleration-per-volt-x"),
             Self::AccelerationPerVoltY => acceleration("acceleration-per-volt-y"),
             Self::AccelerationPerVoltZ => acceleration("acceleration-per-volt-z"),
-            // A gain of 0 would play silence, and say that it plays.
+            // A gain of 0 is refused, because the device would be silent and report that it plays.
             Self::OutputGain => number("output-gain", "V/(m/s²)", [1e-6, 1.0], 0.01),
             Self::AmplifierGain => number("amplifier-gain", "V/V", [0.01, 100.0], 1.0),
-            // The buffered output reaches 0.2 V from either rail (DS12110, DAC characteristics); mid-scale is 1.65 V.
-            // The lowest limit is more than a code of the DAC, 0.8 mV, because less would silence all.
+            // The buffered output reaches to within 0.2 V of either rail (DS12110, DAC characteristics), and mid-scale
+            // is 1.65 V. The lowest limit is more than a code of the DAC, 0.8 mV, because a lower limit would silence
+            // everything.
             Self::HardLimit => number("hard-limit", "V", [0.001, 1.45], 0.5),
             Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
             Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
@@ -154,8 +158,8 @@ impl Setting {
             ),
             Self::PowerLimit => number("power-limit", "W", [0.001, MAX_COIL_POWER_WATT], 0.1),
             Self::SoftStart => number("soft-start", "ms", [1.0, 5000.0], 200.0),
-            // LINK_LOST_AFTER_MS, a few ms until the mute begins and at most 16 ms of slew add up to silence within
-            // 100 ms.
+            // With the longest ramp, the output is silent within 100 ms after a link was lost: LINK_LOST_AFTER_MS, a
+            // few ms until the mute begins, the ramp and at most 16 ms of slew.
             Self::MuteRamp => number("mute-ramp", "ms", [1.0, 30.0], 20.0),
             Self::ContactThreshold => number("contact-threshold", "N", [0.0, 10.0], 0.0),
             Self::EnableWired => SettingSpec {
@@ -165,11 +169,13 @@ impl Setting {
         }
     }
 
-    /// Direction in which a value of this setting protects coil and user better; none for a setting without one.
+    /// Direction in which a value of this setting protects coil and user better; none if the setting has no such
+    /// direction.
     ///
-    /// The model of the coil's warmth takes the power as (voltage at the DAC x `amplifier-gain`)² / `coil-resistance`:
-    /// a larger gain and a smaller resistance make the model limit earlier. A shorter `thermal-time-constant` is the
-    /// tighter one, because a first-order mean over a longer time never exceeds the greatest one over a shorter time.
+    /// The model of the coil's temperature computes the power as (voltage at the DAC x `amplifier-gain`)² /
+    /// `coil-resistance`. So the model limits earlier with a larger gain and with a smaller resistance. A shorter
+    /// `thermal-time-constant` is tighter, because a first-order mean over a longer time never exceeds the maximum of
+    /// the mean over a shorter time.
     pub const fn tighter(self) -> Option<Tighter> {
         match self {
             Self::OutputGain
@@ -266,11 +272,11 @@ const fn code(name: &'static str, default: f32) -> SettingSpec {
 }
 
 const fn acceleration(name: &'static str) -> SettingSpec {
-    // An analogue accelerometer of 330 mV per standard gravity, as many with a supply of 3.3 V are.
+    // The default is 330 mV per standard gravity, as of many analogue accelerometers with a supply of 3.3 V.
     scale(name, "m/s²/V", 0.001, 10_000.0, 29.72)
 }
 
-/// The demands on a value besides its range, in words, each after a comma.
+/// Shows as text what a setting requires of a value in addition to its range. A comma precedes each requirement.
 struct Besides(SettingSpec);
 
 impl core::fmt::Display for Besides {
@@ -384,7 +390,7 @@ pub struct SettingChange {
     pub value: f32,
 }
 
-/// Reason for which settings were not changed. The settings before stay in force, unless stated otherwise.
+/// Reason for which settings were not changed. The previous settings stay in force, unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum SettingsError {

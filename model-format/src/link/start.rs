@@ -3,10 +3,10 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Time after a start within which a fault counts as a quick one, ms. A run that lasts longer is a healthy one.
+/// Time after a start within which a fault counts as quick, ms. A run that lasts longer counts as healthy.
 pub const QUICK_FAULT_MS: u32 = 10_000;
 
-/// Number of quick faults in succession after which a start is in safe mode.
+/// Number of quick faults in succession after which the device starts in safe mode.
 pub const QUICK_FAULTS: u8 = 3;
 
 /// Supply below which flash is neither erased nor programmed, mV: the falling threshold of level 6 of the voltage
@@ -16,12 +16,12 @@ pub const FLASH_SUPPLY_MV: u16 = 2_760;
 /// Source of the processor's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ClockSource {
-    /// The 8 MHz that the board's probe gives, multiplied.
+    /// The clock of 8 MHz from the board's debug probe, multiplied.
     #[default]
     External,
     /// The internal oscillator of 64 MHz, multiplied. All times have its tolerance, about 1 %.
     Internal,
-    /// The internal oscillator as it is. No sample is taken or put out.
+    /// The internal oscillator without multiplication. No sample is converted or output.
     InternalUnmultiplied,
 }
 
@@ -77,12 +77,12 @@ impl core::fmt::Display for StartStage {
     }
 }
 
-/// Lowest level of the brown-out reset that a board should have: 1 of 0 to 3; 0 is off.
+/// Lowest level of the brown-out reset that a board should have. Levels are 0 to 3, and 0 is off.
 ///
-/// Off, the part runs on until its supply falls below 1.58 to 1.68 V (DS12110, reset and power control block, falling
-/// threshold of the power-down reset). It needs 1.62 V (DS12110, general operating conditions), for the core as well as
-/// for the flash. [`FLASH_SUPPLY_MV`] does not replace it, because that is asked before an operation, and an erasure
-/// goes on for up to 4 s. Each level from 1 on lies above 1.62 V.
+/// If the brown-out reset is off, the processor runs until its supply falls below 1.58 to 1.68 V (DS12110, reset and
+/// power control block, falling threshold of the power-down reset). But the core and the flash need 1.62 V (DS12110,
+/// general operating conditions). [`FLASH_SUPPLY_MV`] does not replace the brown-out reset, because it is checked only
+/// before an operation, and an erasure takes up to 4 s. Each level from 1 on lies above 1.62 V.
 pub const LEAST_BROWN_OUT_LEVEL: u8 = 1;
 
 /// Revision of the silicon: REV_ID of DBGMCU_IDC (RM0433 section 60.5.8).
@@ -90,7 +90,7 @@ pub const LEAST_BROWN_OUT_LEVEL: u8 = 1;
 pub struct SiliconRevision(pub u16);
 
 impl SiliconRevision {
-    /// Returns true for the revisions whose reads of the AXI SRAM go wrong without a remedy (ES0392 section 2.2.9).
+    /// Returns true for the revisions that misread the AXI SRAM unless a workaround is active (ES0392 section 2.2.9).
     pub const fn misreads_axi_sram(self) -> bool {
         self.0 < 0x2000
     }
@@ -101,19 +101,19 @@ impl SiliconRevision {
         self.0 > 0x1003
     }
 
-    /// Returns true for the revisions that the image is made for, [`Self::SUPPORTED`]. On older ones it runs with
-    /// remedies for what is known, and nothing else was tested.
+    /// Returns true for the revisions that the image is made for, [`Self::SUPPORTED`]. On older revisions, it runs with
+    /// workarounds for the known errors and is otherwise untested.
     pub const fn is_supported(self) -> bool {
         matches!(self.letter(), Some('X' | 'V'))
     }
 
-    /// Returns true for the revisions whose trimming of the USB clock by the host's frames does not work by owners'
-    /// reports, so that USB needs the external clock.
+    /// Returns true for the revisions that, according to users' reports, cannot trim the USB clock by the host's
+    /// frames, so that USB needs the external clock.
     pub const fn lacks_trimming(self) -> bool {
         self.0 <= 0x1003
     }
 
-    /// The revisions of [`Self::is_supported`], in words.
+    /// The revisions of [`Self::is_supported`], as text.
     pub const SUPPORTED: &str = "X or V";
 
     const fn letter(self) -> Option<char> {
@@ -149,8 +149,9 @@ pub struct StartReport {
     pub supply_low: bool,
     /// Quick faults in succession.
     pub quick_faults: u8,
-    /// True if nothing is played until the power comes anew or the reset button is pressed.
+    /// True if nothing is played until the power is switched off and on or the reset button is pressed.
     pub safe_mode: bool,
-    /// Stage in which a start hung, until the watchdog ended it; the last one since power-on.
+    /// Stage in which a start hung until the watchdog ended it. If several starts hung since power-on, this is the
+    /// stage of the last such start.
     pub hung_stage: Option<StartStage>,
 }

@@ -12,8 +12,8 @@ use super::{
 /// Width of one bin of the histogram, cycles.
 pub const TICK_BIN_CYCLES: u32 = 4096;
 
-/// Number of bins of the histogram; the last one takes all longer ticks. At 400 MHz the period of 80 000 cycles ends
-/// in it.
+/// Number of bins of the histogram. The last bin also counts all longer ticks. At 400 MHz, a period is 80 000 cycles,
+/// which lies in the last bin.
 pub const TICK_BIN_COUNT: usize = 20;
 
 /// Activity of the player.
@@ -32,7 +32,7 @@ pub enum Activity {
     Probing,
     /// The output fades out, before it stops or another texture or library takes over.
     FadingOut,
-    /// Another library is taken over.
+    /// Another library is being activated.
     Activating,
 }
 
@@ -41,11 +41,11 @@ pub enum Activity {
 pub struct OutputStatus {
     /// Activity of the player.
     pub activity: Activity,
-    /// True if the output is at mid-scale, with the mute's ramp down, because of the mute that holds.
+    /// True if the output is at mid-scale because of the current mute, whose ramp has ended.
     pub at_rest: bool,
     /// Reasons for which the output is muted now.
     pub mute: MuteReasons,
-    /// Number of times that each of [`super::MuteReason::ALL`] began.
+    /// Number of times that a mute began for each reason of [`super::MuteReason::ALL`].
     pub mute_counts: [u32; MUTE_REASON_COUNT],
     /// Number of samples at the kernel's full scale.
     pub saturations: u32,
@@ -70,11 +70,12 @@ pub struct TickCounters {
     pub ticks: u64,
     /// Ticks that did not run in their period.
     pub missed: u32,
-    /// Blocks that began without a new frame.
+    /// Blocks of ten ticks that began without new coefficients (a frame).
     pub late_frames: u32,
     /// Conversions that were not complete when the tick read them.
     pub late_conversions: u32,
-    /// Ticks whose codes did not continue the output's last one: they, or those before them, came too late.
+    /// Ticks whose codes did not directly follow the last code of the output, because they, or the codes before them,
+    /// came too late.
     pub late_outputs: u32,
 }
 
@@ -87,8 +88,8 @@ pub struct TickHistogram {
     pub shortest: u32,
     /// Longest tick, cycles.
     pub longest: u32,
-    /// Number of ticks per bin: bin n holds those from n to (n + 1) x [`TICK_BIN_CYCLES`] cycles, the last bin all
-    /// longer ones.
+    /// Number of ticks per bin. Bin n counts ticks of n to (n + 1) x [`TICK_BIN_CYCLES`] cycles, and the last bin also
+    /// all longer ticks.
     pub bins: [u32; TICK_BIN_COUNT],
 }
 
@@ -97,9 +98,9 @@ pub struct TickHistogram {
 pub struct RecordCounters {
     /// True while a recording is under way.
     pub recording: bool,
-    /// Blocks of this recording, or of the last one.
+    /// Blocks of the current recording, or of the last one if none is under way.
     pub blocks: u32,
-    /// Blocks of it that were lost in the device.
+    /// Number of these blocks that were lost in the device.
     pub lost_blocks: u32,
 }
 
@@ -125,7 +126,7 @@ pub enum ResetReason {
     PowerOn,
     /// Power dipped.
     Brownout,
-    /// The reset button or the probe.
+    /// The reset button or the debug probe.
     Pin,
     /// A request of the firmware, without a fault.
     Software,
@@ -190,7 +191,7 @@ pub struct Fault {
     pub program_counter: u32,
     /// Status of the fault: CFSR for a fault of the processor, the number of an interrupt, 0 otherwise.
     pub detail: u32,
-    /// Address of the access that was refused, or to which the stack had come, if the processor knows it.
+    /// Address of the access that was refused, or the address that the stack had reached, if the processor knows it.
     pub address: Option<u32>,
     /// File and line of a panic.
     pub text: FaultText,
@@ -233,7 +234,7 @@ pub struct Status {
     pub settings: SettingsState,
     /// The start: clock, silicon, supply, safe mode.
     pub start: StartReport,
-    /// The lease of whoever plays.
+    /// State of the lease to play.
     pub lease: LeaseStatus,
     /// Limits of the output that are in force.
     pub limits: OutputLimits,
@@ -246,19 +247,20 @@ pub struct Status {
 pub struct Marks {
     /// Length of the stack, bytes.
     pub stack_bytes: u32,
-    /// Bytes of the stack that were ever used, by tasks and interrupts together. It may be a second old.
+    /// Largest number of bytes of the stack that tasks and interrupts together have used. The value may be a second
+    /// old.
     pub stack_used_bytes: u32,
-    /// Longest delay from the timer's trigger to the first instruction of the tick, cycles. A tick that was missed is
-    /// counted as missed and is not in here.
+    /// Longest delay from the timer's trigger to the first instruction of the tick, cycles. Missed ticks are counted in
+    /// [`TickCounters::missed`] and are not included.
     pub longest_tick_delay_cycles: u32,
-    /// Longest time that interrupts were masked since the tick runs, cycles.
+    /// Longest time for which interrupts were masked since the first tick, cycles.
     pub longest_critical_section_cycles: u32,
     /// Longest time between two feeds of the watchdog, µs.
     pub longest_watchdog_gap_us: u32,
 }
 
-/// Levels of the sensors over the last whole window. Levels are in decibel as of ISO 1683, 0 for all below 1 of the
-/// reference.
+/// Levels of the sensors over the last complete window, in decibels according to ISO 1683. A level below 0 dB, the
+/// reference itself, is given as 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Levels {
     /// Number of samples of the window; 0 before the first one is complete.
@@ -290,7 +292,7 @@ impl CycleRange {
         longest: 0,
     };
 
-    /// The range of the runs of both.
+    /// Returns the range over the runs of both ranges.
     #[must_use]
     pub fn merged(self, other: Self) -> Self {
         Self {
@@ -301,8 +303,8 @@ impl CycleRange {
     }
 }
 
-/// Durations since the request before, or since the start. Each request begins a new range, so that a host can measure
-/// what it plays, one texture or scene after the other.
+/// Durations since the previous request, or since the start. Each request begins a new range, so that a host can
+/// measure several textures or scenes one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct CycleReport {
     /// Clock of the processor, Hz.

@@ -1,4 +1,4 @@
-//! The protocol's promises.
+//! Tests of the protocol: sizes of frames, encodings and keys.
 
 extern crate std;
 
@@ -17,7 +17,8 @@ use super::*;
 use crate::scene::SceneName;
 use crate::{AdcCode, SAMPLE_RATE_HZ};
 
-/// postcard-rpc's header with the longest key and sequence number: one byte, eight and four.
+/// Length of postcard-rpc's header with the longest key and sequence number, bytes: 1, then 8 for the key and 4 for the
+/// number.
 const FRAME_HEADER_BYTES: usize = 13;
 
 /// Largest length of a value of this type, bytes, if no text has more than `text` bytes and no sequence more than
@@ -41,7 +42,7 @@ fn longest(of: &NamedType, [text, items]: [usize; 2]) -> usize {
         Type::I64 | Type::U64 => 10,
         Type::F32 => 4,
         Type::String => 2 + text,
-        // The only bytes to the host.
+        // A response is the only byte array that is sent to the host.
         Type::ByteArray => 2 + RESPONSE_BYTES,
         Type::Seq(of) => 2 + items * one(of),
         Type::Option(of) => 1 + one(of),
@@ -155,7 +156,7 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
     // At the serial rate, 10 bits per byte, blocks take less than three quarters of the line.
     let bytes_per_second = SAMPLE_RATE_HZ / BLOCK_SAMPLES as u32 * (length as u32 + 20);
     assert!(bytes_per_second * 10 < SERIAL_BAUD / 4 * 3);
-    // Twice as many would not fit, so recordings stay at this rate.
+    // Twice as many samples would not fit, so recordings stay at this sample rate.
     assert!(2 * bytes_per_second * 10 > SERIAL_BAUD);
 }
 
@@ -263,8 +264,8 @@ fn keys() -> Vec<(String, Key)> {
     keys
 }
 
-/// postcard-rpc's dispatcher computes this when it is compiled. Two equal keys, as of a topic and an endpoint of one
-/// path and type, are a panic there.
+/// postcard-rpc's dispatcher computes its key length at compile time. Two equal keys, for example of a topic and an
+/// endpoint with the same path and type, cause a panic there.
 #[test]
 fn a_dispatcher_can_tell_all_messages_apart() {
     use postcard_rpc::server::min_key_needed;

@@ -1,4 +1,4 @@
-//! Units and the library's enums on the wire.
+//! Encoding of units and of the library's enums in messages.
 
 use postcard_schema::Schema;
 use postcard_schema::schema::{DataModelType, DataModelVariant, NamedType, NamedVariant};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::{AdcCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, Provenance, Volt};
 
-/// Encodes a unit on the wire as the number that it wraps.
+/// Encodes a unit in messages as the number that it wraps.
 macro_rules! transparent {
     ($($unit:ident($inner:ty)),* $(,)?) => {$(
         impl Serialize for $unit {
@@ -38,7 +38,7 @@ transparent! {
     MetresPerSecondSquared(f32),
 }
 
-/// The schema of an enum without fields, its variants in the order of their numbers on the wire.
+/// Implements the schema of an enum without fields. Variants must be in the order of their numbers in messages.
 macro_rules! plain_enum {
     ($name:ident { $($variant:ident),* $(,)? }) => {
         impl Schema for $name {

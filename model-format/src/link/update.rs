@@ -1,7 +1,7 @@
 //! Update of the device's image: a signed header, then the image as an upload into the slot that is not active.
 //!
-//! A file of an update is [`ImageHeader::to_bytes`], its Ed25519 signature, and the image. Its chunks are those of
-//! [`super::UploadChunkEndpoint`].
+//! The file of an update consists of [`ImageHeader::to_bytes`], the Ed25519 signature of these bytes, and the image.
+//! The image is sent in chunks by [`super::UploadChunkEndpoint`].
 
 use heapless::Vec;
 use postcard_schema::Schema;
@@ -12,7 +12,7 @@ use super::{LIBRARY_CRC, ResetReason, SlotId, UploadError};
 /// First bytes of a header: name and version of the header's format.
 const MAGIC: [u8; 8] = *b"STYLIMG\x01";
 
-/// Longest image, bytes: the three sectors that it runs from.
+/// Size of the largest image, bytes: the three sectors of flash from which the image runs.
 pub const MAX_IMAGE_BYTES: u32 = 384 * 1024;
 
 /// Name of the board that this project's images run on, with zeros after it.
@@ -27,16 +27,16 @@ pub const SIGNATURE_BYTES: usize = 64;
 /// Length of a header with its signature, bytes.
 pub const SIGNED_BYTES: usize = HEADER_BYTES + SIGNATURE_BYTES;
 
-/// Signature of an image that is not signed. The device takes it only if its button was held at power-on.
+/// Signature of an image that is not signed. The device accepts it only if the device's button was held at power-on.
 pub const UNSIGNED: [u8; SIGNATURE_BYTES] = [0; SIGNATURE_BYTES];
 
-/// Seed of the development key. It is public, so an image that trusts it takes anybody's images.
+/// Seed of the development key. It is public, so that a device whose image trusts this key accepts anybody's images.
 pub const DEVELOPMENT_SEED: [u8; 32] = *b"stylus: development, not secret!";
 
 /// Time for which a new image runs until the image confirms itself, ms.
 pub const TRIAL_MS: u64 = 60_000;
 
-/// Time that a device takes to exchange two images, at most, ms: six sectors erased and programmed (DS12110, table 60).
+/// Longest time that a device takes to exchange two images, ms: it erases and programs six sectors (DS12110, table 60).
 pub const EXCHANGE_MS: u64 = 60_000;
 
 /// Version of an image or a bootloader. Of two versions the later one is the greater.
@@ -126,19 +126,20 @@ impl ImageHeader {
     }
 }
 
-/// Request to receive an image, which is checked before anything is erased.
+/// Request to receive an image. The device checks the request before it erases anything.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UpdateBegin {
     /// Header and signature, [`SIGNED_BYTES`].
     pub signed: Vec<u8, SIGNED_BYTES>,
-    /// CRC-32 (ISO-HDLC) of the image. A broken transfer is resumed by it.
+    /// CRC-32 (ISO-HDLC) of the image. An interrupted transfer is resumed if its checksum is the same.
     pub crc32: u32,
-    /// True if an older version than the running one is wanted.
+    /// True if the image may be older than the running one.
     pub allow_downgrade: bool,
 }
 
 impl UpdateBegin {
-    /// Announces `image` with header and signature `signed`, of which bytes beyond [`SIGNED_BYTES`] are cut.
+    /// Creates the request for `image`. `signed` is its header and signature; bytes beyond [`SIGNED_BYTES`] are
+    /// dropped.
     pub fn new(image: &[u8], signed: &[u8]) -> Self {
         Self {
             signed: signed.iter().copied().take(SIGNED_BYTES).collect(),
@@ -183,13 +184,13 @@ pub struct UpdateReport {
     pub bootloader: Option<ImageVersion>,
     /// Phase of the update.
     pub phase: UpdatePhase,
-    /// True if the running image trusts the development key, and so everybody's images.
+    /// True if the running image trusts the development key, and so accepts everybody's images.
     pub trusts_development_key: bool,
-    /// True if the device takes an image that is not signed, because the button was held at power-on.
+    /// True if the device accepts an image that is not signed, because the button was held at power-on.
     pub takes_unsigned: bool,
 }
 
-/// Reason for which an update does not go on. The running image stays.
+/// Reason for which an update does not continue. The running image stays.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum UpdateError {
     /// A device without a bootloader.
@@ -228,7 +229,7 @@ pub enum UpdateError {
         /// Version of the offered image.
         offered: ImageVersion,
     },
-    /// A new image that is not confirmed, or one that waits for the restart.
+    /// A new image that is not confirmed, or an image that waits for the restart.
     #[error("the running image is on trial: wait a minute, after which it confirms itself")]
     Unconfirmed,
     /// A confirmation of an image that is not on trial.
@@ -245,7 +246,7 @@ pub enum UpdateError {
         "the image in flash is not the signed one: update again; if that fails too, get the file anew"
     )]
     Digest,
-    /// A record of the update that the flash fails to keep.
+    /// A record of the update that could not be kept in flash.
     #[error(
         "the flash does not keep the record of the update: try again; if it stays, the flash is worn"
     )]

@@ -1,4 +1,4 @@
-//! Upload of a library to the device, in chunks, so that a broken link costs no more than a chunk.
+//! Upload of a library to the device, in chunks, so that an upload can continue where a broken link interrupted it.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -6,28 +6,30 @@ use serde::{Deserialize, Serialize};
 use super::{FLASH_SUPPLY_MV, Reason, SlotId};
 use crate::limits::{FLASH_WORD_BYTES, MAX_LIBRARY_BYTES};
 
-/// Most bytes in a chunk.
+/// Largest number of bytes in a chunk.
 pub const MAX_CHUNK_BYTES: usize = 512;
 
-/// Divisor of the length of every chunk but the last, bytes: whole flash words.
+/// The length of every chunk except the last is a multiple of this number of bytes, which is a flash word.
 pub const CHUNK_ALIGN: usize = FLASH_WORD_BYTES;
 
-/// Most chunks that a host sends before it has the answer to the first of them.
+/// Largest number of chunks that a host sends before it has the answer to the first of them.
 ///
-/// While the device programs one chunk, the next ones cross the link, so the device never waits for a turn of the link.
-/// Its queue of jobs is long enough that another link finds room beside these chunks.
+/// While the device programs one chunk, the next chunks are transferred, so that the device never waits for the link.
+/// The device's queue is longer than this number, so that requests of another link fit in it too.
 pub const UPLOAD_WINDOW: usize = 3;
 
 /// Request to receive a library into the slot that is not active.
 ///
-/// A request with the length and checksum of an interrupted upload resumes it, within the same session of the device.
+/// If length and checksum are those of an interrupted upload, the request resumes that upload, as long as the device
+/// has not restarted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadBegin {
     /// Length of the library, bytes.
     pub length: u32,
     /// CRC-32 (ISO-HDLC) of all the library's bytes.
     pub crc32: u32,
-    /// True if the upload may erase the last readable library. Until its commit the device then has none.
+    /// True if the upload may erase the last readable library. The device then has no library until the upload is
+    /// committed.
     pub replaces_last: bool,
 }
 
@@ -47,7 +49,7 @@ pub struct UploadProgress {
     pub upload: UploadBegin,
     /// The slot that receives the upload.
     pub slot: SlotId,
-    /// Byte at which the next chunk must begin; the library's length once all chunks are there.
+    /// Byte at which the next chunk must begin; the library's length once all chunks have arrived.
     pub next_offset: u32,
 }
 
@@ -92,7 +94,7 @@ impl core::fmt::Display for FlashOperation {
     }
 }
 
-/// Reason for which an upload does not go on. The active library stays as it is.
+/// Reason for which an upload does not continue. The active library stays as it is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum UploadError {

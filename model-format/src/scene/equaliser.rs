@@ -27,13 +27,14 @@ impl Biquad {
         denominator: [0, 0],
     };
 
-    /// The section of these coefficients, each to the nearest step. None if one of them is out of range or not finite.
+    /// Creates the section with these coefficients, each rounded to the nearest step. Returns none if a coefficient is
+    /// out of range or not finite.
     pub fn from_f64(numerator: [f64; 3], denominator: [f64; 2]) -> Option<Self> {
         let mut stored = Self::IDENTITY;
         let places = stored.numerator.iter_mut().chain(&mut stored.denominator);
         for (place, value) in places.zip(numerator.into_iter().chain(denominator)) {
             let steps = value * (1i64 << Self::FRACTION_BITS) as f64;
-            // A cast truncates; half a step more makes the result the nearest.
+            // A cast truncates, so half a step is added in the direction of the sign to round to the nearest step.
             let steps = if steps < 0.0 {
                 steps - 0.5
             } else {
@@ -64,7 +65,7 @@ impl Biquad {
         const RADIUS: i64 = MAX_POLE_RADIUS_1024THS;
         let [a1, a2] = self.denominator.map(i64::from);
         let square = (RADIUS * RADIUS) << Self::FRACTION_BITS;
-        // Everything times 2²⁰; no product reaches 2⁵³.
+        // All terms are multiplied by 2²⁰. No product reaches 2⁵³.
         let a2 = a2 << 20;
         a2.abs() <= square && a1.abs() * RADIUS * 1024 <= square + a2
     }
@@ -76,11 +77,12 @@ fn value(steps: i32) -> f64 {
     f64::from(steps) / (1i64 << Biquad::FRACTION_BITS) as f64
 }
 
-/// |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, as a sum of squares in which nothing cancels: with z of cosine c,
+/// Evaluates |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle as a sum of squares, in which no digits cancel: (c0 c + c1 + c2
+/// c)² + (c0 - c2)² (1 - c²), where c is the cosine of the angle of z.
 /// (c0 c + c1 + c2 c)² + (c0 - c2)² (1 - c²).
 ///
-/// With u = 1 - |c| the first square is that of (c0 + c2 + c1) - (c0 + c2) u where c is positive, and that of
-/// (c0 + c2 - c1) - (c0 + c2) u where it is negative. These sums are exact in integers, and rounded once.
+/// With u = 1 - |c|, the first square is ((c0 + c2 + c1) - (c0 + c2) u)² for positive c, and ((c0 + c2 - c1) - (c0 +
+/// c2) u)² for negative c. The sums of coefficients are exact in integers and are rounded only once.
 #[derive(Clone, Debug)]
 struct SquareMagnitude {
     at_one: f32,
@@ -102,7 +104,8 @@ impl SquareMagnitude {
         }
     }
 
-    /// The least and the most of the squares at the cosines 1 - d and d - 1, for the distances d from `near` to `far`.
+    /// Lower and upper bounds of the squared magnitude over distances d from `near` to `far`: first for the cosines 1 -
+    /// d, then for the cosines d - 1.
     #[inline(always)]
     fn between(&self, [near, far]: [f32; 2]) -> [[f32; 2]; 2] {
         let imaginary = [near, far].map(|d| self.square_difference * d * (2.0 - d));
@@ -120,13 +123,13 @@ impl SquareMagnitude {
     }
 }
 
-/// Checks the poles and the gain of each of `sections`, and the gain of all sections up to each of them.
+/// Checks the poles and the gain of each of `sections`, and the gain of the cascade from the first section up to each.
 ///
 /// # Errors
 /// The index of the first section with a fault, and the fault.
 ///
 /// # Panics
-/// More than [`MAX_SECTIONS`].
+/// Panics if there are more than [`MAX_SECTIONS`] sections.
 pub fn check(sections: &[Biquad]) -> Result<(), (usize, SceneProblem)> {
     check_poles(sections)?;
     let mut check = GainCheck::new(sections);
@@ -143,37 +146,41 @@ pub(super) fn check_poles(sections: &[Biquad]) -> Result<(), (usize, SceneProble
     outside.map_or(Ok(()), |at| Err((at, SceneProblem::PoleRadius)))
 }
 
-/// Factor by which the bound of a squared gain may exceed that of the limit, 0.1 dB: bounds of short intervals come
-/// near to the peak and never reach it.
+/// Factor by which the bound of a squared gain may exceed the square of the limit, 0.1 dB. It is needed because the
+/// bound of a short interval comes near to the peak but always stays above it.
 const MARGIN: f32 = 1.02;
 
-/// Most intervals of the band that are halved. Eight narrow sections at the limit take some two hundred.
+/// Largest number of intervals of the band that are halved. Eight narrow sections at the limit take some two hundred
+/// intervals in all, of which about half are halved.
 const MOST_INTERVALS: usize = 512;
 
-/// Intervals in a step of a check.
+/// Number of intervals that one step of a check looks at.
 const STEP_INTERVALS: usize = 24;
 
-/// Most halvings of the band: intervals are then much narrower than the resonance of a pole at the limit.
+/// Largest number of halvings of the band, one inside the other. The intervals are then much narrower than the
+/// resonance of a pole at the limit.
 const MOST_HALVINGS: usize = 40;
 
-/// A check of the gain of each of some sections, and of all sections up to each, at every frequency.
+/// A check of the gain at every frequency: of each section, and of the cascade from the first section up to each.
 ///
-/// The numerators and denominators are bounded over intervals, which are halved where the bound of the gain is above
-/// the limit. The arithmetic is that of `f32`, which a stylus has in hardware; every processor has the same results.
+/// The squared magnitudes of numerators and denominators are bounded over intervals of frequency. An interval is halved
+/// if its bound of the gain is above the limit. The arithmetic is that of `f32`, which the device's processor has in
+/// hardware, and every processor computes the same results.
 #[derive(Clone, Debug)]
 pub(crate) struct GainCheck {
     /// Numerator and denominator of each section.
     sections: Vec<[SquareMagnitude; 2], MAX_SECTIONS>,
-    /// Begin of the interval, a distance of its cosine from 1 and from -1.
+    /// Beginning of the current interval: the distance of the cosine from 1, and in a second interval from -1.
     near: f32,
-    /// End of the interval, behind those of the intervals that it is a half of.
+    /// Ends of intervals, as a stack. The last one is the end of the current interval. Those before it are the ends of
+    /// the larger intervals of which it is a part.
     ends: Vec<f32, MOST_HALVINGS>,
-    /// Number of intervals that may follow.
+    /// Number of halvings that are still allowed.
     left: usize,
 }
 
 impl GainCheck {
-    /// The check of at most [`MAX_SECTIONS`] sections, whose poles are within their limit.
+    /// Creates the check of at most [`MAX_SECTIONS`] sections. Their poles must be within the limit.
     pub fn new(sections: &[Biquad]) -> Self {
         let magnitudes = |section: &Biquad| {
             let [a1, a2] = section.denominator;
@@ -191,7 +198,7 @@ impl GainCheck {
     /// Checks some intervals; returns true after the last one.
     ///
     /// # Errors
-    /// The index of the first section whose gain is above the limit, or cannot be told from one that is.
+    /// The index of the first section at which the gain is above the limit, or cannot be shown to be below it.
     pub fn step(&mut self) -> Result<bool, (usize, SceneProblem)> {
         for _ in 0..STEP_INTERVALS {
             let Some(&far) = self.ends.last() else {
@@ -212,7 +219,8 @@ impl GainCheck {
         Ok(self.ends.is_empty())
     }
 
-    /// Index of the first section up to which the bound of the gain is above the limit in an interval of distances.
+    /// Index of the first section at which, in this interval, the bound of the gain is above the limit: of the
+    /// section's own gain or of the cascade's up to it.
     fn first_above(&self, interval: [f32; 2]) -> Option<usize> {
         const HIGHEST: f32 = (MAX_EQUALISER_GAIN * MAX_EQUALISER_GAIN) as f32 * MARGIN;
         let mut all = [1.0f32; 2];
@@ -222,7 +230,7 @@ impl GainCheck {
             for side in 0..2 {
                 let own = above[side][1] / below[side][0];
                 all[side] *= own;
-                // The comparison is negated because a NaN is no bound.
+                // The comparison is negated so that a NaN counts as above the limit.
                 is_above |= !(own <= HIGHEST && all[side] <= HIGHEST);
             }
             is_above

@@ -1,13 +1,14 @@
 //! Scenes: textures along the stylus's path, and the effects that go with them.
 //!
-//! A scene is owned and bounded: it takes no allocation, postcard encodes it as it is, and it stands in a library
-//! after the textures that it names. [`Scene::validate`] is the one check, on both sides; a scene that passes it can be
-//! compiled to a plan and played.
+//! A scene has a bounded size and needs no allocation. Postcard encodes it directly. In a library, scenes stand after
+//! the textures that they refer to. [`Scene::validate`] is the only check, on the host and on the device; a scene that
+//! passes it can be compiled to a plan and played.
 //!
-//! **Regions** lie along the path, in mm, one after the other. Between regions nothing sounds. A scene without regions
-//! is its first surface everywhere. Where two regions touch, one surface fades into the other over the transition's
-//! width, centred on the boundary, at equal power. Where a region has no neighbour, it fades within itself over half
-//! that width. A region shorter than the width shortens the transitions at its ends to its own length.
+//! **Regions** lie one after the other along the path, in mm. Between regions nothing sounds. In a scene without
+//! regions, the first surface is everywhere. Where two regions touch, one surface fades into the other at equal power;
+//! this transition is centred on the boundary. Where a region has no neighbour, its surface fades within the region
+//! over half the transition's width. A region shorter than the transition's width shortens the transitions at its ends
+//! to its own length.
 
 mod equaliser;
 mod error;
@@ -34,7 +35,8 @@ pub type SceneName = String<MAX_NAME_BYTES>;
 pub struct Scene {
     /// Name, unique among its library's scenes.
     pub name: SceneName,
-    /// Sample rate of all textures in the scene, for which the equaliser was designed too, Hz.
+    /// Sample rate of the scene's output, Hz. All its textures must have this rate, and the equaliser is designed for
+    /// it.
     pub sample_rate_hz: u32,
     /// Surfaces, at least one.
     pub surfaces: Vec<Surface, { limits::MAX_SURFACES }>,
@@ -44,7 +46,7 @@ pub struct Scene {
     pub transition_mm: f32,
     /// Speed and force that the textures follow.
     pub motion: MotionOfScene,
-    /// Equaliser of all that is played, as a cascade of sections; none leaves the output as it is.
+    /// Equaliser of the scene's whole output, as a cascade of sections. Without sections, the output is unchanged.
     pub equaliser: Vec<Biquad, { limits::MAX_SECTIONS }>,
 }
 
@@ -75,7 +77,7 @@ pub struct Region {
 /// Speed and force that the textures follow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum MotionOfScene {
-    /// Speed and force of the moment.
+    /// The current speed and force.
     Followed,
     /// The same speed and force for as long as there is contact, so that no coefficient changes.
     Constant {
@@ -107,21 +109,23 @@ pub struct Tap {
 pub struct StickSlip {
     /// Path from one slip to the next, mm.
     pub period_mm: f32,
-    /// Share of the period that the slip takes, 0 to 1.
+    /// Fraction of the period that the slip takes, 0 to 1.
     pub duty: f32,
     /// Attenuation of the texture while the tool sticks: 0 is none, 1 is silence.
     pub depth: f32,
-    /// Speed at and above which the tool slides, mm/s. Sticking sets in below it and is full at three quarters of it.
+    /// Speed at and above which the tool slides, mm/s. Below this speed, sticking begins; it is complete at three
+    /// quarters of the speed.
     pub below_mm_s: f32,
-    /// Force up to which the tool slides, N. Sticking sets in above it and is full at five quarters of it.
+    /// Force up to which the tool slides, N. Above this force, sticking begins; it is complete at five quarters of the
+    /// force.
     pub above_n: f32,
 }
 
 impl Scene {
-    /// A scene of `surface` everywhere that follows the motion, without a transition or an equaliser.
+    /// Creates a scene that has `surface` everywhere and follows the motion, without a transition or an equaliser.
     pub fn of_surface(name: SceneName, sample_rate_hz: u32, surface: Surface) -> Self {
         let mut surfaces = Vec::new();
-        // There is room for one.
+        // A list of surfaces has a capacity of more than one.
         let _ = surfaces.push(surface);
         Self {
             name,
@@ -136,7 +140,7 @@ impl Scene {
 }
 
 impl Surface {
-    /// The surface of texture number `texture` of the library, at its own level and without effects.
+    /// Creates a surface with texture number `texture` of the library, at a gain of 1 and without effects.
     pub const fn of_texture(texture: u8) -> Self {
         Self {
             texture: Some(texture),

@@ -1,4 +1,4 @@
-//! Reading a scene's record. The order of its fields is that in which postcard writes [`Scene`].
+//! Reading of a scene's record. Fields are read in the order in which postcard writes [`Scene`].
 
 use heapless::Vec;
 
@@ -6,7 +6,7 @@ use super::{Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface,
 use crate::wire::Reader;
 
 impl Scene {
-    /// The scene whose record is `bytes`. None if they are not exactly a scene.
+    /// Reads the scene whose record is `bytes`. Returns none if they are not exactly one scene.
     pub(crate) fn parse(bytes: &[u8]) -> Option<Self> {
         let reader = &mut Reader(bytes);
         let scene = Self {
@@ -34,7 +34,7 @@ impl Scene {
     }
 }
 
-/// A varint of a number of items, at most `N`, then these.
+/// Reads a varint, the number of items, at most `N`, and then the items.
 fn vec<'a, T, const N: usize>(
     reader: &mut Reader<'a>,
     item: fn(&mut Reader<'a>) -> Option<T>,

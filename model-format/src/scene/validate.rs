@@ -5,7 +5,7 @@ use super::{MotionOfScene, Scene, StickSlip, Surface, Tap, equaliser, limits};
 use crate::library::{Library, Texture};
 use crate::limits::{MAX_OUTPUT_POWER, MAX_SAMPLE_RATE_HZ};
 
-/// The facts of a texture that a surface is checked against.
+/// Properties of a texture with which a surface must agree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TextureBounds {
     sample_rate_hz: u32,
@@ -13,7 +13,7 @@ pub(crate) struct TextureBounds {
 }
 
 impl TextureBounds {
-    /// The facts of no texture.
+    /// Placeholder where there is no texture.
     pub const NONE: Self = Self {
         sample_rate_hz: 0,
         highest_gain: 0.0,
@@ -38,7 +38,8 @@ impl Scene {
             .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
     }
 
-    /// Checks all but the gain of the equaliser, which is most of the work: that of a decoded scene was checked.
+    /// Checks everything except the gain of the equaliser. That check is most of the work, and a decoded scene has
+    /// already passed it.
     ///
     /// # Errors
     /// The first fault found, with its place.
@@ -48,8 +49,8 @@ impl Scene {
         self.validate_with(library.len(), |surface, _| bounds[surface])
     }
 
-    /// As [`Scene::validate_decoded`], for a library of `count` textures; `bounds` are those of the texture of a
-    /// surface, by the indices of both, and none if there is no such texture.
+    /// Like [`Scene::validate_decoded`], for a library of `count` textures. `bounds` gets the index of a surface and
+    /// the index of its texture, and returns the texture's properties, or none if there is no such texture.
     pub(crate) fn validate_with(
         &self,
         count: usize,
@@ -89,9 +90,10 @@ impl Scene {
             .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
     }
 
-    /// The texture of each surface; none where it has none, or `library` has none of the index.
+    /// Returns the texture of each surface, or none where the surface has no texture or `library` has no texture of
+    /// that index.
     ///
-    /// One pass over the library serves all surfaces, and parses the headers of their textures alone.
+    /// One pass over the library serves all surfaces. It parses the headers of only those textures that a surface uses.
     pub fn textures<'a>(
         &self,
         library: &Library<'a>,
@@ -207,11 +209,11 @@ fn validate_stick_slip(stick_slip: &StickSlip) -> Result<(), SceneProblem> {
     )
 }
 
-/// The highest gain for `texture`: 1, or the largest power of two that leaves its loudest node at half the highest RMS
-/// of a node.
+/// Returns the highest gain for `texture`: the largest power of two with which its loudest node has at most half the
+/// highest RMS of a node, but at least 1 and at most [`limits::MAX_GAIN`].
 ///
-/// A power of two is found without a root. The kernel's direct form relies on the bound. Codebooks and level tracks
-/// leave the output's power at that of the nodes, within 2 % each; see [`crate::limits::MIN_FED_POWER`].
+/// A power of two can be found without a square root. The kernel's direct form relies on this bound. A codebook and a
+/// level track change the power of a node's output by at most 2 % each; see [`crate::limits::MIN_FED_POWER`].
 fn highest_gain(texture: &Texture<'_>) -> f32 {
     let loudest = texture.max_output_power();
     let mut gain = 1.0;

@@ -1,11 +1,11 @@
-//! A second writer of the format that checks nothing, and the checksum by its definition.
+//! A second writer of the format, which checks nothing, and a checksum that is computed by its definition.
 
 use model_format::{FORMAT_VERSION, NodeFlags, SAMPLE_RATE_HZ};
 
 /// Length of the prefix, bytes.
 pub const PREFIX_BYTES: usize = 16;
 
-/// A library to be written, right or wrong. `None` stands for the value that the rest implies.
+/// A library to be written, valid or invalid. `None` stands for the value that follows from the other fields.
 #[derive(Clone, Debug)]
 pub struct RawLibrary {
     pub magic: [u8; 4],
@@ -39,7 +39,7 @@ pub struct RawTexture {
     pub part_count: Option<u32>,
     /// Bytes after the parts.
     pub tail: Vec<u8>,
-    /// Bytes that follow the records of a string and make it ragged.
+    /// Surplus bytes after the records of a string, so that it holds no whole number of records.
     pub ragged: Ragged,
 }
 
@@ -61,8 +61,8 @@ pub struct RawNode {
     pub offset: u32,
 }
 
-/// Content of a part with lines of these wavelengths, mm, and phases over `nodes` nodes, of which the first two are at
-/// rest.
+/// Content of a part with lines of these wavelengths, mm, and phases. It is for a grid of `nodes` nodes, of which the
+/// first two are at speed 0 and have amplitudes of 0.
 pub fn lines(lines: &[(f32, u16)], nodes: usize) -> Vec<u8> {
     let mut content = vec![lines.len() as u8];
     for (wavelength, phase) in lines {
@@ -174,7 +174,8 @@ impl RawTexture {
         }
     }
 
-    /// A lattice with tails: nodes of order 0, of 32 without a tail and of 33 and 37 with one, and one whose tail is 0.
+    /// A texture with tails. Two nodes have order 0, one has order 32 and no tail, two have orders 33 and 37 and a
+    /// tail, and one has a tail whose codes are all 0.
     pub fn with_tails() -> Self {
         let mut texture = Self::sound("felt", &[]);
         let mut steps = vec![0; 4];
@@ -266,9 +267,11 @@ pub fn codebook(peak: f32, codes: &[i8]) -> Vec<u8> {
     bytes
 }
 
-/// The content of an excitation of two codebooks for so many nodes, of which the first are Gaussian.
+/// The content of an excitation of two codebooks. The sources of the nodes are in turn Gaussian noise, the first and
+/// the second codebook.
 pub fn two_codebooks(nodes: usize) -> Vec<u8> {
-    // Both have a mean square of 1: all samples at the peak, or one of four.
+    // Both codebooks have a mean square of 1. In the first, all samples are at a peak of 1; in the second, every fourth
+    // sample is at a peak of 2.
     let even = (0..1000).map(|n| if n % 3 == 0 { 127 } else { -127 });
     let even: Vec<i8> = even.collect();
     let sparse = (0..1004).map(|n| if n % 4 == 0 { 127 } else { 0 });
@@ -280,14 +283,14 @@ pub fn two_codebooks(nodes: usize) -> Vec<u8> {
     bytes
 }
 
-/// The content of a level track of a quarter of a dB up and down.
+/// The content of a level track that alternates between 0.25 and -0.25 dB.
 pub fn track() -> Vec<u8> {
     let mut bytes = vec![100];
     bytes.extend((0..20).map(|n| if n % 2 == 0 { 1 } else { 0xff }));
     bytes
 }
 
-/// Appends seven bits per byte, the lowest first; the top bit tells that more follow.
+/// Appends seven bits per byte, the lowest first. The top bit is set if more bytes follow.
 fn append_varint(mut value: u32, bytes: &mut Vec<u8>) {
     while value >= 0x80 {
         bytes.push(value as u8 | 0x80);
@@ -312,7 +315,7 @@ fn floats(values: &[f32]) -> Vec<u8> {
         .collect()
 }
 
-/// The record of a scene of this name; `content` follows its rate.
+/// The record of a scene of this name. `content` follows the sample rate.
 fn scene(name: &str, content: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = Vec::new();
     append_string(name.as_bytes(), &mut bytes);
@@ -325,7 +328,7 @@ fn scene(name: &str, content: &[Vec<u8>]) -> Vec<u8> {
 fn plain_scene() -> Vec<u8> {
     // One surface: texture 0, gain 1, no tap, no stick-slip.
     let surface = [vec![1, 1, 0], floats(&[1.0]), vec![0, 0]].concat();
-    // No region, no transition, the motion is followed, no equaliser.
+    // No region, no transition, a motion that is followed, no equaliser.
     scene("plain", &[surface, vec![0], floats(&[0.0]), vec![0, 0]])
 }
 
@@ -360,7 +363,7 @@ fn append_string(string: &[u8], bytes: &mut Vec<u8>) {
     bytes.extend(string);
 }
 
-/// Makes length and checksum of `bytes` right. Bytes that are too few for a prefix stay as they are.
+/// Corrects the length and the checksum in `bytes`. Nothing changes if there are too few bytes for a prefix.
 pub fn repair(bytes: &mut [u8]) {
     if bytes.len() >= PREFIX_BYTES {
         let total_bytes = bytes.len() as u32;
@@ -374,7 +377,7 @@ fn repair_checksum(bytes: &mut [u8]) {
     bytes[12..16].copy_from_slice(&crc32.to_le_bytes());
 }
 
-/// The checksum that `bytes` should hold: that of all bytes but the checksum itself.
+/// The checksum that `bytes` should hold: it covers all bytes except the checksum itself.
 pub fn checksum(bytes: &[u8]) -> u32 {
     crc32(bytes[..12].iter().chain(&bytes[16..]).copied())
 }

@@ -1,4 +1,4 @@
-//! Bytes that were damaged, cut, or never a library. Each gives a typed error, or a library that keeps all promises.
+//! Bytes that were damaged, cut, or never a library. Decoding them gives a typed error or a valid library.
 
 use model_format::{DecodeError, Library, Problem, encode_with_scenes};
 use proptest::collection::vec;
@@ -21,7 +21,8 @@ fn every_single_flipped_bit_is_an_error() {
     assert!(Library::decode(&bytes).is_ok());
 }
 
-/// Behind a repaired prefix, the structure itself must show the truncation.
+/// The length and the checksum in the prefix are right again, so that only the structure of the bytes shows the
+/// truncation.
 #[test]
 fn every_truncation_with_repaired_prefix_is_an_error() {
     let bytes = RawLibrary::full().bytes();
@@ -36,14 +37,14 @@ fn every_truncation_with_repaired_prefix_is_an_error() {
     }
 }
 
-/// Checks that `bytes` are refused with an error, or are a library that keeps all promises.
+/// Checks that `bytes` are refused with an error, or are a valid library.
 fn sound_or_refused(bytes: &[u8]) -> Result<(), TestCaseError> {
     match Library::decode(bytes) {
         Ok(library) => {
             let (read, played) = (content(&library), scenes(&library));
             let again = encode_with_scenes(&read, &played)
                 .map_err(|error| TestCaseError::fail(error.to_string()))?;
-            // A library has one encoding, so that this is all that can be said of it.
+            // A library has only one encoding, so that its content must encode to the same bytes.
             prop_assert_eq!(again.as_slice(), bytes);
         }
         Err(error @ DecodeError { place, problem }) => {
@@ -108,7 +109,7 @@ enum Mutation {
 
 impl Mutation {
     fn apply(self, at: Index, bytes: &mut Vec<u8>) {
-        // Magic and version stay as they are, so that the body is reached.
+        // Magic and version stay as they are, so that decoding reaches the body.
         let at = 6 + at.index(bytes.len() - 6);
         match self {
             Self::Set(byte) => bytes[at] = byte,
@@ -139,8 +140,8 @@ fn mutation() -> impl Strategy<Value = Mutation> {
     ]
 }
 
-/// Every byte that can be one of a varint is made two of a longer one with the same value. Where it is something else,
-/// the library is damaged in another way.
+/// Every byte that can be the last of a varint is replaced by two bytes, so that the varint is longer and has the same
+/// value. Where the byte is not part of a varint, the library is damaged in another way.
 #[test]
 fn a_number_in_more_bytes_than_it_needs_is_refused_wherever_it_stands() {
     let sound = RawLibrary::full().bytes();
@@ -158,7 +159,7 @@ fn a_number_in_more_bytes_than_it_needs_is_refused_wherever_it_stands() {
             padded += usize::from(matches!(error.problem, Problem::Malformed(_)));
         }
     }
-    // Counts, lengths and kinds of a library with three textures and two scenes.
+    // The library contains at least this number of counts, lengths and kinds.
     assert!(padded > 100, "{padded}");
 }
 

@@ -1,4 +1,4 @@
-//! Bytes with exactly one fault, for each fault that there is. The message names the fault's place and its numbers.
+//! Bytes with exactly one fault, for every kind of fault. The message names the fault's place and numbers.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINES, MAX_OUTPUT_POWER};
 use model_format::{
@@ -17,7 +17,7 @@ pub fn refused(bytes: &[u8]) -> String {
     error.to_string()
 }
 
-/// Checks that the sound library with the fault that `spoil` puts into it is refused; the message begins with `begin`.
+/// Checks that [`RawLibrary::sound`] is refused after `spoil` has put a fault into it. The message begins with `begin`.
 pub fn tells(spoil: impl FnOnce(&mut RawLibrary), begin: &str) {
     let mut library = RawLibrary::sound();
     spoil(&mut library);
@@ -33,7 +33,7 @@ pub fn of_texture(spoil: impl FnOnce(&mut RawTexture), told: &str) {
     );
 }
 
-/// Numbers that are no value on an axis, no power and no amplitude.
+/// Numbers that are invalid as a value on an axis, as a power and as an amplitude.
 pub const BAD: [f32; 5] = [-1.0, -0.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
 
 /// Indices of the first node of texture 1 that is not silent.
@@ -127,7 +127,7 @@ fn damage_is_told_with_both_checksums() {
     assert!(refused(&bytes).starts_with(&told));
 }
 
-/// The player takes highest order and power from the summary, without a look at the nodes.
+/// The summary is checked because the player reads the highest order and power from it, without reading the nodes.
 #[test]
 fn headers_and_counts_are_checked() {
     tells(|l| l.magic = *b"RIFF", "library: not a texture library");
@@ -136,7 +136,8 @@ fn headers_and_counts_are_checked() {
     tells(|l| l.count = Some(257), "library: the number of textures i");
     tells(|l| l.count = Some(u32::MAX), "library: the number of textu");
     tells(|l| l.count = Some(4), "texture 3: its header does not pars");
-    // A texture beyond the declared number is read as scenes: the first byte of its length is their number.
+    // A texture beyond the declared number is read as scenes. The first byte of its length is then read as their
+    // number.
     tells(|l| l.count = Some(2), "library: the number of scenes is");
     tells(|l| l.tail = vec![1, 2, 3], "library: 3 bytes are left over");
     of_texture(|t| t.tail = vec![0; 5], ": 5 bytes are left over");
@@ -230,8 +231,8 @@ fn nodes_are_checked() {
         let reflects = |t: &mut RawTexture| t.coefficients[at..at + 2].copy_from_slice(&[0, 0x80]);
         of_node(node, reflects, &format!("{told} has a reflection"));
     }
-    // A fraction that turns away from π/2 does not make its code a valid one, because a reader of codes alone would
-    // not see it.
+    // A code of -2¹⁵ is refused even if its fraction moves θ away from -π/2, because a reader that ignores fractions
+    // would not see this.
     of_node(
         AT,
         |t| {
@@ -316,7 +317,7 @@ fn of_codes(codes: CodeSpec, told: &str) {
     );
 }
 
-/// The encoder decodes what it has written. What its own form can say and bytes cannot, it refuses itself.
+/// The encoder decodes what it has written. It refuses by itself what a `TextureSpec` can express but bytes cannot.
 #[test]
 fn the_encoder_refuses_what_the_decoder_would() {
     assert!(encode(&[spec()]).is_ok());
@@ -338,7 +339,7 @@ fn the_encoder_refuses_what_the_decoder_would() {
         },
         ", node (speed 0, force 1): a tail begins after stage 32",
     );
-    // A step without a tail, where no other node has one.
+    // A step without a tail, in a texture in which no node has a tail.
     of_codes(with_tail(32, &[], 1), "the step of a tail");
     encodes_not(
         |spec| spec.parts.lines = Some(flat_lines(1, 3)),

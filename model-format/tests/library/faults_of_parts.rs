@@ -1,4 +1,4 @@
-//! Faults of optional parts, each told with its place.
+//! Faults of optional parts, each reported with its place.
 
 use model_format::Library;
 use model_format::limits::{
@@ -18,7 +18,7 @@ fn of_parts(parts: &[(u32, &[u8])], begin: &str) {
     of_texture(|texture| texture.parts = owned(parts), begin);
 }
 
-/// The texture with these parts, as texture 1, holds.
+/// Checks that the library is valid with these parts of texture 1.
 fn holds(parts: &[(u32, &[u8])]) {
     let mut library = RawLibrary::sound();
     library.textures[1].parts = owned(parts);
@@ -31,7 +31,7 @@ fn parts_are_known_ascend_and_say_something() {
     for kind in [0, 50, 200, u32::MAX] {
         let told = format!(": an optional part of {kind:#x}, which this program does not know");
         of_parts(&[(kind, b"later")], &told);
-        // Behind known ones too.
+        // The same after a part of a known kind.
         of_parts(&[(1, &[1, 1]), (kind, b"")], &told);
     }
     let (levels, fine): (&[u8], &[u8]) = (&[1, 1], &[0, 0, 1, 1, 1, 1]);
@@ -71,7 +71,8 @@ fn parts_are_known_ascend_and_say_something() {
     of_parts(&[(2, &content)], &told);
 }
 
-/// The number of parts is not believed: nothing is reserved for it, and a part that is missing ends the search.
+/// The declared number of parts is not trusted: no memory is reserved for it, and reading ends at the first missing
+/// part.
 #[test]
 fn parts_that_do_not_parse_are_told_with_their_texture() {
     let told = "texture 0: an optional part does not parse";
@@ -88,7 +89,7 @@ fn parts_that_do_not_parse_are_told_with_their_texture() {
             told,
         );
     }
-    // A content that is longer than the bytes are.
+    // A content whose declared length exceeds the remaining bytes.
     tells(
         |library| {
             alone(1, library);
@@ -104,7 +105,7 @@ fn excitation(codebooks: &[Vec<u8>], of_nodes: &[u8]) -> Vec<u8> {
     [&[codebooks.len() as u8], &codebooks.concat()[..], of_nodes].concat()
 }
 
-/// Content of an excitation of one codebook, which all nodes have.
+/// Content of an excitation of one codebook, which all nodes use.
 fn one(peak: f32, codes: &[i8]) -> Vec<u8> {
     excitation(&[codebook(peak, codes)], &[1; 6])
 }
@@ -112,7 +113,7 @@ fn one(peak: f32, codes: &[i8]) -> Vec<u8> {
 #[test]
 fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
     let sound = || codebook(1.0, &[127; 1000]);
-    // 1 byte of the count, 2 of the length, 4 of the peak, and 6 of the nodes.
+    // The other bytes: 1 of the count, 2 of the length, 4 of the peak, and 6 of the nodes.
     let most = MAX_EXCITATION_BYTES - 13;
     let mut sparse = [0; 1600];
     sparse[77] = -127;
@@ -132,7 +133,7 @@ fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
     let count = "the number of codebooks is";
     let unused = "a codebook that no node has";
     let two = |last: Vec<u8>| excitation(&[sound(), last], &[1, 2, 1, 2, 0, 0]);
-    // Also behind the first step of a decoder, and in the second codebook.
+    // Also after the bytes of a decoder's first step, and in the second codebook.
     let with_lowest = |at: usize| {
         let mut codes = vec![127i8; 5000];
         codes[at] = i8::MIN;
@@ -190,7 +191,7 @@ fn an_excitation_that_is_cut_anywhere_is_refused() {
     for length in 0..whole.len() {
         of_parts(&[(3, &whole[..length])], ": ");
     }
-    // A length beyond the end, up to the largest that the encoding holds, and one that never ends.
+    // Lengths beyond the end of the bytes, up to the largest that a varint can encode, and a varint that does not end.
     for length in [
         &[0xd0, 0x0f][..],
         &[0xff, 0xff, 0xff, 0xff, 0x0f],
@@ -201,7 +202,8 @@ fn an_excitation_that_is_cut_anywhere_is_refused() {
     }
 }
 
-/// Blocks of samples at their level, which is the peak, or another for the first of all.
+/// Blocks whose samples all have the magnitude of the block's level. This level is the peak, except in the first block,
+/// where it is `first_level`.
 fn of_blocks(count: usize, first_level: i8) -> Vec<i8> {
     let block = |n| [vec![-1; 24], vec![if n == 0 { first_level } else { 0 }]].concat();
     (0..count).flat_map(block).collect()
@@ -283,10 +285,10 @@ fn a_level_track_has_steps_and_entries_within_bounds_and_a_mean_square_of_one() 
     }
 }
 
-/// Bytes of one line of [`of_lines`].
+/// Length of one line of [`of_lines`], bytes.
 const LINE_BYTES: usize = 6 + 6 * 4;
 
-/// Sound lines of texture 1, with one fault.
+/// Checks that valid lines of texture 1 are refused after `spoil` has put a fault into them.
 fn of_lines(spoil: impl FnOnce(&mut Vec<u8>), begin: &str) {
     let mut content = lines(&[(0.5, 0), (2.0, 9)], 6);
     holds(&[(5, &content)]);
@@ -364,7 +366,7 @@ fn amplitudes_of_lines_are_finite_bounded_and_zero_at_rest() {
     of_lines(|content| content[1 + LINE_BYTES + 6..].fill(0), told);
 }
 
-/// Two wanders of three lines, with one fault.
+/// Two wanders of three lines, each time with one fault.
 #[test]
 fn wanders_are_bounded_used_and_of_lines_that_there_are() {
     fn of_wander(spoil: impl FnOnce(&mut Vec<u8>), begin: &str) {
@@ -429,7 +431,8 @@ fn tails_have_one_step_per_node_which_is_the_one_that_their_codes_need() {
         let told = format!("texture 0, node (speed 2, force 0): stage {stage} has the code -128");
         of_tails(lowest, &told);
     }
-    // The node without a stage beyond the 32nd and the silent one; the one whose tail is 0; those that are not 0.
+    // The step must be 0 in a silent node (0), in a node of 32 stages (2) and in a node whose tail is all 0 (5). It
+    // must not be 0 in nodes with other tails (3 and 4).
     for (number, step) in [(0, 1), (2, 1), (5, 1), (5, 9), (3, 0), (4, 0)] {
         let stepped = |texture: &mut RawTexture| {
             texture.parts[1].1[2 * number..][..2].copy_from_slice(&u16::to_le_bytes(step));
@@ -440,7 +443,8 @@ fn tails_have_one_step_per_node_which_is_the_one_that_their_codes_need() {
             &format!("texture 0, node (speed {speed}, force {force}): the step"),
         );
     }
-    // A step of two or more would do with half of itself if all codes were below half their range.
+    // If all codes are below half their range, half the step would suffice. A step of 2 is then refused, and a step of
+    // 1 is valid.
     let halved = |texture: &mut RawTexture, step: u16| {
         let tail = texture.nodes[4].offset as usize + 64;
         texture.coefficients[tail..tail + 5].copy_from_slice(&[63, 0xff, 0, 32, 0xc1]);
@@ -452,8 +456,7 @@ fn tails_have_one_step_per_node_which_is_the_one_that_their_codes_need() {
     library.textures = vec![RawTexture::with_tails()];
     halved(&mut library.textures[0], 1);
     assert!(Library::decode(&library.bytes()).is_ok());
-    // A reader that took the bytes of a tail for codes of 16 bits, or the other way round, would find too few or too
-    // many.
+    // A reader that confused the bytes of a tail with codes of 16 bits would find too few or too many bytes.
     let used = 4 * 64 + 1 + 5 + 2;
     let told = "texture 0, node (speed 2, force 1): the coefficients end within";
     of_tails(|texture| texture.coefficients.resize(used - 1, 0), told);

@@ -1,4 +1,4 @@
-//! Codebooks and level tracks: their laws, and what a texture tells of them.
+//! Codebooks and level tracks: the laws of their codes, and what a texture returns about them.
 
 use model_format::{
     BLOCK_BYTES, BLOCK_SAMPLES, CodebookSpec, LEVEL_FRACTION_BITS, Library, MU_LAW_FRACTION_BITS,
@@ -58,7 +58,7 @@ fn a_texture_lists_its_codebooks_and_its_track_with_their_bytes() {
             (PartKind::Modulation, 21),
         ]
     );
-    // Two lines of a wavelength, a phase and six amplitudes.
+    // Two lines, each with a wavelength, a phase and six amplitudes.
     let lines = (PartKind::Lines, 1 + 2 * (4 + 2 + 6 * 4));
     assert_eq!(parts(2), [(PartKind::Modulation, 21), lines]);
     let fed: Vec<bool> = library.textures().map(|texture| texture.is_fed()).collect();

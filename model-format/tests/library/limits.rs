@@ -1,4 +1,4 @@
-//! Bounded work on any bytes: limits are enforced on declared counts, before anything is walked.
+//! Bounded work on any bytes: declared counts are checked against the limits before the items are read.
 
 use model_format::limits::{
     MAX_AXIS_LEN, MAX_LIBRARY_BYTES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES,
@@ -14,7 +14,7 @@ fn tells(library: &RawLibrary, told: &str) {
     assert!(message.contains(told), "{message}");
 }
 
-/// The first value is a fault too, and is not reached.
+/// The first value is faulty too, but the length is reported first.
 #[test]
 fn the_length_of_an_axis_is_judged_before_its_values() {
     for length in [MAX_AXIS_LEN + 1, 50_000] {
@@ -41,7 +41,8 @@ fn the_size_of_the_whole_is_judged_before_its_checksum() {
     tells(&library, "its length in bytes");
 }
 
-/// Declared lengths beyond the end, up to the largest that the encoding can hold. Nothing is reserved for them.
+/// Declared lengths beyond the end of the bytes, up to the largest that the encoding can hold. No memory is reserved
+/// for them.
 #[test]
 fn declared_lengths_beyond_the_end_are_errors() {
     for length in [
@@ -94,7 +95,7 @@ fn a_library_at_its_limits_is_valid() {
     let textures = (1..MAX_TEXTURES).map(small).collect::<Vec<_>>();
     library.textures = textures;
     library.textures.push(large);
-    // The bytes missing to the full size become coefficients of more nodes.
+    // More nodes with coefficients fill the library up to the full size.
     let missing = MAX_LIBRARY_BYTES - library.bytes().len();
     let last = library.textures.last_mut().expect("one was pushed");
     let more = missing / (2 * MAX_ORDER);

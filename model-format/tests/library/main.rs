@@ -1,7 +1,7 @@
 //! The promises of the library's format, tested through its public interface only.
 //!
-//! [`bytes`] writes the format a second time, from its description in `README.md`, so that the decoder meets bytes that
-//! the encoder would never write.
+//! [`bytes`] is a second writer of the format, written from its description in `README.md`. With it, the decoder is
+//! tested on bytes that the encoder would never write.
 
 mod bytes;
 mod damage;

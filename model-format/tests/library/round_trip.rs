@@ -37,7 +37,7 @@ fn two_independent_writers_give_the_same_bytes() {
 }
 
 proptest! {
-    /// A tail has the least step, so that it is written, and no θ is off by more than half of it.
+    /// A tail has the smallest possible step, so that the encoder accepts it, and no θ is off by more than half a step.
     #[test]
     fn a_compact_lattice_is_as_near_as_its_bytes_allow(
         thetas in vec(prop_oneof![-MAX_FINE_THETA..=MAX_FINE_THETA, -40_000..=40_000i32, -200..=200i32], 0..=400),
@@ -54,7 +54,7 @@ proptest! {
             let bound = match stage {
                 _ if stage < fine => 0,
                 0..limits::MAX_FINE_STAGES => 128,
-                // The largest θ of a lattice is a little beyond the largest of a tail.
+                // The largest θ of a lattice is a little larger than the largest θ that a tail can hold.
                 _ => i32::from(tail.step) / 2 + (theta.abs() - TailSpec::MAX_THETA).max(0),
             };
             prop_assert!((stored - theta).abs() <= bound, "stage {}: {} for {}", stage + 1, stored, theta);
@@ -118,7 +118,8 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
     })
 }
 
-/// `nodes` with tails: the first codes stay whole, the others become bytes, and the step is one that these bytes allow.
+/// `nodes` with tails: the first codes keep their 16 bits, the others become bytes, and the step is one that these
+/// bytes allow.
 fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     for node in &mut nodes {
         let CodeSpec { codes, tail, .. } = &mut node.codes;
@@ -137,7 +138,8 @@ fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     nodes
 }
 
-/// Codebooks and level tracks with a mean square of 1 for `nodes` nodes. Some of the values lack one or both.
+/// Codebooks and level tracks with a mean square of 1 for `nodes` nodes. Some generated values have only one of them,
+/// or none.
 fn parts(nodes: usize) -> impl Strategy<Value = PartsSpec> {
     let count = 1..=limits::MAX_CODEBOOKS.min(nodes);
     let means = limits::MIN_MOMENT_SAMPLES..=limits::MAX_MOMENT_SAMPLES;
@@ -191,7 +193,7 @@ fn blocks() -> impl Strategy<Value = CodebookSpec> {
             codes
         });
         let mut codes: Vec<i8> = bytes.collect();
-        // One block at the peak, so that the peak stays within its bound.
+        // One block is at the peak, so that the peak that gives a mean square of 1 stays within its bound.
         codes[BLOCK_BYTES - 1] = 0;
         codes
     });
@@ -214,8 +216,8 @@ fn track() -> impl Strategy<Value = ModulationSpec> {
                     .map(|l| (4.0 * (l + shift)).round() as i8)
                     .collect(),
             };
-            // The shift with which the mean square is nearest to 1. Levels that are hardly spread have none that is
-            // near enough; two entries then make the difference.
+            // The shift of all levels with which the mean square is nearest to 1. If the levels hardly differ, no shift
+            // may bring it near enough. The track is then replaced by alternating entries.
             let square = |shift: f32| shifted(shift).mean_square();
             let shift = (0..400).map(|n| -6.0 + 0.02 * n as f32).min_by(|&a, &b| {
                 let off = |shift| (square(shift) - 1.0).abs();
@@ -232,7 +234,7 @@ fn track() -> impl Strategy<Value = ModulationSpec> {
     })
 }
 
-/// The laws `level` and `fade`, where another law takes the place of the logarithm if a node is silent.
+/// The laws `level` and `fade`. If a node is silent, another law replaces `Logarithm`.
 fn laws_for((level, fade): (LevelLaw, FadeLaw), nodes: &[NodeSpec]) -> Laws {
     let level = match level {
         LevelLaw::Logarithm if nodes.iter().any(|node| node.output_power <= 0.0) => LevelLaw::Power,
@@ -241,7 +243,7 @@ fn laws_for((level, fade): (LevelLaw, FadeLaw), nodes: &[NodeSpec]) -> Laws {
     Laws { level, fade }
 }
 
-/// Lines over nodes, with amplitudes at the nodes that `moves` marks; none if it marks no node.
+/// Lines with amplitudes above 0 only at the nodes for which `moves` is true; none if it is true for no node.
 fn lines(moves: Vec<bool>) -> impl Strategy<Value = Option<LinesSpec>> {
     let some = moves.iter().any(|&moves| moves);
     let wavelengths = limits::MIN_WAVELENGTH_MM.to_bits()..=limits::MAX_WAVELENGTH_MM.to_bits();
@@ -268,7 +270,7 @@ fn lines(moves: Vec<bool>) -> impl Strategy<Value = Option<LinesSpec>> {
     })
 }
 
-/// `lines`, every other one of which wanders, with a wander of each kind if there are enough lines.
+/// `lines`, of which every other line has a wander. With enough lines, both kinds of wander occur.
 fn wandering(mut lines: Vec<LineSpec>) -> LinesSpec {
     let all = [(0.02, 0.5, 0.0), (0.0, limits::MAX_CORRELATION_MM, 70.0)];
     let wander = |(rms_mm, correlation_mm, clock_mm_s)| Wander {
@@ -293,8 +295,8 @@ fn name() -> impl Strategy<Value = String> {
     })
 }
 
-/// Any finite values that are not negative, with zero, the smallest and the largest among them. Such values are ordered
-/// as their bits are.
+/// Finite values that are not negative, including zero, the smallest and the largest. Such values have the same order
+/// as their bits.
 fn axis() -> impl Strategy<Value = Vec<f32>> {
     let bits = prop_oneof![
         4 => 0..=f32::MAX.to_bits(),
@@ -350,7 +352,7 @@ fn codes(order: usize) -> impl Strategy<Value = CodeSpec> {
         vec(any_with_zeros(), 0..=limits::MAX_FINE_STAGES.min(order)),
     ];
     (vec(-i16::MAX..=i16::MAX, order), fine).prop_map(|(codes, mut fractions)| {
-        // Zeros at the end say nothing, and reading leaves them out.
+        // Zeros at the end have no effect, and reading leaves them out.
         while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
         CodeSpec {
             codes,

@@ -1,4 +1,5 @@
-//! Scenes: every valid one goes through a library unchanged, and each fault is reported with its place and its numbers.
+//! Scenes: every valid scene is unchanged after encoding and decoding, and each fault is reported with its place and
+//! its numbers.
 
 use std::f64::consts::PI;
 
@@ -25,7 +26,8 @@ fn sound() -> Vec<u8> {
     RawLibrary::sound().bytes()
 }
 
-/// The fault of a scene with one change, checked by itself and as part of a library.
+/// The fault of the scene "full" with one change. Checking the scene by itself and as part of a library must give the
+/// same fault.
 fn fault(spoil: impl FnOnce(&mut Scene)) -> SceneError {
     let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
@@ -39,7 +41,7 @@ fn fault(spoil: impl FnOnce(&mut Scene)) -> SceneError {
     error
 }
 
-/// Checks that the scene "full" with one change is refused with a message that begins so.
+/// Checks that the scene "full" with one change is refused with a message that begins with `begin`.
 fn tells(spoil: impl FnOnce(&mut Scene), begin: &str) {
     let message = fault(spoil).to_string();
     assert!(message.starts_with(begin), "'{message}' is not '{begin}'");
@@ -162,7 +164,8 @@ fn each_fault_is_told_with_its_place_and_its_numbers() {
     tells(|s| s.equaliser[0].denominator = [-(2 << 28), 1 << 28], told);
 }
 
-/// The loudest node has a power of 4 (m/s²)²: an RMS of 2 m/s², with room for 128 m/s².
+/// The loudest node has a power of 4 (m/s²)², an RMS of 2 m/s². A gain of 64 raises it to 128 m/s², the highest value
+/// allowed.
 #[test]
 fn a_gain_above_one_must_leave_its_texture_room() {
     let bytes = RawLibrary::full().bytes();
@@ -216,7 +219,7 @@ fn names_are_unique_and_scenes_are_few() {
     assert!(error.to_string().contains("the number of scenes is 33"));
 }
 
-/// A record must be filled by one scene, and the count is judged before any scene.
+/// A record must contain exactly one scene, and the number of scenes is checked before any scene.
 #[test]
 fn a_record_is_one_scene_and_no_more() {
     for spoil in [
@@ -250,7 +253,8 @@ fn jurys_triangle_is_the_radius_of_the_poles() {
             let angle = PI * f64::from(step) / 24.0;
             let denominator = [-2.0 * radius * angle.cos(), radius * radius];
             let biquad = Biquad::from_f64([1.0, 0.0, 0.0], denominator).expect("in range");
-            // Coefficients are rounded, and a double pole on the axis moves by the root of the round-off.
+            // Coefficients are rounded, and a double pole on the real axis moves by the square root of the rounding
+            // error.
             let split = angle.sin() < 1e-6 && (radius - LIMIT).abs() < 1e-4;
             assert!(
                 split || biquad.poles_are_within_limit() == within,
@@ -285,7 +289,7 @@ fn gain_of(numerator: [f64; 3], denominator: [f64; 3], cosine: f64) -> f64 {
     (square(numerator) / square(denominator)).sqrt()
 }
 
-/// Notches at a resonance hide what the sections after them amplify beside it.
+/// Notches at a resonance hide the amplification by later sections at frequencies near the resonance.
 #[test]
 fn a_peak_beside_a_notch_is_found() {
     let (radius, cosine) = (1022.9 / 1024.0, 0.974_66);
@@ -321,7 +325,7 @@ fn a_peak_beside_a_notch_is_found() {
         let is_refused = matches!(checked, Err(ResponseError::Gain { rate_hz: 5000, .. }));
         assert!(is_refused, "{checked:?}");
     }
-    // Up to the limit nothing is refused, however narrow a peak or a notch is.
+    // Up to the limit of gain, nothing is refused, however narrow a peak or a notch is.
     for sections in [
         &[resonant(15.99)][..],
         &[notch],
@@ -339,7 +343,7 @@ fn an_equaliser_with_too_much_gain_is_refused_where_it_gets_too_much() {
     for (gains, section) in [
         (vec![4.0, 4.0], None),
         (vec![4.0, 4.0, 1.01], Some(2)),
-        // A later section does not mend it, because the signal between saturates.
+        // A later section with a low gain does not help, because the signal before it saturates.
         (vec![7.0, 7.0, 0.1], Some(1)),
     ] {
         let set = |scene: &mut Scene| scene.equaliser = gains.iter().copied().map(flat).collect();
@@ -366,7 +370,7 @@ proptest! {
     fn no_resonance_is_too_narrow_to_be_seen(radius in 0.5f64..0.998, angle in 0.01f64..3.13, excess in 0.5f64..2.0) {
         let denominator = [-2.0 * radius * angle.cos(), radius * radius];
         let peak = (0..=20_000).map(|step| {
-            // The peak lies at the pole, so that frequencies are dense around it.
+            // The peak lies near the pole, so the frequencies are dense around the pole.
             let around = (f64::from(step) / 10_000.0 - 1.0) * 4.0 * (1.0 - radius);
             let omega = (angle + around).clamp(0.0, PI);
             let real = 1.0 + denominator[0] * omega.cos() + denominator[1] * (2.0 * omega).cos();
@@ -382,8 +386,8 @@ proptest! {
         prop_assert_eq!(scene.validate(&library).is_ok(), excess < 1.0);
     }
 
-    /// Sections of poles and zeros near the unit circle, also close to each other, whose gain is a little below or
-    /// above the limit. The oracle takes it at frequencies that are dense around all poles and zeros.
+    /// Sections with poles and zeros near the unit circle, also close to each other, whose gain is a little below or
+    /// above the limit. The expected gain is computed at frequencies that are dense around all poles and zeros.
     #[test]
     fn no_peak_of_a_cascade_is_missed_and_none_is_invented(
         drawn in vec((0.9f64..0.999, 0.005f64..3.13, -0.05f64..0.05, 0.0f64..0.999, 0.3f64..3.0), 1..=MAX_SECTIONS),
@@ -402,7 +406,7 @@ proptest! {
             let peak = cosines.iter().map(|c| gain_of(above, below, *c)).fold(0.0, f64::max);
             [above.map(|b| b * gain / peak), below]
         }).collect();
-        // The largest gain of a section, and of all sections up to one.
+        // The largest gain of any section, and of any cascade from the first section on.
         let highest = |sections: &[[[f64; 3]; 2]]| cosines.iter().map(|c| {
             let gains = sections.iter().map(|[above, below]| gain_of(*above, *below, *c));
             gains.fold((1.0, 0.0), |(all, highest): (f64, f64), own| (all * own, highest.max(own).max(all * own))).1

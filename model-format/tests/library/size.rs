@@ -3,7 +3,7 @@
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
 use model_format::{CodeSpec, Library, NodeSpec, TextureSpec, encode};
 
-/// A dense grid of 15 speeds and 8 forces, every node of the highest order.
+/// A dense grid of 15 speeds and 8 forces, in which every node has the highest order.
 fn dense(name: &str) -> TextureSpec {
     let codes = (0..MAX_ORDER).map(|stage| stage as i16 * 81 - 16_000);
     let node = NodeSpec::new(1.0, CodeSpec::lattice(codes.collect()));

@@ -66,7 +66,8 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
     textures
 }
 
-/// Either all nodes of more than 32 stages have a tail, and there is one, or none has.
+/// In a texture with tails, all nodes of more than 32 stages have a tail, and there is at least one such node. In other
+/// textures, no node has a tail.
 fn check_tails(texture: &Texture<'_>, nodes: &[NodeSpec]) {
     let long = |node: &&NodeSpec| node.codes.thetas().count() > limits::MAX_FINE_STAGES;
     for node in nodes.iter().filter(long) {
@@ -75,7 +76,7 @@ fn check_tails(texture: &Texture<'_>, nodes: &[NodeSpec]) {
     assert!(!texture.has_tails() || nodes.iter().any(|node| long(&node)));
 }
 
-/// The lines of `texture`, each amplitude by its node.
+/// The lines of `texture`, with each amplitude read by the indices of its node.
 fn lines_of(texture: &Texture<'_>, lines: Lines<'_>) -> LinesSpec {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
     assert!((1..=limits::MAX_LINES).contains(&lines.len()));
@@ -101,7 +102,7 @@ fn lines_of(texture: &Texture<'_>, lines: Lines<'_>) -> LinesSpec {
     found
 }
 
-/// The optional parts of a texture, each as good as promised.
+/// The optional parts of a texture, after checks of what the format promises about each.
 fn parts(texture: &Texture<'_>) -> PartsSpec {
     let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
     let excitation = texture.excitation().map(|excitation| {
@@ -157,7 +158,7 @@ fn parts(texture: &Texture<'_>) -> PartsSpec {
     }
 }
 
-/// Value of a sample of a block as a share of the peak, by the formula of the format, read bit by bit.
+/// Value of a sample of a block as a fraction of the peak, by the format's formula. The code is read bit by bit.
 pub fn share_of_block(block: &[u8], index: usize) -> f64 {
     let bit = |at: usize| u32::from(block[at / 8] >> (at % 8) & 1);
     let k = bit(3 * index) + 2 * bit(3 * index + 1);
@@ -232,11 +233,11 @@ fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
     let all = fractions.iter().copied().chain(repeat(0));
     let theta = |(&code, fraction): (&i16, i8)| i32::from(code) * 256 + i32::from(fraction);
     let thetas = codes.iter().zip(all).map(theta).chain(thetas_of(tail));
-    // Below π/2, so that every stage of every mean of nodes decays.
+    // θ is below π/2 in magnitude, so that a texture is stable at every mean of its nodes.
     assert!(thetas.clone().all(|theta| theta.unsigned_abs() < 1 << 23));
     assert!(coefficients.thetas().eq(thetas));
     check_tail(codes.len(), tail);
-    // Zeros at the end say nothing.
+    // Zeros at the end have no effect.
     while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
     spec
 }
@@ -246,7 +247,7 @@ fn thetas_of(tail: &TailSpec) -> impl Iterator<Item = i32> + Clone + '_ {
     tail.codes.iter().map(move |&code| i32::from(code) * step)
 }
 
-/// A tail after so many stages begins after the first 32, and has the step that its codes need.
+/// Checks that a tail after `before` stages begins after the first 32 stages and has the step that its codes need.
 fn check_tail(before: usize, tail: &TailSpec) {
     assert!(before == limits::MAX_FINE_STAGES || tail.codes.is_empty());
     assert!(!tail.codes.contains(&i8::MIN));

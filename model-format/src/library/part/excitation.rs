@@ -1,11 +1,11 @@
-//! Part of kind 3: codebooks of the prediction residual, from which the excitation is pieced together.
+//! Part of kind 3: codebooks of the prediction residual. A player joins pieces of them to form the excitation.
 //!
 //! The content is a byte with the number K of codebooks; per codebook a varint n, the peak as `f32` in standard
 //! deviations, and n bytes of codes; then a byte per node, speed-major: 0 for Gaussian noise, k for codebook number k.
 //!
 //! A code c stands for sign(c) · peak · (256^(|c|/127) - 1)/255, the mu-law with mu = 255. A codebook's mean square is
-//! 1 within 2 %, because the level of a node is that of an excitation of variance 1. Beside a part of kind 8 the codes
-//! are those of [`super::moments`].
+//! 1 within 2 %, because the level of a node assumes an excitation of variance 1. If the texture also has a part of
+//! kind 8, the codes are those of [`super::moments`].
 
 #[cfg(feature = "alloc")]
 use alloc::vec::Vec;
@@ -25,13 +25,13 @@ use super::moments::{BLOCK_BYTES, BLOCK_SAMPLES, MomentsPart, block_share, block
 /// Kind of this part.
 pub(crate) const KIND: u32 = 3;
 
-/// Digits after the point of [`mu_law`].
+/// Binary digits after the point of [`mu_law`].
 pub const MU_LAW_FRACTION_BITS: u32 = 30;
 
 /// Code of the peak.
 const MAX_CODE: usize = 127;
 
-/// Magnitudes of the codes 0 to 127, as shares of the peak in steps of 2⁻³⁰.
+/// Magnitudes of the codes 0 to 127 as fractions of the peak, in steps of 2⁻³⁰.
 static MU_LAW: [u32; MAX_CODE + 1] = {
     let step = exp(8.0 * core::f64::consts::LN_2 / MAX_CODE as f64);
     let mut table = [0; MAX_CODE + 1];
@@ -45,15 +45,15 @@ static MU_LAW: [u32; MAX_CODE + 1] = {
     table
 };
 
-/// Value of a code by the mu-law, as a share of the peak in steps of 2⁻³⁰. The code -128, which no library has, counts
-/// as -127.
+/// Value of a code by the mu-law as a fraction of the peak, in steps of 2⁻³⁰. The code -128, which no library has,
+/// counts as -127.
 #[inline]
 pub fn mu_law(code: i8) -> i32 {
     let magnitude = MU_LAW[usize::from(code.unsigned_abs()).min(MAX_CODE)] as i32;
     if code < 0 { -magnitude } else { magnitude }
 }
 
-/// Codebooks of a texture, and the one that each node has.
+/// Codebooks of a texture, and the source of each node's excitation.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExcitationSpec {
@@ -61,8 +61,8 @@ pub struct ExcitationSpec {
     pub codebooks: Vec<CodebookSpec>,
     /// The source of each node's excitation, speed-major: 0 for Gaussian noise, k for codebook number k, from 1.
     pub of_nodes: Vec<u8>,
-    /// Mean length of a moment, samples: the codes are then blocks, see [`crate::block_share`]. None for codes by the
-    /// mu-law, of which pieces of 20 to 80 ms are played.
+    /// Mean length of a moment (recorded snippet), samples. If it is given, the codes are blocks, see
+    /// [`crate::block_share`]. If not, the codes follow the mu-law, and pieces of 20 to 80 ms are played.
     pub moment_samples: Option<u16>,
 }
 
@@ -72,20 +72,20 @@ pub struct ExcitationSpec {
 pub struct CodebookSpec {
     /// Magnitude of the codes ±127, standard deviations.
     pub peak: f32,
-    /// Samples at the texture's rate, by the mu-law with mu = 255:
-    /// sign(c) · peak · (256^(|c| / 127) - 1) / 255. No code is -128. Of moments, the bytes of blocks.
+    /// Samples at the texture's rate, coded by the mu-law with mu = 255: sign(c) · peak · (256^(|c| / 127) - 1) / 255.
+    /// No code is -128. In a texture with moments, these are the bytes of blocks instead.
     pub codes: Vec<i8>,
 }
 
 #[cfg(feature = "alloc")]
 impl CodebookSpec {
-    /// Mean square of the samples, which a library demands to be 1 within 2 %; 0 without samples.
+    /// Mean square of the samples; 0 without samples. A library requires it to be 1 within 2 %.
     pub fn mean_square(&self) -> f32 {
         let sum = self.codes.iter().map(|&code| square(code)).sum();
         mean_square(sum, self.codes.len(), self.peak)
     }
 
-    /// As [`CodebookSpec::mean_square`], of a codebook in blocks.
+    /// Like [`CodebookSpec::mean_square`], for a codebook in blocks.
     pub fn mean_square_of_blocks(&self) -> f32 {
         let bytes: Vec<u8> = self.codes.iter().map(|code| code.cast_unsigned()).collect();
         let blocks = bytes.as_chunks().0;
@@ -96,7 +96,7 @@ impl CodebookSpec {
 
 #[cfg(feature = "alloc")]
 impl From<Excitation<'_>> for ExcitationSpec {
-    /// The codebooks of a decoded texture, which encode to the same bytes.
+    /// Copies the codebooks of a decoded texture. Encoding them gives the same bytes.
     fn from(excitation: Excitation<'_>) -> Self {
         let signed = |codes: &[u8]| codes.iter().map(|code| code.cast_signed()).collect();
         Self {
@@ -114,7 +114,7 @@ impl From<Excitation<'_>> for ExcitationSpec {
     }
 }
 
-/// Codebooks of a decoded texture, and the one that each node has.
+/// Codebooks of a decoded texture, and the source of each node's excitation.
 #[derive(Clone, Copy, Debug)]
 pub struct Excitation<'a> {
     codebooks: [Codebook<'a>; MAX_CODEBOOKS],
@@ -146,7 +146,7 @@ impl<'a> Excitation<'a> {
         source.copied().map_or(0, usize::from)
     }
 
-    /// Mean length of a moment, samples; none for pieces of 20 to 80 ms.
+    /// Mean length of a moment (recorded snippet), samples; none if pieces of 20 to 80 ms are played.
     pub fn moment_samples(&self) -> Option<u16> {
         self.moment_samples
     }
@@ -174,7 +174,7 @@ impl Codebook<'_> {
         }
     }
 
-    /// Sample number `at` as a share of the peak, in steps of 2⁻³⁰; 0 behind the last one.
+    /// Sample number `at` as a fraction of the peak, in steps of 2⁻³⁰; 0 after the last sample.
     #[inline]
     pub fn share(&self, at: usize) -> i32 {
         if self.is_in_blocks {
@@ -191,7 +191,7 @@ impl Codebook<'_> {
 pub(crate) struct ExcitationPart<'a>(pub &'a [u8]);
 
 impl<'a> ExcitationPart<'a> {
-    /// Parses the content for a grid of `forces` forces, and checks all but its codes and the sources of nodes.
+    /// Parses the content for a grid of `forces` forces, and checks everything except the codes and the nodes' sources.
     fn read(
         self,
         nodes: usize,
@@ -232,7 +232,7 @@ impl<'a> ExcitationPart<'a> {
         self.read(nodes, forces, moments).ok()
     }
 
-    /// Checks all of the part, in a texture of `nodes` nodes, but its codes and the sources of nodes.
+    /// Checks everything in the part except the codes and the nodes' sources, in a texture of `nodes` nodes.
     pub fn check(self, nodes: usize, moments: Option<MomentsPart<'_>>) -> Result<(), Problem> {
         self.read(nodes, 1, moments).map(|_| ())
     }
@@ -240,11 +240,11 @@ impl<'a> ExcitationPart<'a> {
 
 const MALFORMED: Problem = Problem::Malformed("its excitation");
 
-/// The codebook that `reader` is at, without a look at its codes.
+/// Reads the codebook at the reader's position, without checking its codes.
 fn codebook_of<'a>(reader: &mut Reader<'a>, is_in_blocks: bool) -> Result<Codebook<'a>, Problem> {
     let length = reader.varint().ok_or(MALFORMED)? as usize;
     let peak = reader.f32().ok_or(MALFORMED)?;
-    // The mean square, which is checked later, is never that of a peak of 0.
+    // A peak of 0 is refused later, because the mean square of such a codebook is 0.
     Problem::within("the peak of a codebook", peak, [0.0, MAX_CODEBOOK_PEAK])?;
     let (codes, rest) = reader.0.split_at_checked(length).ok_or(MALFORMED)?;
     reader.0 = rest;
@@ -262,38 +262,38 @@ fn codebook_of<'a>(reader: &mut Reader<'a>, is_in_blocks: bool) -> Result<Codebo
     Ok(codebook)
 }
 
-/// The square of a code's share of the peak, in steps of 2⁻³².
+/// Square of a code's value as a fraction of the peak, in steps of 2⁻³².
 #[inline]
 fn square(code: i8) -> u64 {
     let share = u64::from(mu_law(code).unsigned_abs());
     (share * share) >> (2 * MU_LAW_FRACTION_BITS - 32)
 }
 
-/// Mean square of `count` samples whose shares' squares add up to `sum`, in steps of 2⁻³².
+/// Mean square of `count` samples. `sum` is the sum of the squares of their fractions of `peak`, in steps of 2⁻³².
 fn mean_square(sum: u64, count: usize, peak: f32) -> f32 {
     const UNIT: f32 = (1u64 << 32) as f32;
     peak * peak * (sum as f32 / UNIT) / count.max(1) as f32
 }
 
-/// The check of a part's codes and sources of nodes, in steps.
+/// The check of the codes of a part and of its nodes' sources, in steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::library) struct ExcitationCheck {
-    /// Index of the codebook that is looked at; the number of codebooks while the nodes are.
+    /// Index of the codebook that is being checked; the number of codebooks while the nodes are being checked.
     codebook: usize,
-    /// The codes or nodes that were looked at.
+    /// Number of codes of this codebook, or of nodes, that were checked.
     at: usize,
     /// Sum of the squares of these codes, see [`square`].
     sum: u64,
-    /// A bit for each codebook that a node has.
+    /// One bit per codebook, set if a node uses the codebook.
     used: u8,
 }
 
 impl ExcitationCheck {
-    /// Looks at some more of `excitation`, at most `room` bytes. Returns the number of bytes; none are left if that is
-    /// below `room`.
+    /// Checks the next bytes of `excitation`, at most `room` of them. Returns a number below `room` if and only if none
+    /// are left then.
     ///
     /// # Errors
-    /// A fault, with the index of the node if it is a node's.
+    /// The first fault found, with the index of the node if the fault is in a node's source.
     pub fn step(
         &mut self,
         excitation: &Excitation<'_>,
@@ -369,14 +369,14 @@ impl ExcitationCheck {
             let source = usize::from(source);
             Problem::count("the number of its codebook", source, [0, count])
                 .map_err(|problem| (index, problem))?;
-            // Bit 0 is that of Gaussian noise, and falls off.
+            // Bit 0 stands for Gaussian noise, and the shift drops it.
             self.used |= ((1u16 << source) >> 1) as u8;
         }
         Ok(())
     }
 }
 
-/// The part of a texture with these codebooks.
+/// Creates the part for these codebooks.
 #[cfg(feature = "alloc")]
 pub(crate) fn part(spec: &ExcitationSpec) -> postcard::Result<PartSpec> {
     let mut content = alloc::vec![spec.codebooks.len().min(usize::from(u8::MAX)) as u8];

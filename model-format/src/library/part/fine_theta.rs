@@ -1,9 +1,9 @@
 //! Part of kind 2: 8 more binary digits of θ for the first stages of every node.
 //!
-//! The part holds n bytes for each node, speed-major, so that any node's are found without reading those before it; n
-//! follows from the part's length. Byte i of a node is signed and belongs to stage i: θ = (code · 256 + byte) · π/2²⁴.
-//! The code is the nearest of 16 bits, so that the bytes add resolution and nothing else. They are worth their place in
-//! the first stages, because that is where a few narrow lines have their large |k|.
+//! The content is n bytes per node, speed-major; n follows from the part's length. It is the same for all nodes, so
+//! that a node's bytes can be found without reading those before them. Byte i of a node is signed and belongs to stage
+//! i: θ = (code · 256 + byte) · π/2²⁴. The code is θ rounded to 16 bits, so that the bytes only add resolution. They
+//! are worth their memory in the first stages, because a few narrow lines cause a large |k| there.
 
 use crate::error::Problem;
 use crate::limits::MAX_FINE_STAGES;
@@ -24,7 +24,7 @@ impl<'a> FineTheta<'a> {
         self.0.len() / nodes.max(1)
     }
 
-    /// The bytes of node `index` of `nodes`, as many as it has stages, of a part that was found valid.
+    /// The bytes of node `index` of `nodes`, at most as many as its `order`. The part must have been found valid.
     pub fn of_node(self, index: usize, nodes: usize, order: usize) -> &'a [u8] {
         let stages = self.stages(nodes);
         let begin = index * stages;
@@ -42,7 +42,7 @@ impl<'a> FineTheta<'a> {
         Ok(())
     }
 
-    /// Checks the bytes of node `index` of `nodes`, whose order is `order`. Returns true if the last of them is used.
+    /// Checks the bytes of node `index` of `nodes`, whose order is `order`. Returns true if the last byte is not 0.
     pub fn check_node(self, index: usize, nodes: usize, order: usize) -> Result<bool, Problem> {
         let stages = self.stages(nodes);
         let bytes = &self.0[index * stages..][..stages];
@@ -56,10 +56,10 @@ impl<'a> FineTheta<'a> {
     }
 }
 
-/// The part of a lattice whose nodes have these bytes, if any of them is not 0.
+/// Creates the part for nodes with these bytes; none if all bytes are 0.
 ///
 /// # Errors
-/// Bytes for more than [`MAX_FINE_STAGES`] stages, with the index of the node.
+/// A node with bytes that are not 0 for more than [`MAX_FINE_STAGES`] stages: its index and the fault.
 #[cfg(feature = "alloc")]
 pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<PartSpec>, (usize, Problem)> {
     let used = |bytes: &&[i8]| {

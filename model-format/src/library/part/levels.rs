@@ -1,6 +1,6 @@
-//! Part of kind 1: the laws by which a texture's level goes between nodes and below the grid.
+//! Part of kind 1: the laws of a texture's level between nodes and below the grid.
 //!
-//! Two bytes: the [`LevelLaw`], then the [`FadeLaw`]. A texture without the part has the default of both.
+//! The content is two bytes: the [`LevelLaw`], then the [`FadeLaw`]. A texture without this part has the default laws.
 
 use crate::error::Problem;
 use crate::wire::NodeRecord;
@@ -13,8 +13,8 @@ pub(crate) const KIND: u32 = 1;
 
 /// Law of the level between the four nodes of a cell, whose weights add up to one.
 ///
-/// At a node all laws give the node's own level. Between nodes no law gives more than the loudest node, and the three
-/// are ordered: logarithm, amplitude, power.
+/// At a node, every law gives the node's own level. Between nodes, no law gives a higher level than that of the loudest
+/// node. Of the three laws, `Logarithm` gives the lowest level and `Power` the highest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum LevelLaw {
     /// Weighted mean of the output powers.
@@ -26,19 +26,20 @@ pub enum LevelLaw {
     Logarithm,
 }
 
-/// Law of the level below the lowest speed or the lowest force of the grid, down to silence at zero. Both axes' factors
-/// are multiplied.
+/// Law of the level below the lowest speed or the lowest force of the grid, down to silence at zero. The factors of the
+/// two axes are multiplied.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum FadeLaw {
     /// The amplitude is proportional to speed or force.
     #[default]
     Amplitude,
-    /// The power is proportional to speed or force, and so the amplitude to their square root. This is the law of the
-    /// published HaTT models, whose variance is interpolated to that of a model of zeros.
+    /// The power is proportional to speed or force, and so the amplitude to the square root of speed or force. The
+    /// published HaTT models have this law, because their variance is interpolated towards 0, the variance of a model
+    /// of zeros.
     Power,
 }
 
-/// Both laws of a texture's level.
+/// The two laws of a texture's level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Laws {
     /// Law between nodes.
@@ -124,7 +125,7 @@ pub(in crate::library) fn check_node(law: LevelLaw, node: &NodeRecord) -> Result
     Ok(())
 }
 
-/// The part of a texture with these laws, if it needs one.
+/// Creates the part for these laws, unless they are the default.
 #[cfg(feature = "alloc")]
 pub(crate) fn part(laws: Laws) -> Option<PartSpec> {
     let content = || alloc::vec![laws.level as u8, laws.fade as u8];

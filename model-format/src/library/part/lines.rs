@@ -1,8 +1,8 @@
 //! Part of kind 5: lines that are tied to position.
 //!
-//! A byte has the number of lines. Each line is its wavelength, mm, as `f32`; its phase at the origin of places, in
-//! steps of 2⁻¹⁶ of a turn, as `u16`; and per node, speed-major, its amplitude, m/s², as `f32`. All lines take the same
-//! number of bytes, so that any amplitude is found without reading those before it.
+//! The content is a byte with the number of lines, then the lines. Each line is its wavelength, mm, as `f32`; its phase
+//! at position 0, in steps of 2⁻¹⁶ of a turn, as `u16`; and per node, speed-major, its amplitude, m/s², as `f32`. All
+//! lines take the same number of bytes, so that any amplitude can be found without reading those before it.
 
 #[cfg(feature = "alloc")]
 use super::wander;
@@ -33,7 +33,8 @@ pub struct Lines<'a> {
     wanders: Wanders<'a>,
 }
 
-/// A line, whose value at the place x is amplitude · sin(2π (x / wavelength + phase)), where x is moved by its wander.
+/// A line. Its value at position x is amplitude · sin(2π (x / wavelength + phase)), where x includes the displacement
+/// by the line's wander.
 #[derive(Clone, Copy, Debug)]
 pub struct Line<'a> {
     bytes: &'a [u8],
@@ -57,7 +58,7 @@ impl<'a> LinesPart<'a> {
         }
     }
 
-    /// Checks all but the amplitudes, in a texture of `nodes` nodes.
+    /// Checks everything except the amplitudes, in a texture of `nodes` nodes.
     pub fn check(self, nodes: usize) -> Result<(), Problem> {
         let count = self.count();
         Problem::count("the number of lines", count, [1, MAX_LINES])?;
@@ -120,12 +121,12 @@ impl Line<'_> {
         f32::from_le_bytes(self.bytes.first_chunk().copied().unwrap_or_default())
     }
 
-    /// Phase at the origin of places, in steps of 2⁻¹⁶ of a turn.
+    /// Phase at position 0, in steps of 2⁻¹⁶ of a turn.
     pub fn phase(&self) -> u16 {
         u16::from_le_bytes([self.bytes[4], self.bytes[5]])
     }
 
-    /// Index of the line's wander among [`Lines::wanders`], if the line's place wanders.
+    /// Index of the line's wander among [`Lines::wanders`], if it has one.
     pub fn wander(&self) -> Option<usize> {
         self.wander.map(usize::from)
     }
@@ -147,7 +148,7 @@ impl Line<'_> {
     }
 }
 
-/// Lines of a texture to be written: sines over the place on the surface.
+/// Lines of a texture to be written: sines of the position on the surface.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinesSpec {
@@ -157,23 +158,24 @@ pub struct LinesSpec {
     pub wanders: alloc::vec::Vec<Wander>,
 }
 
-/// A line to be written, whose value at the place x is amplitude · sin(2π (x / wavelength + phase)).
+/// A line to be written. Its value at position x is amplitude · sin(2π (x / wavelength + phase)).
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LineSpec {
     /// Wavelength, mm.
     pub wavelength_mm: f32,
-    /// Phase at the origin of places, in steps of 2⁻¹⁶ of a turn.
+    /// Phase at position 0, in steps of 2⁻¹⁶ of a turn.
     pub phase: u16,
     /// Amplitude at each node, m/s², speed-major: the peak of the sine.
     pub amplitudes: alloc::vec::Vec<f32>,
-    /// Index of the line's wander in [`LinesSpec::wanders`], if the line's place wanders.
+    /// Index of the line's wander in [`LinesSpec::wanders`], if it has one.
     pub wander: Option<u8>,
 }
 
 #[cfg(feature = "alloc")]
 impl LinesSpec {
-    /// Lines to be written, with those of `wanders` that any of the lines has.
+    /// Creates the lines to be written. Of `wanders`, only those that a line refers to are kept, and the lines' indices
+    /// are adapted.
     pub fn with_wanders(mut lines: alloc::vec::Vec<LineSpec>, wanders: &[Wander]) -> Self {
         let mut kept = alloc::vec::Vec::new();
         for (index, wander) in wanders.iter().enumerate() {
@@ -195,7 +197,7 @@ impl LinesSpec {
 
 #[cfg(feature = "alloc")]
 impl From<alloc::vec::Vec<LineSpec>> for LinesSpec {
-    /// Lines whose place does not wander.
+    /// Lines without wanders.
     fn from(lines: alloc::vec::Vec<LineSpec>) -> Self {
         Self {
             lines,
@@ -206,7 +208,7 @@ impl From<alloc::vec::Vec<LineSpec>> for LinesSpec {
 
 #[cfg(feature = "alloc")]
 impl From<Lines<'_>> for LinesSpec {
-    /// The lines of a decoded texture, which encode to the same bytes.
+    /// Copies the lines of a decoded texture. Encoding them gives the same bytes.
     fn from(lines: Lines<'_>) -> Self {
         let spec = |line: Line<'_>| LineSpec {
             wavelength_mm: line.wavelength_mm(),
@@ -221,10 +223,10 @@ impl From<Lines<'_>> for LinesSpec {
     }
 }
 
-/// The content of the part of a texture of `nodes` nodes with these lines.
+/// Returns the part's content for these lines, in a texture of `nodes` nodes.
 ///
 /// # Errors
-/// More lines than [`MAX_LINES`], and a line of more or fewer amplitudes than nodes.
+/// No line, more lines than [`MAX_LINES`], or a line with more or fewer amplitudes than nodes.
 #[cfg(feature = "alloc")]
 pub(crate) fn content(lines: &LinesSpec, nodes: usize) -> Result<alloc::vec::Vec<u8>, Problem> {
     Problem::count("the number of lines", lines.lines.len(), [1, MAX_LINES])?;
@@ -238,7 +240,7 @@ pub(crate) fn content(lines: &LinesSpec, nodes: usize) -> Result<alloc::vec::Vec
     Ok(content)
 }
 
-/// The content of the part with the wanders of these lines, if they have any.
+/// Returns the content of the part of kind 7 for the wanders of these lines, if there are any.
 #[cfg(feature = "alloc")]
 pub(crate) fn wander_content(lines: &LinesSpec) -> Option<alloc::vec::Vec<u8>> {
     let number = |line: &LineSpec| line.wander.map_or(0, |index| index.saturating_add(1));

@@ -1,4 +1,4 @@
-//! Optional parts of a texture: what a texture may say beside its models, a kind each.
+//! Optional parts of a texture in addition to its models, one of each kind at most.
 //!
 //! | kind | file | content |
 //! |---|---|---|
@@ -8,16 +8,16 @@
 //! | 4 | [`modulation`] | a track of the excitation's level |
 //! | 5 | [`lines`] | lines that are tied to position |
 //! | 6 | [`tails`] | θ in one byte for the last stages of a lattice, with a step per node |
-//! | 7 | [`wander`] | how the place of lines wanders |
-//! | 8 | [`moments`] | codebooks in blocks with their level, played in moments |
+//! | 7 | [`wander`] | irregular displacement of lines |
+//! | 8 | [`moments`] | codebooks in blocks with their level, played in longer snippets (moments) |
 //!
-//! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
-//! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
-//! play another texture than the one that was written. A part that says only what its absence says is refused too, so
-//! that a texture has one form of bytes.
+//! A texture ends with the number of its parts, a varint, and the parts. Each part is its kind, a varint, and its
+//! content, a string. Kinds ascend, so that no kind comes twice. An unknown kind is refused, because a reader that
+//! ignored it would play a texture that differs from the one that was written. A part that only states the default is
+//! refused too, so that a texture has only one encoding.
 //!
-//! A new kind is a file here with its `KIND`, its reader, its check and its writer; a field of [`Parts`] and the lines
-//! that name it below; and a row in the package's README.
+//! A new kind needs a file here with its `KIND`, its reader, its check and its writer; a field of [`Parts`], and a line
+//! for this field wherever the code below lists all fields; and a row in the package's README.
 
 pub(crate) mod excitation;
 pub(crate) mod fine_theta;
@@ -44,7 +44,7 @@ use wander::WanderPart;
 #[cfg(feature = "alloc")]
 pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
 
-/// Optional parts of a texture to be written, beside those that follow from its laws and nodes.
+/// Optional parts of a texture to be written, in addition to those that follow from its laws and nodes.
 ///
 /// By default there are none: a Gaussian excitation of steady level, and nothing that is tied to position.
 #[cfg(feature = "alloc")]
@@ -58,7 +58,8 @@ pub struct PartsSpec {
     pub lines: Option<lines::LinesSpec>,
 }
 
-/// eˣ for |x| below 0.1, by the series, whose rest is below 10⁻¹⁸: for tables of codes, at compile time.
+/// Returns eˣ for |x| below 0.1, by a series whose remainder is below 10⁻¹⁸. It computes tables of codes at compile
+/// time.
 const fn exp(x: f64) -> f64 {
     let (mut term, mut sum, mut n) = (1.0, 1.0, 1.0);
     while n < 13.0 {
@@ -84,9 +85,9 @@ pub enum PartKind {
     Lines,
     /// θ of a lattice's last stages in one byte.
     Tails,
-    /// Wander of the place of lines.
+    /// Irregular displacement of lines.
     Wander,
-    /// Codebooks in blocks, played in moments.
+    /// Codebooks in blocks with their level, played in longer snippets (moments).
     Moments,
 }
 
@@ -119,9 +120,9 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Parses the parts that `reader` is at. Contents are not judged.
+    /// Parses the parts at the reader's position without checking their contents.
     ///
-    /// The number of parts needs no bound of its own, because known kinds that ascend are few.
+    /// The number of parts needs no bound of its own, because kinds must be known and must ascend.
     pub fn read(reader: &mut Reader<'a>) -> Result<Self, Problem> {
         let malformed = Problem::Malformed("an optional part");
         let count = reader.varint().ok_or(malformed)?;
@@ -187,7 +188,7 @@ impl<'a> Parts<'a> {
         Ok(())
     }
 
-    /// The parts that are there, kinds ascending, each with the length of its content, bytes.
+    /// The parts that the texture has, by ascending kind, each with the length of its content, bytes.
     pub fn lengths(&self) -> impl Iterator<Item = (PartKind, usize)> + use<> {
         let of = |kind, content: Option<&[u8]>| content.map(|content| (kind, content.len()));
         let parts = [

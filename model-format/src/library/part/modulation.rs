@@ -1,8 +1,9 @@
-//! Part of kind 4: a track of the excitation's level, from which its slow changes are pieced together.
+//! Part of kind 4: a track of the excitation's level. A player joins pieces of it to reproduce the slow changes of the
+//! level.
 //!
-//! The content is a varint of the samples from one entry to the next, then a byte per entry: the level in steps of
-//! 0.25 dB. Between entries the amplitude goes in a straight line. The mean square of the amplitude on these lines, the
-//! last entry joined to the first, is 1 within 2 %, because the level of a node is that of an excitation of variance 1.
+//! The content is the number of samples from one entry to the next, a varint, then a byte per entry: the level in steps
+//! of 0.25 dB. Between entries the amplitude is linear, and the last entry is joined to the first. The mean square of
+//! this amplitude is 1 within 2 %, because the level of a node assumes an excitation of variance 1.
 
 #[cfg(feature = "alloc")]
 use alloc::vec::Vec;
@@ -21,12 +22,12 @@ use super::exp;
 /// Kind of this part.
 pub(crate) const KIND: u32 = 4;
 
-/// Digits after the point of [`level_amplitude`].
+/// Binary digits after the point of [`level_amplitude`].
 pub const LEVEL_FRACTION_BITS: u32 = 16;
 
 /// Amplitudes of the entries -128 to 127, in steps of 2⁻¹⁶.
 static AMPLITUDES: [u32; 256] = {
-    /// Entries per factor of ten in amplitude.
+    /// Number of steps of an entry per factor of ten in amplitude.
     const PER_DECADE: f64 = 80.0;
     let step = exp(core::f64::consts::LN_10 / PER_DECADE);
     let mut table = [0; 256];
@@ -52,8 +53,8 @@ pub fn level_amplitude(entry: i8) -> u32 {
 
 /// Level track of a texture.
 ///
-/// The mean square of the amplitude as it is played, in straight lines between entries, is 1 within 2 %; see
-/// [`ModulationSpec::mean_square`]. It is a little below the mean of the entries' squares.
+/// The amplitude is played as straight lines between entries. Its mean square is 1 within 2 %, see
+/// [`ModulationSpec::mean_square`]. This mean square is a little less than the mean of the squares at the entries.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModulationSpec {
@@ -65,7 +66,7 @@ pub struct ModulationSpec {
 
 #[cfg(feature = "alloc")]
 impl ModulationSpec {
-    /// Mean square of the amplitude as it is played, which a library demands to be 1 within 2 %; 0 without entries.
+    /// Mean square of the amplitude as it is played; 0 without entries. A library requires it to be 1 within 2 %.
     pub fn mean_square(&self) -> f32 {
         let next = self.entries.iter().cycle().skip(1);
         let pairs = self.entries.iter().zip(next);
@@ -76,7 +77,7 @@ impl ModulationSpec {
 
 #[cfg(feature = "alloc")]
 impl From<Modulation<'_>> for ModulationSpec {
-    /// The level track of a decoded texture, which encodes to the same bytes.
+    /// Copies the level track of a decoded texture. Encoding it gives the same bytes.
     fn from(modulation: Modulation<'_>) -> Self {
         let entries = modulation.entries.iter();
         Self {
@@ -110,7 +111,7 @@ impl<'a> Modulation<'a> {
 pub(crate) struct ModulationPart<'a>(pub &'a [u8]);
 
 impl<'a> ModulationPart<'a> {
-    /// Parses the content, and checks all but the levels of entries.
+    /// Parses the content, and checks everything except the levels of the entries.
     fn read(self) -> Result<Modulation<'a>, Problem> {
         let mut reader = Reader(self.0);
         let step = reader
@@ -141,16 +142,16 @@ impl<'a> ModulationPart<'a> {
         self.read().ok()
     }
 
-    /// Checks all of the part but the levels of entries.
+    /// Checks everything in the part except the levels of the entries.
     pub fn check(self) -> Result<(), Problem> {
         self.read().map(|_| ())
     }
 }
 
-/// Three times the mean square on the straight line between two amplitudes, in steps of 2⁻³².
+/// Three times the mean square of the amplitude on the straight line between two entries, in steps of 2⁻³².
 #[inline]
 fn squares(from: u32, to: u32) -> u64 {
-    // Each is below 2²², so that 4096 such sums are far from the end of 64 bits.
+    // Each amplitude is below 2²², so that 4096 such sums together are far below 2⁶⁴.
     let (from, to) = (u64::from(from), u64::from(to));
     from * from + from * to + to * to
 }
@@ -164,19 +165,19 @@ fn mean_square(sum: u64, count: usize) -> f32 {
 /// The check of a part's entries, in steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::library) struct ModulationCheck {
-    /// The entries that were looked at.
+    /// Number of entries that were checked.
     at: usize,
-    /// Sum of their squares, see [`squares`].
+    /// Sum of [`squares`] over these entries.
     sum: u64,
-    /// True if any of them is not 0.
+    /// True if any of these entries is not 0.
     changes: bool,
 }
 
 impl ModulationCheck {
-    /// Looks at some more entries of `modulation`, at most `room`. Returns true if none are left.
+    /// Checks the next entries of `modulation`, at most `room` of them. Returns true if no entry is left.
     ///
     /// # Errors
-    /// A fault of all entries.
+    /// A fault of the whole track, found after its last entry.
     pub fn step(&mut self, modulation: &Modulation<'_>, room: usize) -> Result<bool, Problem> {
         let entries = modulation.entries;
         let end = entries.len().min(self.at + room);
@@ -189,7 +190,7 @@ impl ModulationCheck {
                 sum += squares(from, to);
                 (from, bits) = (to, bits | entry);
             }
-            // The entry after the last of these, or after the last of all the first.
+            // The entry after the last one of this step. The first entry follows the last one of the track.
             let next = entries.get(end).unwrap_or(&entries[0]);
             sum += squares(from, level_amplitude(next.cast_signed()));
             bits |= first;
@@ -210,7 +211,7 @@ impl ModulationCheck {
     }
 }
 
-/// The part of a texture with this track.
+/// Creates the part for this track.
 #[cfg(feature = "alloc")]
 pub(crate) fn part(spec: &ModulationSpec) -> postcard::Result<PartSpec> {
     let mut content = postcard::to_allocvec(&u32::from(spec.step_samples))?;

@@ -1,9 +1,9 @@
-//! Part of kind 6, of lattices alone: the stages after the first 32 have codes of one byte.
+//! Part of kind 6: the stages of a lattice after the first 32 have codes of one byte.
 //!
-//! The part holds a `u16` for each node, speed-major: the step of the node's codes, in steps of π/2²⁴. With it a node's
-//! coefficients are codes of 16 bits for its first [`MAX_FINE_STAGES`] stages, and one signed byte for each further
-//! one, its tail: θ = byte · step · π/2²⁴. The first stages carry the lines and the slope of a spectrum; the further
-//! ones have small θ, whose errors hardly show in it.
+//! The content is a `u16` per node, speed-major: the step of the node's one-byte codes, in units of π/2²⁴. With this
+//! part, the coefficients of a node are 16-bit codes for its first [`MAX_FINE_STAGES`] stages, and a signed byte for
+//! each further stage. These bytes are the node's tail: θ = byte · step · π/2²⁴. The first stages determine the lines
+//! and the slope of a spectrum. Further stages have a small θ, and its rounding hardly changes the spectrum.
 
 use crate::error::Problem;
 use crate::library::node::Tail;
@@ -18,16 +18,16 @@ use super::PartSpec;
 pub struct TailSpec {
     /// The codes, at least -127.
     pub codes: alloc::vec::Vec<i8>,
-    /// Step of a code, in steps of [`crate::FINE_THETA_STEP_RAD`].
+    /// Step of a code, in units of [`crate::FINE_THETA_STEP_RAD`].
     pub step: u16,
 }
 
 #[cfg(feature = "alloc")]
 impl TailSpec {
-    /// The tail of these θ, in steps of [`crate::FINE_THETA_STEP_RAD`], with the least step whose codes reach all of
-    /// them. Each is rounded to the nearest code.
+    /// Creates the tail for these θ, in units of [`crate::FINE_THETA_STEP_RAD`]. The step is the smallest with which
+    /// the codes reach all of them, and each θ is rounded to the nearest code.
     ///
-    /// Values beyond [`TailSpec::MAX_THETA`] count as that.
+    /// A θ whose magnitude exceeds [`TailSpec::MAX_THETA`] is limited to it.
     pub fn of(thetas: &[i32]) -> Self {
         let largest = thetas.iter().map(|theta| theta.unsigned_abs()).max();
         let largest = largest.unwrap_or(0).min(Self::MAX_THETA.unsigned_abs());
@@ -48,7 +48,7 @@ impl TailSpec {
     /// Largest code; the lowest is its negative.
     pub const MAX_CODE: i8 = i8::MAX;
 
-    /// The tail of a node without stages of one byte.
+    /// The empty tail, of a node without one-byte codes.
     pub(crate) const NONE: Self = Self {
         codes: alloc::vec::Vec::new(),
         step: 0,
@@ -86,7 +86,7 @@ impl Tails<'_> {
         }
     }
 
-    /// The tail of node `index`, whose codes are `codes`, of a part whose length was found valid.
+    /// The tail of node `index` with the codes `codes`. The part's length must have been found valid.
     #[inline]
     pub fn of_node<'c>(&self, index: usize, codes: &'c [u8]) -> Tail<'c> {
         let step = u16::from_le_bytes(self.0.as_chunks().0[index]);
@@ -105,8 +105,8 @@ const OTHER_STEP: Problem = Problem::Rule(
 
 /// Checks the tail of a node.
 ///
-/// The step is 0 where all codes are, and otherwise no larger than the codes need, so that a tail is hardly ever
-/// written in two ways and never with less resolution than its bytes have.
+/// The step must be 0 if and only if all codes are 0, and otherwise no larger than the codes need. So a tail hardly
+/// ever has two encodings, and its resolution is never lower than its bytes allow.
 pub(in crate::library) fn check(tail: Tail<'_>) -> Result<(), Problem> {
     let mut largest = 0;
     for &code in tail.codes {
@@ -127,10 +127,12 @@ pub(in crate::library) fn check(tail: Tail<'_>) -> Result<(), Problem> {
     if needed { Ok(()) } else { Err(OTHER_STEP) }
 }
 
-/// The part of a lattice whose nodes have these tails after so many stages, if any has one.
+/// Creates the part for nodes that each have this number of stages of 16 bits, then this tail; none if no node has a
+/// tail.
 ///
 /// # Errors
-/// A tail elsewhere than after the stages of 16 bits, with the index of its node.
+/// A node whose tail does not begin after the first [`MAX_FINE_STAGES`] stages, or has a step but no tail is in use:
+/// the index of the node and the fault.
 #[cfg(feature = "alloc")]
 pub(crate) fn part<'t>(
     nodes: impl Iterator<Item = (usize, &'t TailSpec)> + Clone,

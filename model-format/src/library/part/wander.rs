@@ -1,14 +1,15 @@
-//! Part of kind 7: how the place of lines wanders.
+//! Part of kind 7: the irregular displacement of lines, called wander.
 //!
-//! A weave's threads are not evenly spaced. So the place x of a line is moved by a random function of the place: to
-//! x + d(x), whose RMS and correlation length a *wander* states. Lines of one weave share a wander, so that its
-//! harmonics stay locked.
+//! A weave's threads are not evenly spaced. Therefore a line is evaluated at x + d(x) in place of the position x, where
+//! d is a random function. A *wander* states the RMS and the correlation length of d. Lines of one weave share a
+//! wander, so that the weave's harmonics stay locked in phase.
 //!
-//! The content is a byte with the number of wanders; each as RMS, mm, correlation length, mm, and the clock's speed,
-//! mm/s, all `f32`; then a byte per line: 0 if it does not wander, or the number of its wander, from 1.
+//! The content is a byte with the number of wanders; then per wander its RMS, mm, its correlation length, mm, and its
+//! clock's speed, mm/s, all as `f32`; then a byte per line: the number of the line's wander, from 1, or 0 if the line
+//! does not wander.
 //!
-//! A clock's speed of 0 leaves the place to the hand. Otherwise the place moves at this speed by itself, so that lines
-//! hold their frequency at any speed of the hand, as a resonance or a motor does.
+//! If the clock's speed is 0, x is the tool's position. Otherwise x advances at the clock's speed, so that the lines
+//! keep their frequency at any speed of the hand, like a resonance or a motor.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,14 +24,14 @@ pub(crate) const KIND: u32 = 7;
 /// Bytes of a wander.
 const BYTES: usize = 12;
 
-/// Wander of the place of lines.
+/// Irregular displacement of lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wander {
     /// RMS of the displacement d(x), mm.
     pub rms_mm: f32,
     /// Correlation length ℓ, mm: the correlation of d(x) and d(x + Δ) is exp(-Δ² / 2ℓ²).
     pub correlation_mm: f32,
-    /// Speed at which the place moves by itself, mm/s; 0 if it is the hand's.
+    /// Speed at which a clock advances the position in place of the tool, mm/s; 0 if the tool's position counts.
     pub clock_mm_s: f32,
 }
 
@@ -88,7 +89,7 @@ impl<'a> WanderPart<'a> {
         }
     }
 
-    /// Checks the part of a texture of so many lines.
+    /// Checks the part, in a texture of `lines` lines.
     pub fn check(self, lines: usize) -> Result<(), Problem> {
         let count = usize::from(self.0.first().copied().unwrap_or(0));
         Problem::count("the number of wanders", count, [1, MAX_WANDERS])?;
@@ -117,7 +118,8 @@ impl<'a> Wanders<'a> {
     }
 }
 
-/// The part's content for these wanders, and the number of its wander per line, if there are any.
+/// Returns the part's content for these wanders; none if there are no wanders. `of_lines` holds for each line the
+/// number of its wander, from 1, or 0.
 #[cfg(feature = "alloc")]
 pub(super) fn content(wanders: &[Wander], of_lines: &[u8]) -> Option<alloc::vec::Vec<u8>> {
     if wanders.is_empty() {
