@@ -142,10 +142,10 @@ impl PathScale {
         })
     }
 
-    /// Verifies that a `way` of `mm` in the first direction shows as that by the `stored` settings.
+    /// Verifies that a movement of `mm` in the first direction reads as `mm` by the `stored` settings.
     ///
     /// # Errors
-    /// A way that differs by more than [`PathScale::of`] allows.
+    /// A reading that differs by more than [`PathScale::of`] allows.
     pub fn verify(mm: f64, way: Travel, stored: &Settings) -> Result<(), PathFault> {
         let shown = way.counts as f64 * f64::from(stored.get(Setting::PathPerCount));
         if (shown - mm).abs() <= MOST_SHARE * mm {
@@ -154,7 +154,7 @@ impl PathScale {
         Err(PathFault::NotVerified(mm, shown))
     }
 
-    /// The setting of the path per count, to five digits, which is more than is known.
+    /// Returns the setting of the path per count, rounded to five digits. The measurement is less accurate than that.
     pub fn change(&self) -> SettingChange {
         let text = format!("{:.4e}", self.mm_per_count);
         SettingChange {

@@ -27,7 +27,7 @@ impl std::fmt::Display for Verdict {
 /// One line.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Line {
-    /// The subject, which a program may look for.
+    /// What the line is about. A program may search for this name.
     pub name: String,
     /// The value as a number, where it is one.
     pub number: Option<f64>,

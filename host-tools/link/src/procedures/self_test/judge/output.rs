@@ -38,7 +38,7 @@ const DELAY_US: f64 = 3.0;
 /// Distance from its end at which a step counts as settled, codes.
 const SETTLED_CODES: f64 = 16.0;
 
-/// Time within which it has settled, µs.
+/// Longest time until a step has settled, µs.
 const SETTLED_US: f64 = 8.0;
 
 const AMPLIFIER: &str = "take the amplifier's input off PA4 and test again, because a load bends the output; if it \
@@ -70,7 +70,7 @@ fn line_through(means: &[f64; OUTPUT_CODES]) -> (f64, f64) {
     (slope, mean + slope * (MID_SCALE - code))
 }
 
-/// Delay until half of the step, and until it has settled, µs; none if that does not come.
+/// Returns the delays until half of the step and until the step has settled, µs; none if that does not happen.
 fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [Option<f64>; 2] {
     let ends = STEP_CODES.map(|code| middle + slope * (f64::from(code) - MID_SCALE));
     let words = values
@@ -82,7 +82,7 @@ fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [
     };
     let half = f64::midpoint(ends[0], ends[1]);
     let first = |has: &dyn Fn(f64) -> bool| {
-        // All later words too, so that one disturbed word is not taken for the end.
+        // All later words must satisfy it too, so that one disturbed word does not count as the end.
         let away = words.iter().rposition(|&word| !has(word));
         let index = away.map_or(0, |last| last + 1);
         (index < STEP_INSTANTS).then(|| instant_us(index))
