@@ -44,7 +44,7 @@ pub(super) struct Target {
 
 /// Frequencies at which the trial `own` can be judged, if any.
 fn scoring_range(own: &Recorded<'_>) -> Option<ScoringRange> {
-    // A file of a higher rate is judged in the models' band alone.
+    // A file of a higher rate is judged in the models' band only.
     let rate_hz = own.analysis.source_rate_hz.min(f64::from(SAMPLE_RATE_HZ));
     ScoringRange::of_filtered(rate_hz, own.samples().len(), own.analysis.slow.cut_hz)
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`self_test`] | measurements of the device, compared with limits |
 //! | [`calibrate`] | values of the coil, and zeros and scales of the sensors, measured and verified |
-//! | [`response`] | the actuator's response: measuring, equalising, proving and checking it, and the headroom of a library |
+//! | [`response`] | the actuator's response: measured, equalised, proved and checked; headroom of a library |
 //! | [`set`] | a recording set that grows trial by trial |
 //! | [`strokes`] | recordings of a free hand, with its motion |
 //!
