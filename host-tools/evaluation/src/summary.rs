@@ -17,11 +17,11 @@ pub struct TextureEvaluation {
     pub texture: String,
     /// The answer in one line.
     pub verdict: String,
-    /// Trials compared.
+    /// Number of trials that were compared.
     pub trials: usize,
-    /// Trials at which the stylus or the recording is silent.
+    /// Number of trials in which the stylus or the recording is silent.
     pub silent: usize,
-    /// Lowest and highest frequency of the bands that all trials could be judged at, Hz.
+    /// Lowest and highest frequency of the bands at which all trials could be judged, Hz.
     pub bands_hz: Option<(f64, f64)>,
     /// Lowest and highest frequency of C, Hz.
     pub cost_hz: Option<(f64, f64)>,
@@ -31,10 +31,10 @@ pub struct TextureEvaluation {
     pub cost_deviation: Option<f64>,
     /// Mean of what C would be for a perfect model of broadband noise.
     pub mean_cost_floor: Option<f64>,
-    /// The synthesis.
+    /// Figures of the synthesis.
     #[serde(flatten)]
     pub synthesis: Means,
-    /// Another recording in the place of the synthesis.
+    /// Figures of another recording in place of the synthesis.
     pub other: Means,
     /// Mean of C of the other recording.
     pub mean_cost_other: Option<f64>,
@@ -51,11 +51,11 @@ pub struct TextureEvaluation {
 pub struct Means {
     /// Mean magnitude of the bands' errors, dB.
     pub mean_band_error_db: Option<f64>,
-    /// Share of all bands within the amplitude JND of 2.2 dB.
+    /// Fraction of all bands within the amplitude JND of 2.2 dB.
     pub bands_within_jnd: Option<f64>,
     /// Mean log-spectral distance, dB.
     pub mean_log_spectral_distance_db: Option<f64>,
-    /// Level error in third octaves, JND: the root of the mean square over trials, less scatter.
+    /// Level error in third octaves, JND: the root of the mean square over trials, minus scatter.
     pub level_error_jnd: Option<f64>,
     /// Mean magnitude of the balance's error, dB.
     pub mean_balance_error_db: Option<f64>,
@@ -170,7 +170,7 @@ pub fn liveliness_table(title: &str, of: &[(String, &[Summary])]) -> Table {
         ]
     };
     let rows = of.iter().flat_map(|(name, summaries)| {
-        // The name stands once.
+        // Only the first row has the name.
         let names = std::iter::once(name.as_str()).chain(std::iter::repeat(""));
         names
             .zip(*summaries)
@@ -203,7 +203,7 @@ pub const LIVELINESS_EXPLANATION: &str = "\
      recording's strongest narrow line in windows of 0.5 s; off: distance from the recording, which the other \
      recording has, too.";
 
-/// The trials of texture `name` in a few numbers.
+/// Summarises the trials of texture `name`.
 pub(super) fn summarise<'t>(name: &str, trials: &'t [TrialEvaluation]) -> TextureEvaluation {
     let members: Vec<&'t TrialEvaluation> = trials.iter().filter(|t| t.texture == name).collect();
     let heard: Vec<&'t TrialEvaluation> = members
@@ -244,7 +244,7 @@ pub(super) fn summarise<'t>(name: &str, trials: &'t [TrialEvaluation]) -> Textur
     }
 }
 
-/// The mean; `None` of nothing.
+/// Returns the mean; `None` without values.
 pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
@@ -289,7 +289,7 @@ pub(super) fn target_in_words(trials: &[TrialEvaluation]) -> &'static str {
 pub struct Scores {
     /// The paper's cost C, equation (6); of blocks, C of the mean of their smoothed amplitudes.
     pub cost: Option<f64>,
-    /// Level over the judge's in each third-octave band from 20 to 1000 Hz that can be judged, dB.
+    /// Level relative to the judge's in each third-octave band from 20 to 1000 Hz that can be judged, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance in sliding third octaves, dB.
     pub log_spectral_distance_db: Option<f64>,
@@ -339,7 +339,7 @@ pub struct TrialEvaluation {
     /// The synthesis against the judge.
     #[serde(flatten)]
     pub scores: Scores,
-    /// C of a perfect model of broadband noise, which is not 0 because its synthesis is noise of its own.
+    /// C of a perfect model of broadband noise, which is not 0 because the synthesis has noise of its own.
     pub cost_floor: f64,
     /// Another recording against the judge: the blocks or the take that were fitted.
     pub other: Scores,

@@ -196,7 +196,7 @@ pub fn suite(length: Length) -> Vec<Case> {
             });
         }
     }
-    // What rings for long takes long to fall silent; one motion is enough for every run.
+    // Models that ring for long take long to fall silent. The short suite therefore has fewer of their motions.
     if length == Length::Short {
         cases.retain(|case| case.pole_radius() < 0.999_95 || case.is_still());
         cases.retain(|case| {
@@ -218,7 +218,7 @@ fn paths(length: Length) -> Vec<(&'static str, Path)> {
     paths
 }
 
-/// 10⁸ samples of random motion at the stylus's own pace, in ten parts.
+/// 10⁸ samples of random motion at the stylus's update interval, in ten parts.
 fn marathon() -> Vec<Case> {
     const PARTS: usize = 10;
     let grids = grids();

@@ -1,4 +1,4 @@
-//! Time at which a motion is heard, and for how long.
+//! When a motion takes effect, and for how long.
 
 use stylus_player::{HELD_S, latency_s};
 
@@ -49,7 +49,7 @@ fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
     }
 }
 
-/// The samples of the texture are found in what comes of them, as late as the interpolator's delay.
+/// The output contains the texture's samples, later by the interpolator's delay.
 #[test]
 fn samples_at_another_rate_are_those_of_the_texture_later_by_the_delay() {
     for (rate_hz, every) in [(10_000, 2), (40_000, 8), (50_000, 10)] {
