@@ -33,7 +33,7 @@ const OUTPUT_RATES_HZ: (u32, u32, u32) = (8000, 192_000, 25);
 pub enum Fault {
     /// An output rate, Hz, that is not played.
     OutputRate(u32),
-    /// A texture or scene that is not there, or cannot be played.
+    /// A texture or scene that does not exist or cannot be played.
     Choice(ChoiceError),
     /// A sample rate of a texture or scene, Hz, that is not played.
     SampleRate(u32),
@@ -172,7 +172,7 @@ impl Mover {
     /// what was played before.
     ///
     /// # Errors
-    /// A texture or scene that is not there, or cannot be played.
+    /// A texture or scene that does not exist or cannot be played.
     pub fn choose(
         &self,
         library: &SharedLibrary,

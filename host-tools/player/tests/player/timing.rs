@@ -60,7 +60,7 @@ fn samples_at_another_rate_are_those_of_the_texture_later_by_the_delay() {
         let delay_s = latency_s(5000, rate_hz) - latency_s(5000, 5000);
         let delay = (delay_s * 5000.0).round() as usize;
         let later = samples.iter().step_by(every).skip(delay);
-        // A texture has content up to half of its rate, of which the filter takes the uppermost fifth.
+        // A texture has content up to half of its rate, of which the filter removes the uppermost fifth.
         let (mut error, mut power) = (0.0, 0.0);
         for (one, other) in exact.iter().zip(later) {
             error += f64::from(one - other).powi(2);
