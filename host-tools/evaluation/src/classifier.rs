@@ -21,7 +21,7 @@ const LEVELS: usize = 10;
 /// Index of the lowest third-octave band, at 31.5 Hz. A window has eight periods of it.
 const FIRST_BAND: usize = 2;
 
-/// Parts of the time, each of which is ranked by a classifier that was fitted to the others.
+/// Number of parts of the time. Each part is ranked by a classifier that was fitted to the other parts.
 const FOLDS: usize = 4;
 
 /// Fewest windows of the recordings: two of each part.
@@ -38,7 +38,8 @@ const STEP: f64 = 0.1;
 /// Features of a window.
 type Features = Vec<f64>;
 
-/// The windows of a recording and of the signal in its place, as many of each, in the order of time.
+/// The windows of a recording and of the signal in its place, in the order of time. Both have the same number of
+/// windows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Windows([Vec<Features>; 2]);
 

@@ -512,8 +512,8 @@ fn refit(
     };
     let fit_options = fit::Options {
         conditioning: options.conditioning,
-        // A lattice needs no proof of stability between nodes, and the models are the same; the texture is then made
-        // in the structure that was chosen. Findings of triage were accepted when the library was fitted.
+        // A strict fit is not necessary: a lattice needs no proof of stability between nodes, and the models are the
+        // same. Findings of triage were accepted when the library was fitted.
         strict: false,
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
@@ -533,7 +533,7 @@ fn refit(
 }
 
 impl Comparison {
-    /// The part of the judge that the other recording is compared with.
+    /// Returns the part of the judge with which the other recording is compared.
     fn beside(&self) -> Vec<&[f64]> {
         let is_all = self.beside.is_empty();
         slices(if is_all { &self.judged } else { &self.beside })

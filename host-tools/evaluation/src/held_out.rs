@@ -166,8 +166,8 @@ fn decimals(seconds: f64) -> f64 {
     (seconds * 100.0).round() / 100.0
 }
 
-/// Correlation from which on a take is a copy: equal, scaled or inverted, also in 8 bits. Two takes of one surface stay
-/// far below.
+/// Correlation from which on a take counts as a copy, which may also be scaled, inverted or in 8 bits. Two takes of one
+/// surface stay far below.
 const COPY_CORRELATION: f64 = 0.999;
 
 /// The take that judges a trial.

@@ -33,9 +33,9 @@ pub struct AtSpeed {
     pub recorded_kurtosis: f64,
     /// Residual kurtosis of the syntheses.
     pub kurtosis: f64,
-    /// log₂ of the synthesis's kurtosis over the recording's.
+    /// log₂ of the ratio of the synthesis's kurtosis to the recording's.
     pub octaves: f64,
-    /// log₂ of the other recording's kurtosis over the recording's; none without another.
+    /// log₂ of the ratio of the other recording's kurtosis to the recording's; none without another recording.
     pub octaves_other: Option<f64>,
 }
 

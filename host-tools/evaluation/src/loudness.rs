@@ -16,8 +16,8 @@ const WINDOW_S: f64 = 0.005;
 
 /// Ratio to the recordings, relative to the ratio between recordings, from which on events are too strong.
 ///
-/// Simulated textures whose impulses are as near reach 1.6 in the loudest of 120 trials, each ten times as long as its
-/// recording.
+/// Simulated textures with impulses as near as those of other recordings reach 1.6 in the loudest of 120 trials, with
+/// syntheses ten times as long as the recordings.
 pub const TOO_STRONG: f64 = 2.0;
 
 /// The loudest 5 ms of a trial's signals, as RMS, m/s².

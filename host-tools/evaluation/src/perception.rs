@@ -152,7 +152,7 @@ impl ScoringRange {
         }
     }
 
-    /// The range without what is below `low_hz`. `None` if no third octave is left.
+    /// Returns the range without the frequencies below `low_hz`. `None` if no third octave is left.
     fn above(mut self, low_hz: f64) -> Option<Self> {
         self.low_hz = self.low_hz.max(low_hz);
         self.cost_hz.0 = self.cost_hz.0.max(low_hz);

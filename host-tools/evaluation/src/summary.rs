@@ -1,4 +1,4 @@
-//! An evaluation in a few numbers per texture, and as the rows of the tables that commands and pages show.
+//! Summary of an evaluation per texture, and the rows of the tables that commands and pages show.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use super::perception::{Perceived, ScoringRange};
 use super::tables::{Table, number, percent};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
-/// A texture's trials in a few numbers; silent trials are counted and left out of all means.
+/// Summary of a texture's trials. Silent trials are counted, and left out of all means.
 #[derive(Clone, Debug, Serialize)]
 pub struct TextureEvaluation {
     /// The texture.
@@ -42,7 +42,7 @@ pub struct TextureEvaluation {
     pub liveliness: Vec<Summary>,
     /// Impulses, by speed.
     pub impulses: Impulses,
-    /// The loudest events; none if nothing is held out or heard.
+    /// The loudest events; none if nothing is held out, or if all trials are silent.
     pub loudest_5_ms: Option<Loudness>,
 }
 
@@ -284,10 +284,10 @@ pub(super) fn target_in_words(trials: &[TrialEvaluation]) -> &'static str {
     }
 }
 
-/// Distances of a signal from the judge, a recording that was held out; none where they do not exist.
+/// Distances of a signal from the judge, which is a held-out recording. A distance is none if it does not exist.
 #[derive(Clone, Debug, Serialize)]
 pub struct Scores {
-    /// The paper's cost C, equation (6); of blocks, C of the mean of their smoothed amplitudes.
+    /// The paper's cost C, equation (6); for blocks, it is that of the mean of their smoothed amplitudes.
     pub cost: Option<f64>,
     /// Level relative to the judge's in each third-octave band from 20 to 1000 Hz that can be judged, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
@@ -321,7 +321,7 @@ pub struct TrialEvaluation {
     pub force_n: f64,
     /// The kind of data that judged.
     pub judge: JudgeKind,
-    /// File of the other take, if that judged.
+    /// File of the other take, if that take is the judge.
     pub other_take: Option<String>,
     /// Frequencies that were judged; none if the judge is too short.
     pub range: Option<ScoringRange>,
@@ -331,10 +331,10 @@ pub struct TrialEvaluation {
     pub recorded_rms_m_s2: f64,
     /// RMS of the synthesis, m/s².
     pub synthesised_rms_m_s2: f64,
-    /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out or
-    /// heard.
+    /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out, or
+    /// if the trial is silent.
     pub liveliness: Option<TrialLiveliness>,
-    /// The loudest 5 ms; none if nothing is held out or heard.
+    /// The loudest 5 ms; none if nothing is held out, or if the trial is silent.
     pub loudest_5_ms: Option<TrialLoudness>,
     /// The synthesis against the judge.
     #[serde(flatten)]

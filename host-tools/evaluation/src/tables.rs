@@ -48,7 +48,7 @@ impl Table {
     }
 }
 
-/// A number with so many decimals, or a dash.
+/// Returns a number with this number of decimals, or a dash.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or("-".into(), |value| {
         crate::support::decimal::fixed(value, decimals)

@@ -162,7 +162,8 @@ fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
     Some(clauses.join(", "))
 }
 
-/// The loudest events, if they are stronger than those of the recordings around them by more than other recordings are.
+/// Returns a clause about the loudest events, if they exceed those of the recordings around them by more than other
+/// recordings do.
 fn loudest(loudness: &Loudness, trials: usize) -> Option<String> {
     (loudness.trials_too_strong > 0).then(|| {
         let whose = if trials > 1 {
@@ -219,7 +220,8 @@ mod tests {
     use crate::dsp::liveliness::Liveliness;
     use test_helpers::holds;
 
-    /// A recording, a synthesis off by so many octaves of kurtosis and dB of evenness, and another recording.
+    /// A recording, a synthesis that is off by `octaves` of kurtosis and `spread_db` of evenness, and another
+    /// recording.
     fn lively(octaves: f64, spread_db: f64) -> Vec<Summary> {
         let measures = |octaves: f64, spread_db: f64| Liveliness {
             residual_kurtosis: Some(6.0 * octaves.exp2()),
@@ -278,7 +280,7 @@ mod tests {
         };
         let near = [at(40.0, 0.9, 0.0), at(60.0, 0.1, 0.0), at(80.0, -0.9, 0.1)];
         assert_eq!(said(near.to_vec(), 1), "impulses as near");
-        // Recordings of this speed are as far from each other.
+        // At this speed, recordings differ from each other as much.
         let mut speeds = near.to_vec();
         speeds.push(at(100.0, -1.2, 1.1));
         let count = "12 of 40 trials more than an octave off (target 1)";

@@ -31,7 +31,7 @@ pub enum Fault {
         /// Largest voltage at the coil to either side, V.
         volts: f64,
     },
-    /// An accelerometer's axis that stays at its voltage of rest, without noise.
+    /// An accelerometer's axis that stays at its rest voltage, without noise.
     DeadAxis {
         /// The axis.
         axis: Axis,

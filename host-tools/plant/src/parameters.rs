@@ -120,7 +120,8 @@ pub struct Accelerometer {
     pub main_axis: Axis,
     /// Angle between the main axis and the actuator's, degrees.
     pub tilt_deg: f64,
-    /// Direction of that angle, from the next axis (Y after X) towards the one after, degrees.
+    /// Direction of that angle around the main axis, degrees. It counts from the next axis (Y after X) towards the axis
+    /// after that.
     pub azimuth_deg: f64,
     /// Sensitivity, V per m/s².
     pub volts_per_m_s2: f64,

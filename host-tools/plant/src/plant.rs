@@ -140,7 +140,7 @@ impl Plant {
         -self.parameters.faults.iter().map(force).sum::<f64>()
     }
 
-    /// Acceleration of the tip along the actuator's axis, m/s²: that of the body, which is rigid.
+    /// Acceleration of the tip along the actuator's axis, m/s². It is the acceleration of the body, which is rigid.
     pub fn tip_m_s2(&self) -> f64 {
         let row = &self.derivatives[BODY_SPEED];
         let linear: f64 = row.iter().zip(self.states).map(|(a, b)| a * b).sum();

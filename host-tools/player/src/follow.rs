@@ -14,7 +14,7 @@ const LONGEST_STEP_S: f64 = 0.1;
 pub enum Told {
     /// The motion of the next block.
     Block(BlockMotion),
-    /// A place at a time of the caller's clock, s; the speed follows from the place before.
+    /// A place at a time of the caller's clock, s; the speed follows from the previous place.
     Place {
         time_s: f64,
         position_mm: f64,

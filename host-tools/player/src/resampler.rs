@@ -188,7 +188,8 @@ mod tests {
         }
     }
 
-    /// Images lie about the multiples of the texture's rate. What is above half of a lower rate comes back as an alias.
+    /// Images lie around the multiples of the texture's rate. Content above half of a lower output rate returns as an
+    /// alias.
     #[test]
     fn images_and_aliases_are_80_db_down_at_every_frequency() {
         for from_hz in [5000u32, 10_000] {

@@ -31,7 +31,7 @@ pub struct Filter {
     pub m4: Cost,
     /// Cost on a Cortex-M7.
     pub m7: Cost,
-    /// Flash that a node takes in a library, bytes.
+    /// Flash that a node needs in a library, bytes.
     pub library_bytes_per_node: usize,
     /// RAM for two frames' coefficients and the state, bytes.
     pub ram_bytes: usize,

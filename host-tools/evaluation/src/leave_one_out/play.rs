@@ -25,7 +25,7 @@ const PLACE: (f32, f32) = (100.0, 1.0);
 pub struct Judged {
     /// The paper's cost C, equation (6).
     pub cost: f64,
-    /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
+    /// Level of the synthesis relative to the recording in each third-octave band from 20 to 1000 Hz, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
     pub log_spectral_distance_db: Option<f64>,

@@ -54,7 +54,7 @@ pub fn fixtures() -> Vec<NamedModel> {
     .collect()
 }
 
-/// Autocorrelation of noise of the spectrum 1 / (1 + (f/cut-off)^`order`) over a floor, on a grid of 32 768
+/// Autocorrelation of noise with the spectrum 1 / (1 + (f/cut-off)^`order`) over a floor, on a grid of 32 768
 /// frequencies.
 fn low_pass(cut_off_hz: f64, order: i32, floor: f64) -> Vec<f64> {
     const POINTS: usize = 32_768;
@@ -80,7 +80,7 @@ pub fn resonance(radius: f64, frequency_hz: f64) -> NamedModel {
     }
 }
 
-/// Resonances from damped to radius 0.99999, low and high.
+/// Resonances of low and high frequency, from a damped one to a pole radius of 0.99999.
 pub fn resonances() -> Vec<NamedModel> {
     let radii = [0.99, 0.999, 0.9999, 0.999_99];
     radii
@@ -89,7 +89,7 @@ pub fn resonances() -> Vec<NamedModel> {
         .collect()
 }
 
-/// A model of this order whose reflection coefficients fall as 1/m, with alternating signs.
+/// A model of this order whose reflection coefficients fall as 1/m, with changing signs.
 pub fn falling(order: usize) -> NamedModel {
     let k = |stage: usize| 0.9 * (PI * stage as f64 * 0.7).cos() / stage as f64;
     NamedModel {

@@ -62,8 +62,8 @@ pub fn energy(signals: impl Iterator<Item = i32>) -> u128 {
     u128::from(low) + (u128::from(high) << 32)
 }
 
-/// Returns whether any of `signals` is at full scale. It looks at all of them, which is quicker than to stop at the
-/// first.
+/// Returns whether any of `signals` is at full scale. It checks all of them, which is faster than to stop at the first
+/// one.
 pub fn any_at_end(signals: impl Iterator<Item = i32>) -> bool {
     let ends = signals.map(|signal| u32::from(signal == i32::MIN || signal == i32::MAX));
     ends.sum::<u32>() > 0

@@ -1,5 +1,5 @@
-//! Frames as USB bulk transfers. A frame ends with a short packet, or with an empty one if its length is a multiple of
-//! the packet's (USB 2.0 section 5.8.3).
+//! Frames as USB bulk transfers. A frame ends with a short packet, or with an empty packet if its length is a multiple
+//! of the packet length (USB 2.0 section 5.8.3).
 
 use std::io;
 use std::sync::Arc;

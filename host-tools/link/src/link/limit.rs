@@ -1,4 +1,4 @@
-//! Longest waits for a device, in its own time.
+//! Longest waits for a device, in the device's own time.
 //!
 //! A virtual stylus on a busy computer may be many times slower than real time. Its announcement states its virtual
 //! time. A wait for it ends only when the longest wait has passed in virtual time, too.

@@ -125,7 +125,7 @@ impl<'a> Driver<'a> {
         }
     }
 
-    /// Sends the motion at `elapsed`, or a keep-alive where one is due.
+    /// Sends the motion at `elapsed` if there is one, or a keep-alive if one is due.
     fn send(&mut self, motion: Option<&MotionPath>, elapsed: Duration) -> Result<()> {
         self.acknowledge()?;
         if let Some(path) = motion {
@@ -160,7 +160,7 @@ impl<'a> Driver<'a> {
         if self.driven.motions.is_multiple_of(MOTIONS_PER_ANSWER) {
             let (requester, runtime) = self.device.requester();
             let (sender, receiver) = mpsc::channel();
-            // The receiver may be gone by the time of the answer.
+            // The receiver may be gone when the answer arrives.
             runtime.spawn(async move { drop(sender.send(requester.motion(sample).await)) });
             self.motions.push_back(receiver);
         } else {
@@ -278,7 +278,7 @@ impl Heard {
         (self.statuses > 0).then(|| f64::from(self.muted) / f64::from(self.statuses))
     }
 
-    /// The reasons of all mutes that a status showed; none if there was none.
+    /// Returns the reasons of all mutes that a status showed; none without a mute.
     pub fn reasons(&self) -> Option<MuteReasons> {
         (!self.reasons.is_empty()).then_some(self.reasons)
     }

@@ -73,7 +73,7 @@ pub struct Updated {
 /// Progress of an update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// So many bytes of the image are in the device.
+    /// This many bytes of the image are in the device.
     Sent(usize),
     /// The device exchanges the images.
     Exchanging,

@@ -141,7 +141,7 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
-        // A group of its own, so that Ctrl-C ends the command and not the broker.
+        // The broker gets a process group of its own, so that Ctrl-C ends only the command.
         .process_group(0)
         .spawn()
         .map_err(failed)?;

@@ -50,7 +50,8 @@ impl Place {
     }
 
     fn within(folder: &Path, address: LinkAddress) -> Self {
-        // Hashes, because a socket's path has at most 104 bytes on some systems, and a serial port's may be longer.
+        // Names are hashes, because a socket's path has at most 104 bytes on some systems, and the path of a serial
+        // port may be longer.
         let hashed = |text: &str| format!("link-{:016x}", Fnv::of(text.as_bytes()));
         let name = address.to_string();
         let versions = format!("{name} {VERSION} {SCHEMA_HASH:016x}");

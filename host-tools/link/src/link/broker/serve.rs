@@ -339,7 +339,7 @@ impl Broker<'_> {
         for action in actions {
             match action {
                 Action::ToDevice(frame) => {
-                    // An end of the link is an event of its own.
+                    // A failure is ignored, because the end of the link is an event of its own.
                     let _ = self.to_device.send((frame, permit.take()));
                 }
                 Action::ToClient(to, message) => {

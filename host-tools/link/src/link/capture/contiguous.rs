@@ -119,8 +119,8 @@ fn mend(device: &Device, samples: &mut [RecordSample], whole: &[bool]) -> Result
     Ok(interpolated)
 }
 
-/// Replaces the codes of samples that are not `whole` by those on the line between their whole neighbours, or by the
-/// nearest whole sample's at an end. The encoder's steps stay.
+/// Replaces the codes of samples that are not `whole` by codes on the straight line between the neighbouring whole
+/// samples, or, at an end, by the codes of the nearest whole sample. The encoder's steps stay.
 fn interpolate(samples: &mut [RecordSample], whole: &[bool]) {
     let mut before: Option<usize> = None;
     let mut at = 0;

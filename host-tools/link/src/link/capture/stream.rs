@@ -12,7 +12,7 @@ use crate::recording::{MAX_FRAMES, RATES_HZ};
 /// Longest interval between the blocks that arrive after the answer that ends a recording.
 const LATE_BLOCKS: Duration = Duration::from_millis(100);
 
-/// A recording in progress, which is stopped when this is dropped.
+/// A recording in progress. Dropping it stops the recording.
 pub struct Stream<'a> {
     device: &'a Device,
     blocks: Blocks,
@@ -177,7 +177,7 @@ impl<'a> Stream<'a> {
 impl Drop for Stream<'_> {
     fn drop(&mut self) {
         if self.is_running && self.device.stopped_by().is_none() {
-            // The failure that led here says more than a failure to stop would.
+            // A failure to stop is ignored, because the failure that led here says more.
             let _ = self.device.record_stop();
         }
     }

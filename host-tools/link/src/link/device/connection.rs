@@ -47,7 +47,7 @@ impl<E: Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schem
 ///
 /// Every request blocks the calling thread until the answer has arrived or its [timeout](Timeouts) has passed.
 pub struct Device {
-    // Dropped first, which ends the tasks that use the runtime.
+    // This field is dropped first, so that the tasks that use the runtime end.
     pub(super) requester: Requester,
     address: LinkAddress,
     route: Route,
@@ -267,7 +267,7 @@ impl Device {
         self.requester.broken_frames()
     }
 
-    /// The program that has stopped what this one played or recorded, in words, where the link is shared.
+    /// The program that has stopped what this program played or recorded, in words, if the link is shared.
     pub fn stopped_by(&self) -> Option<String> {
         self.requester.health.stopped_by()
     }
@@ -304,7 +304,7 @@ impl Drop for Device {
     fn drop(&mut self) {
         self.requester.close();
         if let Some(runtime) = self.runtime.take() {
-            // Without waiting for calls of the operating system that still block.
+            // This does not wait for calls of the operating system that still block.
             runtime.shutdown_background();
         }
     }
@@ -425,7 +425,7 @@ impl Default for Timeouts {
 }
 
 impl Timeouts {
-    /// Scales the default timeouts so that `answer` is the one of a request that does not touch the flash.
+    /// Scales the default timeouts so that the timeout of a request that does not touch the flash is `answer`.
     pub fn scaled_to(answer: Duration) -> Self {
         let default = Self::default();
         let factor = answer.as_secs_f64() / default.answer.as_secs_f64();

@@ -1,4 +1,4 @@
-//! Requests about the libraries in the device: what its slots hold, and which of them is played.
+//! Requests about the libraries in the device, playing, recordings, the self test and the settings.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -165,7 +165,7 @@ impl Device {
                     hint,
                 }
             }
-            // The user is told the refusal, even if the link has failed since.
+            // The refusal is reported to the user, even if the link has failed since.
             Err(_) => refusal.into(),
         }
     }

@@ -1,4 +1,4 @@
-//! Scale of the force sensor by known weights, which are laid on the tip one after the other and taken off again.
+//! Scale of the force sensor, from known weights that are laid on the tip one after another and taken off again.
 
 use model_format::AdcCode;
 use model_format::link::{Setting, SettingChange, Settings};
@@ -7,7 +7,7 @@ use super::rest::AtRest;
 use crate::link::capture::Calibration;
 use crate::recording::GRAVITY_M_S2;
 
-/// Fewest codes by which the largest weight must change the force: 25 mV of 3.3 V.
+/// Fewest codes by which the largest weight must change the force. They are 25 mV of 3.3 V.
 const LEAST_CODES: f64 = 500.0;
 /// Largest deviation of the force from a line, and largest difference between loading and unloading, as a fraction of
 /// the largest weight.
@@ -15,7 +15,7 @@ const MOST_SHARE: f64 = 0.05;
 /// Threshold of contact in standard deviations of the noise. Contact ends at half the threshold, still beyond the
 /// noise.
 const CONTACT_DEVIATIONS: f64 = 6.0;
-/// Lowest threshold of contact, N: the device's own, which is above the weight of a cable.
+/// Lowest threshold of contact, N. It is the lowest that the device uses, and above the weight of a cable.
 const LEAST_CONTACT_N: f64 = 0.02;
 
 /// The sensors with a weight on the tip.
@@ -54,7 +54,7 @@ pub struct ForceScale {
 /// Reason why weighing gives no scale.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ForceFault {
-    /// The largest weight, g, changes the force by so few codes.
+    /// The largest weight, g, changes the force by only this number of codes.
     #[error(
         "{0} g change the force by {1:.0} codes, fewer than {LEAST_CODES}: lay the weight on the tip itself, use a \
          heavier one, and check the sensor's wiring and gain"

@@ -15,7 +15,7 @@ const NEEDED_HZ: [f64; 2] = [60.0, 500.0];
 /// Number of frequencies at which flatness is judged, evenly spaced on a logarithmic scale.
 const POINTS: u32 = 200;
 
-/// Equalisers, and the level that goes with them.
+/// Equalisers, and the output gain that belongs to them.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Design {
     /// Sections at 5 and at 10 kHz.
@@ -24,7 +24,7 @@ pub struct Design {
     pub output_gain: f64,
     /// Part of the band from 30 to 800 Hz that can be corrected within the limits, Hz.
     pub band_hz: [f64; 2],
-    /// Largest gain of the equaliser over the response's mean, dB.
+    /// Largest gain of the equaliser relative to the response's mean, dB.
     pub max_gain_db: f64,
 }
 

@@ -78,7 +78,7 @@ const ROUGH: f64 = 0.02;
 pub struct Options {
     /// Bandwidth of the accelerometer's axes.
     pub bandwidths: Bandwidths,
-    /// Largest gain of the equaliser over the response's mean, dB.
+    /// Largest gain of the equaliser relative to the response's mean, dB.
     pub max_gain_db: f64,
     /// Sine at the tip that coil and limits must sustain at every corrected frequency, m/s² RMS.
     pub level_m_s2: f64,
@@ -179,7 +179,7 @@ impl Bounds {
     }
 }
 
-/// The findings at a level, with its response and the model that explains it.
+/// The findings at a level, with the response and the model that was fitted to it.
 type Found = (Level, Measured, Option<Fit>);
 
 /// The excitation on a bench.

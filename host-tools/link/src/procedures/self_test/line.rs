@@ -106,7 +106,7 @@ impl Line {
         }
     }
 
-    /// A subject that was not measured, and the way to have it measured.
+    /// Creates a line about something that was not measured. `why` says how to have it measured.
     pub fn not_measured(name: impl Into<String>, why: &str) -> Self {
         Self {
             name: name.into(),

@@ -13,7 +13,7 @@ use crate::support::{atomic_file, date};
 /// A self test with its device and its date.
 #[derive(Clone, Debug, Serialize)]
 pub struct Record {
-    /// Date and time of its end, UTC, as in 2026-11-22T08:15:00Z.
+    /// Date and time of the test's end, UTC, as in 2026-11-22T08:15:00Z.
     pub date: String,
     /// Version of this program.
     pub host_version: &'static str,

@@ -323,7 +323,7 @@ fn a_stop_of_any_client_ends_a_play_and_tells_who_played() {
     done(&mut board, 2, PLAY, false);
     let late = request(KeepAliveTopic::TOPIC_KEY, 0, &[]);
     assert!(board.frame_of(1, &late).is_empty());
-    // A player that stops itself is told nothing.
+    // A player that stops itself gets no message about it.
     let stopped = board.frame_of(2, &stop);
     assert!(for_client(&stopped, 2).is_empty() && for_client(&stopped, 1).is_empty());
 }

@@ -60,7 +60,7 @@ const USB_PPM: f64 = 750.0;
 /// Deviation of a tick from its period, ppm: both come from the same clock, so only the reading deviates.
 const TICK_PPM: f64 = 50.0;
 
-/// Frequency of `count`, whose cycles are those of a clock of `hz`.
+/// Returns the frequency of `count`, whose cycles are those of a clock with frequency `hz`.
 fn hertz(count: ClockCount, hz: u32) -> f64 {
     f64::from(count.periods) * f64::from(hz) / count.cycles as f64
 }
