@@ -1,5 +1,4 @@
-//! Impulses by speed. They are listed by speed because a median over a grid hides the speeds at which impulses are
-//! missing.
+//! Impulses at each speed, because a median over a grid hides the speeds at which impulses are missing.
 
 use serde::Serialize;
 

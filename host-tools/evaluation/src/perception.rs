@@ -6,11 +6,11 @@
 //! | score | definition |
 //! |---|---|
 //! | level error, JND | √(max(0, mean over third octaves b of (e_b² - s_b²))) / 2.2 dB |
-//! | balance, dB | 10 log10 of the power below 100 Hz over that above |
+//! | balance, dB | 10 log10 of the ratio of the power below 100 Hz to the power above |
 //!
-//! e_b is the level of the second signal over the first, dB. s_b² is the variance that e_b has between two estimates of
-//! one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of the same
-//! noise scores 0 on average. A gain of -6 dB scores 2.7.
+//! e_b is the level of the second signal relative to the first, dB. s_b² is the variance that e_b has between two
+//! estimates of one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of
+//! the same noise scores 0 on average. A gain of -6 dB scores 2.7.
 //!
 //! Sources. JND of level 2.2 to 2.5 dB: Israr 2006. Energy per critical band predicts the realism of textures: arXiv
 //! 2605.23804. Balance of low and high as the main cue: Bernard 2023.
@@ -91,7 +91,7 @@ fn trigamma(mut x: f64) -> f64 {
     sum + 1.0 / x + 1.0 / (2.0 * x * x) + 1.0 / (6.0 * x.powi(3)) - 1.0 / (30.0 * x.powi(5))
 }
 
-/// Returns the power below [`LOW_HIGH_HZ`] over that above, within `range`, dB.
+/// Returns the ratio of the power below [`LOW_HIGH_HZ`] to the power above, within `range`, dB.
 fn balance_db(spectrum: &PowerSpectrum, range: &ScoringRange) -> Option<f64> {
     let low = spectrum.power_between(range.low_hz, LOW_HIGH_HZ.min(range.high_hz));
     let high = spectrum.power_between(LOW_HIGH_HZ.max(range.low_hz), range.high_hz);
@@ -233,7 +233,7 @@ mod tests {
         }
     }
 
-    /// One second against ten, as a recording's judged blocks against a synthesis.
+    /// Compares one second with ten, like a recording's judged blocks with a synthesis.
     #[test]
     fn another_seed_of_one_surface_scores_about_nothing() {
         let pairs = 30;

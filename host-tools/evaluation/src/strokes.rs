@@ -285,8 +285,8 @@ fn of_library(
     ])
 }
 
-/// Nearness of predictions from the `fitted` strokes to the `recorded` levels of the `judges`; none without strokes of
-/// either kind.
+/// Nearness of predictions from the `fitted` strokes to the `recorded` levels of the `judges`; none if either kind of
+/// stroke is missing.
 fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Option<[Nearness; 3]> {
     let levels: Vec<LevelAt> = fitted
         .iter()

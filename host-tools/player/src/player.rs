@@ -252,7 +252,7 @@ impl Filler {
         self.output_rate_hz
     }
 
-    /// Fills `samples` with the next samples, in m/s² times the gain of [`Mover::set_gain`].
+    /// Fills `samples` with the next samples, in m/s² times the gain of [`Mover::set_gain`], clamped to its limit.
     pub fn fill(&mut self, samples: &mut [f32]) {
         let scale = self.source.shared.scale.load(Ordering::Relaxed);
         let (target, limit) = (

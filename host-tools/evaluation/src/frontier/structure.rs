@@ -12,8 +12,8 @@ use super::players::{NotHeld, player_of};
 use crate::stress::player::Player;
 use crate::texture::theta::{StoredTheta, bytes_per_node};
 
-/// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct
-/// form in its own words.
+/// Returns the bytes of flash for a node's coefficients. A lattice takes the smallest form of θ that `fit` stores, and
+/// a direct form takes its own words.
 pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usize {
     let theta = match structure {
         Structure::DirectForm16 => return order * size_of::<i16>(),

@@ -1,4 +1,4 @@
-//! A set made ready for the removed-node test: its models, its signals and its spectra.
+//! A set that is prepared for the removed-node test: its models, its signals and its spectra.
 
 use model_format::SAMPLE_RATE_HZ;
 
@@ -16,7 +16,7 @@ use crate::texture::recorded_spectra::{RecordedSpectra, TwoWays, recorded_spectr
 
 use super::Options;
 
-/// A set made ready for the test: its models, its signals and its spectra.
+/// A set that is prepared for the test: its models, its signals and its spectra.
 pub struct Prepared<'a> {
     pub(super) set: &'a RecordingSet,
     pub(super) signals: Vec<Vec<f64>>,

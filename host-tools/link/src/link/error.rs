@@ -1,4 +1,4 @@
-//! Failures of a link and refusals of the device, in words for the person at the keyboard.
+//! Failures of a link and refusals of the device, in words for the user.
 
 use std::time::Duration;
 

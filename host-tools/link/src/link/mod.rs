@@ -9,7 +9,7 @@
 //! | `address` | addresses of devices, as a user writes them |
 //! | `open` | opening of an address; `wire` and `bulk` carry frames, `health` is the state of a link |
 //! | `broker` | one link for several programs, or for one exclusively |
-//! | `route` | ways to a device, direct or shared |
+//! | `route` | routes to a device, direct or shared |
 //! | [`discovery`] | the devices that are attached |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
 //! | `version` | differences of version between device and host, and the older side |

@@ -209,8 +209,8 @@ impl Switchboard {
                 Request::End(Activity::Upload)
             }
             ResponseSetEndpoint::REQ_KEY => Request::End(Activity::Measurement),
-            // While a recording is under way, the device refuses to start it again. The broker then changes that
-            // answer.
+            // While a recording is under way, the device refuses to start another one. The broker then replaces this
+            // refusal.
             RecordStartEndpoint::REQ_KEY => Request::RecordStart,
             StopEndpoint::REQ_KEY => {
                 let moves = [Activity::Play, Activity::Measurement];

@@ -369,7 +369,7 @@ impl Device {
         self.apply(&self.propose(&SettingsChange::of(changes)?)?)
     }
 
-    /// Proposes and applies a reset of every setting to its default, and reads them back.
+    /// Proposes and applies a reset of every setting to its default, and reads the settings back.
     ///
     /// # Errors
     /// A refusal, or other values read back.
