@@ -1,8 +1,8 @@
 //! The schema of `host-tools/costs/costs.json`, the table of measured costs.
 //!
 //! The table was counted once; `tests/qemu` compares the shipped structure with new counts, and the `stylus` command
-//! embeds it. Counts are whole instructions and whole cycles. A look-up between two measured orders has fractions; for
-//! it the same types hold another number.
+//! embeds it. Counts are whole instructions and whole cycles. A look-up between two measured orders gives fractions, so
+//! the types are generic over the type of number.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,13 +15,13 @@ pub enum Structure {
     /// The direct form in 32 bits; not shipped.
     #[serde(rename = "direct_form_32")]
     DirectForm32,
-    /// The direct form with coefficients of 16 bits, played in 32; not shipped.
+    /// The direct form with coefficients of 16 bits, computed in 32 bits; not shipped.
     #[serde(rename = "direct_form_16")]
     DirectForm16,
 }
 
 impl Structure {
-    /// All of them, in the order of reports.
+    /// All structures, in the order of reports.
     pub const ALL: [Self; 3] = [
         Self::DirectForm16,
         Self::DirectForm32,
@@ -37,7 +37,7 @@ impl Structure {
         }
     }
 
-    /// Returns whether it sums over past outputs; the stylus plays the other one.
+    /// Returns whether the structure is a direct form, which sums over past outputs. The stylus plays the lattice.
     pub fn is_direct(self) -> bool {
         matches!(self, Self::DirectForm16 | Self::DirectForm32)
     }
@@ -82,9 +82,9 @@ pub struct SampleCost<N = u32> {
 pub struct UpdateCost<N = u32> {
     /// Instructions of the cheapest update.
     pub instructions_least: N,
-    /// Instructions of the dearest update.
+    /// Instructions of the most expensive update.
     pub instructions_most: N,
-    /// Cycles of the dearest update, as llvm-mca models the core.
+    /// Cycles of the most expensive update, as llvm-mca models the core.
     pub cycles: N,
 }
 
@@ -95,7 +95,7 @@ pub struct Entry {
     pub structure: Structure,
     /// Nodes of the grid: one, or the four around a motion.
     pub nodes: u32,
-    /// The processor that it was built for.
+    /// The processor that the code was built for.
     pub core: Core,
     /// Stages or taps.
     pub order: u32,
@@ -115,23 +115,23 @@ pub enum Origin {
     Reference,
 }
 
-/// A filter of 400 taps or stages on a Cortex-M4, per sample; one sample per call unless the name says else.
+/// A filter of 400 taps or stages on a Cortex-M4, per sample; one sample per call unless the name says otherwise.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Peer {
     /// The library and the filter.
     pub name: String,
     /// The source of the figures.
     pub origin: Origin,
-    /// The work of the call beside the filter.
+    /// The work of the call in addition to the filter.
     pub includes: String,
     /// Stages or taps.
     pub order: u32,
     /// Instructions, counted on QEMU.
     pub instructions: u32,
-    /// Cycles on a Cortex-M4 as llvm-mca models it; none of a reference.
+    /// Cycles on a Cortex-M4 as llvm-mca models it; none for a reference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cortex_m4_cycles: Option<u32>,
-    /// Cycles on a Cortex-M7 of the code that is built for it; none of a reference.
+    /// Cycles on a Cortex-M7 of the code that is built for it; none for a reference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cortex_m7_cycles: Option<u32>,
 }
@@ -141,7 +141,7 @@ pub struct Peer {
 pub struct Costs {
     /// The version of the compiler that built the counted code.
     pub rustc: String,
-    /// The version of the emulator that counted.
+    /// The version of the emulator that counted the instructions.
     pub qemu: String,
     /// The version of LLVM whose llvm-mca modelled the cycles.
     pub llvm_mca: String,

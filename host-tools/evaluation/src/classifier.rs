@@ -1,11 +1,13 @@
-//! A classifier as the judge: how well short windows tell recordings from what stands for them.
+//! A classifier as the judge: how well it distinguishes short windows of recordings from windows of the signals in
+//! their place.
 //!
-//! Each recording and the signal in its place are cut into windows of 250 ms, and each window becomes features: the
-//! levels of its third octaves from 31.5 Hz on, and of the signal within them kurtosis, crest factor, and the spread
-//! and the largest jump of its 25 ms levels. One logistic regression for all places is fitted to three quarters of the
-//! time at each, and ranks the windows of the fourth, each quarter in its turn. The area under the curve is the
-//! probability that it ranks a window of the other signals above one of the recordings: 0.5 if nothing tells them
-//! apart, 1 if all windows do.
+//! Each recording and the signal in its place are cut into windows of 250 ms. The features of a window are the levels
+//! of its third-octave bands from 31.5 Hz on and, of the signal within these bands, kurtosis, crest factor, and the
+//! spread and the largest jump of its 25 ms levels. One logistic regression for all places is fitted to three quarters
+//! of the time at each place, and ranks the windows of the fourth quarter. Each quarter is ranked in turn. The area
+//! under the ROC curve is the probability that the regression ranks a window of the other signals above a window of the
+//! recordings. It is 0.5 if nothing distinguishes them, and 1 if every window of the other signals ranks above all
+//! windows of the recordings.
 
 use crate::dsp::fourier::{self, Complex};
 use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz};
@@ -16,32 +18,34 @@ const WINDOW_S: f64 = 0.25;
 /// Levels per window.
 const LEVELS: usize = 10;
 
-/// The lowest third octave, that of 31.5 Hz: a window has eight periods of it.
+/// Index of the lowest third-octave band, at 31.5 Hz. A window has eight periods of it.
 const FIRST_BAND: usize = 2;
 
-/// Parts of the time, each of which is ranked by a classifier that was fitted to the others.
+/// Number of parts of the time. Each part is ranked by a classifier that was fitted to the other parts.
 const FOLDS: usize = 4;
 
 /// Fewest windows of the recordings: two of each part.
 const FEWEST: usize = 2 * FOLDS;
 
-/// Weight of the squared coefficients beside the mean loss of a window.
+/// Weight of the squared coefficients relative to the mean loss of a window.
 const RIDGE: f64 = 0.02;
 
-/// Steps of the descent, and their length, which the ridge and standardised features keep stable.
+/// Number of steps of the gradient descent, and their length. The ridge and the standardised features keep the descent
+/// stable.
 const STEPS: usize = 300;
 const STEP: f64 = 0.1;
 
 /// Features of a window.
 type Features = Vec<f64>;
 
-/// The windows of a recording and of the signal in its place, as many of each, in the order of time.
+/// The windows of a recording and of the signal in its place, in the order of time. Both have the same number of
+/// windows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Windows([Vec<Features>; 2]);
 
 impl Windows {
-    /// The whole windows of a recording and of the signal in its place, by what lies below `high_hz`. `None` if one of
-    /// them is shorter than 1 s, or nothing but silence in some window.
+    /// Cuts a recording and the signal in its place into whole windows, with features below `high_hz`. Returns `None`
+    /// if one of the signals is shorter than 1 s, or silent during some window.
     pub fn of(recorded: &[f64], other: &[f64], rate_hz: f64, high_hz: f64) -> Option<Self> {
         let of = |signal| features(signal, rate_hz, high_hz);
         let (mut recorded, mut other) = (of(recorded)?, of(other)?);
@@ -55,7 +59,8 @@ impl Windows {
         self.0[0][0].len()
     }
 
-    /// The windows that are in part `fold` of the time, or those that are not.
+    /// Returns the windows of the recording (`side` 0) or of the other signal (1) that are in part `fold` of the time;
+    /// without `is_in`, those that are not.
     fn of_part(&self, side: usize, fold: usize, is_in: bool) -> impl Iterator<Item = &Features> {
         let windows = &self.0[side];
         let indexed = windows.iter().enumerate();
@@ -64,8 +69,8 @@ impl Windows {
     }
 }
 
-/// The area under the curve over all `places`. Those of lower sample rates than others are left out. `None` without two
-/// seconds of recordings.
+/// Returns the area under the ROC curve over all `places`. Places with a lower sample rate than others are left out.
+/// Returns `None` without two seconds of recordings.
 pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
     let mut places: Vec<&Windows> = places.collect();
     let most = places.iter().map(|windows| windows.features()).max()?;
@@ -94,7 +99,7 @@ pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
     Some(areas.sum::<f64>() / FOLDS as f64)
 }
 
-/// The share of all pairs in which the second is above the first; half of equal ones.
+/// Returns the fraction of all pairs in which the second score is above the first. Pairs of equal scores count half.
 fn share_above(mut first: Vec<f64>, second: &[f64]) -> f64 {
     first.sort_by(f64::total_cmp);
     let below = |score: &f64| {
@@ -175,7 +180,7 @@ struct Ranking {
 }
 
 impl Ranking {
-    /// The logistic regression with the least mean loss and ridge.
+    /// Fits the logistic regression that minimises the sum of mean loss and ridge.
     fn fitted(first: &[&Features], second: &[&Features]) -> Self {
         let windows = || first.iter().chain(second);
         let count = (first.len() + second.len()) as f64;
@@ -243,7 +248,8 @@ mod tests {
         Windows::of(recorded, other, RATE_HZ, band_edges_hz(17).1)
     }
 
-    /// The area at three places of another level each, where `other` makes the second signal of the first's likeness.
+    /// Returns the area over three places of different levels. `other` makes the second signal from noise like that of
+    /// the first.
     fn area_of(other: impl Fn(Vec<f64>) -> Vec<f64>) -> f64 {
         let place = |seed: u64| {
             let level = 4f64.powi(seed as i32 % 3);

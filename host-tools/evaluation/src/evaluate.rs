@@ -1,8 +1,9 @@
 //! Comparison with recordings: each trial is played by the device's own kernel at its speed and force, and compared
-//! with what was recorded and not fitted.
+//! with recordings that were not fitted.
 //!
-//! Beside each figure of the synthesis stands that of another recording of the same surface, judged in the same way:
-//! the fitted blocks against the judged ones, or one take against the other. A synthesis need not come nearer.
+//! Each figure of the synthesis is accompanied by the figure of another recording of the same surface, judged in the
+//! same way: the fitted blocks against the judged blocks, or one take against another. A synthesis need not come closer
+//! than that.
 
 use std::collections::HashMap;
 
@@ -43,17 +44,19 @@ pub(super) const WARM_UP_S: f64 = 0.5;
 /// Options of an evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// From the axes to one signal; as for the fit.
+    /// Conversion of the axes to one signal, as for the fit.
     pub conditioning: Conditioning,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis, s; at least that of the recording. Longer ones give more exact levels of bands.
+    /// Duration of each synthesis, s. It is at least the duration of the recording. A longer synthesis gives more exact
+    /// band levels.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
     pub seed: u64,
     /// Parts of each texture that the synthesis plays.
     pub played: Played,
-    /// Duration of what is kept of each trial and its synthesis, to be heard, s.
+    /// Duration of the excerpts of each trial and its synthesis that are kept for listening, s; none to keep no
+    /// excerpts.
     pub excerpt_s: Option<f64>,
 }
 
@@ -79,7 +82,7 @@ pub struct Evaluation {
     pub smoothing: String,
     /// The bands' nominal centre frequencies, Hz.
     pub bands_hz: [&'static str; BAND_COUNT],
-    /// True if any recording behind it is simulated.
+    /// True if any recording of the evaluation is simulated.
     pub simulated: bool,
     /// One line per texture.
     pub textures: Vec<TextureEvaluation>,
@@ -96,18 +99,18 @@ pub struct Evaluation {
     /// Models that were fitted to blocks.
     #[serde(skip)]
     refitted: Refitted,
-    /// Signals without the rig's noise, by the index of the trial, if the fit took it off.
+    /// Signals without the rig's noise, by the index of the trial, if the fit subtracted the noise.
     #[serde(skip)]
     without_noise: HashMap<usize, Signal>,
 }
 
-/// Excerpts of a trial, to be heard: the middle of the longest judged block and that of the synthesis, at the models'
-/// rate, m/s².
+/// Excerpts of a trial for listening: the middle of the longest judged block and the middle of the synthesis, at the
+/// models' rate, m/s².
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Excerpt {
-    /// Of the recording.
+    /// Excerpt of the recording.
     pub recorded: Vec<f32>,
-    /// Of the synthesis.
+    /// Excerpt of the synthesis.
     pub synthesised: Vec<f32>,
 }
 
@@ -130,31 +133,32 @@ impl Excerpt {
 /// Libraries of one texture each: name and bytes.
 type Refitted = Vec<(String, Vec<u8>)>;
 
-/// A judge, what is beside it, and the synthesis, at the models' rate, m/s².
+/// The recording that judges a trial, the other recording, and the synthesis, at the models' rate, m/s².
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// The whole recording of which `judged` is a part, or all: for pictures and sounds, not for figures.
+    /// The whole recording; `judged` is a part of it, or all. It is for pictures and sounds, not for figures.
     pub recording: Vec<f64>,
     /// The held-out recording in blocks; one block if nothing of it was fitted.
     pub judged: Vec<Vec<f64>>,
     /// Another recording, to be compared with `beside`: the fitted blocks, or the fitted take.
     pub other: Vec<Vec<f64>>,
-    /// Part of the judge that `other` is compared with; `judged` if empty.
+    /// Recording that `other` is compared with. If empty, that is `judged`.
     beside: Vec<Vec<f64>>,
-    /// The synthesis after warming up; at least as long.
+    /// The synthesis after warming up. It is at least as long as the judged blocks together.
     pub synthesised: Vec<f64>,
-    /// Play of the library itself, if `synthesised` is of models refitted to blocks; the loudest events are judged by
-    /// it.
+    /// Synthesis by the library itself, if `synthesised` is that of models refitted to blocks. The loudest events are
+    /// judged by it.
     of_library: Option<Vec<f64>>,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,
     /// The parts that the synthesis plays, in words.
     pub parts: String,
-    /// Other versions of the texture at the same seed: with fewer parts, where it has parts.
+    /// Other versions of the texture with the same seed and fewer parts, if it has parts.
     pub versions: Vec<Version>,
-    /// The lowest sample rate of the files behind it, Hz.
+    /// The lowest sample rate of the compared files, Hz.
     source_rate_hz: f64,
-    /// The highest cut-off frequency at which a recording behind it was filtered, Hz; none if none was.
+    /// The highest cut-off frequency of the high-pass filters that the compared recordings have passed, Hz; none
+    /// without a filter.
     cut_hz: Option<f64>,
 }
 
@@ -172,7 +176,7 @@ impl Comparison {
         ScoringRange::of_filtered(self.source_rate_hz, shortest?, self.cut_hz)
     }
 
-    /// Filters a synthesis as the recording was that it is compared with.
+    /// Filters a synthesis like the recording that it is compared with.
     fn condition(&self, synthesised: &mut [f64]) {
         if let Some(cut_hz) = self.cut_hz {
             high_pass(synthesised, f64::from(SAMPLE_RATE_HZ), cut_hz);
@@ -183,7 +187,7 @@ impl Comparison {
 /// The texture of `library` that a trial names.
 ///
 /// # Errors
-/// A texture that is not there, with those that are.
+/// A texture that the library does not have. The error lists those that it has.
 pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a>> {
     library.texture(name).ok_or_else(|| {
         let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
@@ -198,7 +202,8 @@ pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a
     })
 }
 
-/// Plays `trial` from `texture` for at least so many samples after warming up: m/s², and the samples at full scale.
+/// Plays `texture` at the speed and force of `trial` for at least `samples` samples after warming up. Returns the
+/// synthesis, m/s², and the number of samples at full scale.
 fn play(
     texture: Texture<'_>,
     trial: &Trial,
@@ -218,8 +223,8 @@ fn play(
     Ok((synthesised, rendered.saturations))
 }
 
-/// The signals of `set` without the rig's noise, by the index of the trial, if the fit of this `record` took it off;
-/// none of textures whose noise is not known here.
+/// Returns the signals of `set` without the rig's noise, by the index of the trial, if the fit of `record` subtracted
+/// it. Leaves out textures whose noise is not known here.
 fn without_noise(
     set: &RecordingSet,
     record: Option<&FitRecord>,
@@ -236,7 +241,7 @@ fn without_noise(
         ..record.options.clone()
     };
     let of_texture = |(_, members): (&str, Vec<usize>)| {
-        // What cannot be read is told by the comparison.
+        // Recordings that cannot be read are reported by the comparison.
         let read = Recordings::read(set, &members, &options, Part::Whole, &|_| ()).ok();
         read.map_or_else(Vec::new, |own| own.trials)
     };
@@ -247,7 +252,7 @@ fn without_noise(
         .collect()
 }
 
-/// A trial, whose `signal` is known, read for its judge: the comparison without a synthesis.
+/// Prepares the comparison of a trial with its judge, from the trial's `signal` and without a synthesis yet.
 fn read(signal: Signal, judge: &Judge, conditioning: Conditioning) -> Result<Comparison> {
     let Signal {
         samples: own,
@@ -287,7 +292,7 @@ fn read(signal: Signal, judge: &Judge, conditioning: Conditioning) -> Result<Com
     })
 }
 
-/// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
+/// Fits the trials that blocks judge, without an evaluation. [`Evaluation::compare`] then works.
 ///
 /// # Errors
 /// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks
@@ -324,7 +329,8 @@ pub fn prepare(
     })
 }
 
-/// Says in which recordings the rig's noise is that the fit of this `record` took off; empty if it took none off.
+/// Returns a text that says which recordings have the rig's noise that the fit of `record` subtracted; empty if it
+/// subtracted none.
 fn noise_in_words(
     record: Option<&FitRecord>,
     judges: &[Judge],
@@ -342,10 +348,10 @@ fn noise_in_words(
     " The rig's noise is taken off the recordings as it was for the fit.".to_owned()
 }
 
-/// Evaluates every trial of `set`, which `judges` has a judge for, telling `progress` of each one done.
+/// Evaluates every trial of `set` with its judge in `judges`. Calls `progress` after each trial.
 ///
-/// What is judged by blocks is fitted again to the blocks between, with the options of `record`; what is judged by
-/// other recordings is `library` as it is. The result does not depend on the number of threads.
+/// For trials judged by blocks, a model is fitted again to the blocks between, with the options of `record`. Trials
+/// judged by other recordings are played from `library` as it is. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// See [`prepare`].
@@ -411,12 +417,13 @@ impl Evaluation {
         textures.map(|texture| format!("{}: {}", texture.texture, texture.verdict))
     }
 
-    /// The table of all textures: the synthesis, and in brackets the target, which its title explains.
+    /// The table of all textures: the figures of the synthesis and, in brackets, those of the target, which the title
+    /// explains.
     pub fn table(&self) -> Table {
         table(&self.textures, target_in_words(&self.trials))
     }
 
-    /// Further tables of all textures: of spectra, and what a spectrum does not show.
+    /// Further tables of all textures: of spectra, and of what a spectrum does not show.
     pub fn tables(&self) -> [Table; 2] {
         tables(&self.textures, &self.liveliness)
     }
@@ -433,7 +440,8 @@ impl Evaluation {
         options: &Options,
     ) -> Result<Comparison> {
         let trial = &set.trials[index];
-        // Triage cuts here what it cuts for the fit, so that the blocks left here are those that the fit left.
+        // Triage cuts the same parts here as for the fit, so the blocks that are left out here are those that the fit
+        // left out.
         let signal = match self.without_noise.get(&index) {
             Some(signal) => signal.clone(),
             None => fit::signal(trial, options.conditioning)?,
@@ -480,8 +488,8 @@ impl Evaluation {
     }
 }
 
-/// Fits the trials that are judged by blocks to the blocks between: a library for each of their textures, and the
-/// shortest and the longest block, s.
+/// Fits the trials that are judged by blocks to the blocks between. Returns a library for each of their textures, and
+/// the durations of the shortest and the longest block, s.
 fn refit(
     set: &RecordingSet,
     judges: &[Judge],
@@ -504,8 +512,8 @@ fn refit(
     };
     let fit_options = fit::Options {
         conditioning: options.conditioning,
-        // A lattice needs no proof of stability between nodes, and the models are the same; the texture is then made
-        // in the structure that was chosen. Findings of triage were accepted when the library was fitted.
+        // A strict fit is not necessary: a lattice needs no proof of stability between nodes, and the models are the
+        // same. Findings of triage were accepted when the library was fitted.
         strict: false,
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
@@ -525,13 +533,13 @@ fn refit(
 }
 
 impl Comparison {
-    /// The part of the judge that the other recording is compared with.
+    /// Returns the part of the judge with which the other recording is compared.
     fn beside(&self) -> Vec<&[f64]> {
         let is_all = self.beside.is_empty();
         slices(if is_all { &self.judged } else { &self.beside })
     }
 
-    /// The synthesis, or another one, in blocks as long as those of the judge.
+    /// Cuts a synthesis into blocks as long as those of the judge.
     fn in_blocks<'s>(&self, synthesised: &'s [f64]) -> Vec<&'s [f64]> {
         let len = self.longest_block().len().max(1);
         synthesised.chunks_exact(len).collect()

@@ -12,13 +12,13 @@ use crate::support::in_order::in_order;
 /// The data that judge the model of a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Judge {
-    /// Every other block of the recording, by a model that is fitted to the blocks between.
+    /// Every other block of the recording judges a model that is fitted to the blocks between.
     Blocks,
-    /// Another take, by the library as it is.
+    /// Another take judges the library as it is.
     OtherTake(Trial),
-    /// The recording, by the library as it is, because its fit did not use the recording.
+    /// The recording judges the library as it is, because the library's fit did not use the recording.
     Unseen,
-    /// None: nobody knows what the library was fitted to, or it was fitted with unknown options.
+    /// Nothing judges, because it is not known what the library was fitted to, or its options are unknown.
     Nothing,
 }
 
@@ -166,8 +166,8 @@ fn decimals(seconds: f64) -> f64 {
     (seconds * 100.0).round() / 100.0
 }
 
-/// Correlation from which on a take is a copy: equal, scaled or inverted, also in 8 bits. Two takes of one surface stay
-/// far below.
+/// Correlation from which on a take counts as a copy, which may also be scaled, inverted or in 8 bits. Two takes of one
+/// surface stay far below.
 const COPY_CORRELATION: f64 = 0.999;
 
 /// The take that judges a trial.
@@ -175,17 +175,17 @@ const COPY_CORRELATION: f64 = 0.999;
 pub enum Take {
     /// Another recording of the same texture, speed and force.
     Other(Trial),
-    /// None: what was given is in the fitted set, for this reason.
+    /// No take: the given one is in the fitted set, for this reason.
     Seen(String),
-    /// None: the others have no recording of this trial, in words.
+    /// No take: the others have no recording of this trial, as this text says.
     Missing(String),
 }
 
 /// Returns the take of each trial of `set`: the first of `others` that has its texture, speed and force and whose
-/// content the fit has not seen. `record` is that of the library, if there is one.
+/// content the fit has not seen. `record` is the record of the library's fit, if there is one.
 ///
-/// A take is told by content from what was fitted: by the bytes of its file, and by the correlation of its signal with
-/// that of the trial, so that a copy under another name, scaled or inverted, is known.
+/// The content of a take decides whether the fit has seen it: the bytes of its file, and the correlation of its signal
+/// with the trial's signal. A copy under another name, scaled or inverted, is therefore recognised.
 ///
 /// # Errors
 /// A recording that cannot be used.
@@ -234,7 +234,7 @@ fn missing(trial: &Trial) -> String {
     )
 }
 
-/// Magnitude of the correlation of two signals as far as both go; not a number for silence.
+/// Magnitude of the correlation of two signals over their common length; not a number for silence.
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let (mut product, mut squares) = (0.0, (0.0, 0.0));
     for (a, b) in a.iter().zip(b) {

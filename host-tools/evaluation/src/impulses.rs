@@ -1,4 +1,4 @@
-//! Impulses by speed: a median over a grid hides the speeds at which they are missing.
+//! Impulses at each speed, because a median over a grid hides the speeds at which impulses are missing.
 
 use serde::Serialize;
 
@@ -11,11 +11,11 @@ pub const OFF_OCTAVES: f64 = 1.0;
 /// Impulses of a texture's trials, by the kurtosis of the residual.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Impulses {
-    /// Trials with a kurtosis of recording and synthesis.
+    /// Number of trials with a kurtosis of recording and synthesis.
     pub trials: usize,
-    /// Trials in which the synthesis is more than an octave off the recording.
+    /// Number of trials in which the synthesis is more than an octave off the recording.
     pub trials_octave_off: usize,
-    /// Trials in which the other recording is more than an octave off.
+    /// Number of trials in which the other recording is more than an octave off.
     pub trials_octave_off_other: usize,
     /// Medians over the trials of each speed, ascending.
     pub by_speed: Vec<AtSpeed>,
@@ -26,15 +26,15 @@ pub struct Impulses {
 pub struct AtSpeed {
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
-    /// Trials.
+    /// Number of trials.
     pub trials: usize,
     /// Residual kurtosis of the recordings.
     pub recorded_kurtosis: f64,
     /// Residual kurtosis of the syntheses.
     pub kurtosis: f64,
-    /// log₂ of the synthesis's kurtosis over the recording's.
+    /// log₂ of the ratio of the synthesis's kurtosis to the recording's.
     pub octaves: f64,
-    /// log₂ of the other recording's kurtosis over the recording's; none without another.
+    /// log₂ of the ratio of the other recording's kurtosis to the recording's; none without another recording.
     pub octaves_other: Option<f64>,
 }
 
@@ -89,7 +89,7 @@ impl Impulses {
 }
 
 impl AtSpeed {
-    /// The medians of `trials` at one speed; `None` of no trial.
+    /// The medians of `trials` at one speed; `None` without a trial.
     fn of(trials: &[Kurtosis]) -> Option<Self> {
         Some(Self {
             speed_mm_s: trials.first()?.speed_mm_s,
@@ -102,7 +102,7 @@ impl AtSpeed {
     }
 }
 
-/// The speeds, mm/s, of `all` that `is_named` names, in words after a space: " up to 80 mm/s".
+/// Returns the speeds, mm/s, of `all` that `is_named` selects, in words after a space: " up to 80 mm/s".
 pub(super) fn speeds_in_words(all: &[AtSpeed], is_named: impl Fn(&AtSpeed) -> bool) -> String {
     let runs = all.chunk_by(|a, b| is_named(a) == is_named(b));
     let mut begin = 0;

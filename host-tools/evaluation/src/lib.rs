@@ -2,7 +2,7 @@
 //!
 //! Invariant: results are data. Nothing here draws, prints or writes a file.
 
-// The wings below, by the names that this crate has for them.
+// The crates below this one, under the names that this crate uses for them.
 use stylus_fit::{fit, scene, texture};
 use stylus_signals::{playing, recording, rig};
 use {stylus_dsp as dsp, stylus_support as support};

@@ -1,9 +1,9 @@
-//! Properties of a texture that a power spectrum does not show, held out: impulses, changes of level, and a steady
-//! line, of the recording that judges, of what the stylus plays there, and of another recording.
+//! Properties of a texture that a power spectrum does not show, on held-out data: impulses, changes of level, and a
+//! steady line. They are measured for the recording that judges, for the synthesis, and for another recording.
 //!
-//! A synthesis is longer than its judge, and kurtosis, crest factor and ranges grow with duration. So it is measured
-//! in pieces with as many blocks as the judge has, and the median of the pieces counts. The line is the judge's
-//! strongest; the others are measured at its place.
+//! A synthesis is longer than its judge, and kurtosis, crest factor and ranges grow with duration. So the synthesis is
+//! measured in pieces with as many blocks as the judge has, and the median of the pieces counts. The line is the
+//! judge's strongest line; the other signals are measured at its frequency.
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::played::{Played, Version};
 use crate::dsp::liveliness::{Liveliness, median, strongest_line_hz};
 
-/// A signal's part in a comparison.
+/// A signal's role in a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -28,7 +28,7 @@ pub enum Role {
 /// The measures of one signal of a comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
-    /// The signal's part.
+    /// The signal's role.
     pub role: Role,
     /// The parts of the texture that are played, in words; none of recordings.
     pub parts: Option<String>,
@@ -77,10 +77,10 @@ pub struct Differences {
     pub line_range_db: Option<f64>,
 }
 
-/// Medians over trials of the signals with one part in the comparison.
+/// Medians over trials of the signals with one role in the comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
-    /// The signals' part.
+    /// The signals' role.
     pub role: Role,
     /// The parts of the texture that are played, in words; none of recordings.
     pub parts: Option<String>,
@@ -91,7 +91,7 @@ pub struct Summary {
 }
 
 impl TrialLiveliness {
-    /// Measures what was compared.
+    /// Measures the signals of a comparison.
     pub(super) fn of(signals: &Signals<'_>) -> Self {
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let judged = slices(signals.judged);
@@ -185,9 +185,10 @@ impl Differences {
     }
 }
 
-/// Medians over trials for each part of the comparison, the recording first.
+/// Returns the medians over trials for each role in the comparison, the recording first.
 ///
-/// A summary is of the trials that have its part. The synthesis is named by its parts if those are alike in all.
+/// A summary covers the trials that have a signal with its role. The synthesis is named by its parts if they are the
+/// same in all trials.
 pub fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<Summary> {
     let trials: Vec<&TrialLiveliness> = trials.collect();
     let roles = [

@@ -1,7 +1,7 @@
-//! Loudest events: what the stylus plays beside the recordings around its place on the grid, in windows of 5 ms.
+//! Loudest events, in windows of 5 ms: the synthesis compared with the recordings around its place on the grid.
 //!
-//! A single event changes neither a spectrum nor a median over windows. Events vary, so that a synthesis is compared
-//! with the loudest of all recordings that are up to one step of speed and force away, and its target, the other
+//! A single event changes neither a spectrum nor a median over windows. Because events vary, a synthesis is compared
+//! with the loudest of all recordings that are up to one step of speed and force away. The target, which is the other
 //! recording, is compared in the same way.
 
 use std::collections::BTreeMap;
@@ -14,10 +14,10 @@ use crate::dsp::sums::{sliding, upper_median};
 /// Duration of a window, s.
 const WINDOW_S: f64 = 0.005;
 
-/// Ratio to the recordings, beyond what recordings have to each other, from which on events are too strong.
+/// Ratio to the recordings, relative to the ratio between recordings, from which on events are too strong.
 ///
-/// Simulated textures whose impulses are as near reach 1.6 in the loudest of 120 trials, each ten times as long as its
-/// recording.
+/// Simulated textures with impulses as near as those of other recordings reach 1.6 in the loudest of 120 trials, with
+/// syntheses ten times as long as the recordings.
 pub const TOO_STRONG: f64 = 2.0;
 
 /// The loudest 5 ms of a trial's signals, as RMS, m/s².
@@ -32,19 +32,20 @@ pub struct TrialLoudness {
     /// Loudest 5 ms of the library as it is, as RMS, m/s², if blocks judge models that were fitted to the blocks
     /// between.
     pub library_m_s2: Option<f64>,
-    /// Larger one of two ratios, both beyond what the synthesis is louder as a whole: of the synthesis to the
-    /// recordings around it that judge, and of the library to all recordings around it.
+    /// The larger of two ratios: of the synthesis to the judging recordings around it, and of the library to all
+    /// recordings around it. Both are divided by the factor by which the synthesis is louder as a whole.
     pub times: f64,
-    /// Loudest 5 ms of the other recording over that of the recordings around it that judge.
+    /// Ratio of the loudest 5 ms of the other recording to the loudest 5 ms of the judging recordings around it.
     pub times_other: f64,
-    /// Median window of the synthesis over that of the recording, which no event changes.
+    /// Ratio of the median window of the synthesis to the median window of the recording. Single events do not change
+    /// it.
     #[serde(skip)]
     level: f64,
 }
 
 impl TrialLoudness {
-    /// Measures a trial's signals; the recordings around it are its own until [`set_around`]. `None` if the judge is
-    /// silent or has no window.
+    /// Measures a trial's signals. Until [`set_around`], they are compared with the trial's own recordings only.
+    /// Returns `None` if the judge is silent or has no window.
     pub(super) fn of(
         judged: &[Vec<f64>],
         synthesised: &[f64],
@@ -134,7 +135,7 @@ pub(super) struct Placed<'a> {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Loudness, as [`set_around`] changes it.
+    /// Loudness, which [`set_around`] changes.
     pub loudness: &'a mut TrialLoudness,
 }
 
@@ -171,16 +172,18 @@ fn ranks(trials: &[Placed<'_>], of: fn(&Placed<'_>) -> f64) -> Vec<usize> {
 /// The loudest 5 ms of a texture's trials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Loudness {
-    /// Largest ratio of a synthesis to the recordings around it, beyond what it is louder as a whole.
+    /// Largest ratio of a synthesis to the recordings around it, divided by the factor by which the synthesis is louder
+    /// as a whole.
     pub times: f64,
     /// Largest ratio of another recording to the loudest of the recordings around its place, by their loudest 5 ms.
     pub times_other: f64,
-    /// Trials in which the ratio is [`TOO_STRONG`] times that of other recordings, or 1 if these have less.
+    /// Number of trials whose ratio exceeds [`TOO_STRONG`] times the ratio of other recordings, or times 1 if that is
+    /// smaller.
     pub trials_too_strong: usize,
 }
 
 impl Loudness {
-    /// The loudness of a texture's trials; `None` of none.
+    /// Returns the loudness of a texture's trials; `None` without trials.
     pub(super) fn of(trials: impl Iterator<Item = TrialLoudness>) -> Option<Self> {
         let trials: Vec<TrialLoudness> = trials.collect();
         let most = |of: fn(&TrialLoudness) -> f64| trials.iter().map(of).reduce(f64::max);
@@ -209,11 +212,11 @@ mod tests {
         near(click.synthesised_m_s2, 20.0, 1e-9);
         near(click.times, 20.0 / click.recorded_m_s2, 0.02 * click.times);
         near(click.times_other, 1.0, 1e-9);
-        // All of it is too loud, which its level says.
+        // The whole signal is too loud. Its level shows this, so it does not count as an event.
         let loud: Vec<f64> = recorded.iter().map(|x| 4.0 * x).collect();
         let level = TrialLoudness::of(&judged, &loud, &judged, None).unwrap();
         near(level.times, 1.0, 1e-9);
-        // The library knows more than the models that blocks judge.
+        // The library's events count, even if the models that blocks judge do not have them.
         let of_library = TrialLoudness::of(&judged, &recorded, &judged, Some(&clicking)).unwrap();
         near(of_library.times, click.times, 0.05 * click.times);
 

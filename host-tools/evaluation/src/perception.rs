@@ -1,16 +1,16 @@
-//! Scores in terms of what skin tells apart: the level in third octaves, and the balance of low and high.
+//! Scores of differences that skin can feel: the level in third octaves, and the balance of low and high.
 //!
-//! The scores are functions of two spectra and know nothing of models. No fit uses them. Only the frequencies of a
-//! [`ScoringRange`] count.
+//! The scores depend on two spectra only, not on models. No fit uses them. Only the frequencies of a [`ScoringRange`]
+//! count.
 //!
 //! | score | definition |
 //! |---|---|
 //! | level error, JND | √(max(0, mean over third octaves b of (e_b² - s_b²))) / 2.2 dB |
-//! | balance, dB | 10 log10 of the power below 100 Hz over that above |
+//! | balance, dB | 10 log10 of the ratio of the power below 100 Hz to the power above |
 //!
-//! e_b is the level of the second signal over the first, dB. s_b² is the variance that e_b has between two estimates of
-//! one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of the same
-//! noise scores 0 on average. A gain of -6 dB scores 2.7.
+//! e_b is the level of the second signal relative to the first, dB. s_b² is the variance that e_b has between two
+//! estimates of one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of
+//! the same noise scores 0 on average. A gain of -6 dB scores 2.7.
 //!
 //! Sources. JND of level 2.2 to 2.5 dB: Israr 2006. Energy per critical band predicts the realism of textures: arXiv
 //! 2605.23804. Balance of low and high as the main cue: Bernard 2023.
@@ -28,14 +28,14 @@ use crate::fit::carried_hz;
 /// The frequency that divides low from high, Hz: below it skin follows single cycles, above it feels a tone or noise.
 pub const LOW_HIGH_HZ: f64 = 100.0;
 
-/// A signal against a reference, in what is felt.
+/// The comparison of a signal with a reference, in terms of what is felt.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Perceived {
     /// Level error in third octaves, in JND.
     pub level_error_jnd: Option<f64>,
-    /// The square of the level error before a negative value becomes 0: what is averaged over trials, JND².
+    /// The square of the level error before a negative value becomes 0, JND². This value is averaged over trials.
     pub level_error_squared_jnd: Option<f64>,
-    /// Balance of low and high over the reference's, dB.
+    /// Balance of low and high minus the reference's balance, dB.
     pub balance_error_db: Option<f64>,
 }
 
@@ -52,8 +52,8 @@ impl Perceived {
     }
 }
 
-/// Returns the mean square of the level error in third octaves, in JND², less what two estimates of one Gaussian noise
-/// differ by. It is 0 on average for another take of the same noise, and may be negative.
+/// Returns the mean square of the level error in third octaves, in JND², minus the mean square difference of two
+/// estimates of one Gaussian noise. It is 0 on average for another take of the same noise, and may be negative.
 ///
 /// `None` if the range holds no third octave, or a band has no power.
 fn level_error_squared_jnd(
@@ -91,7 +91,7 @@ fn trigamma(mut x: f64) -> f64 {
     sum + 1.0 / x + 1.0 / (2.0 * x * x) + 1.0 / (6.0 * x.powi(3)) - 1.0 / (30.0 * x.powi(5))
 }
 
-/// Returns the power below [`LOW_HIGH_HZ`] over that above, within `range`, dB.
+/// Returns the ratio of the power below [`LOW_HIGH_HZ`] to the power above, within `range`, dB.
 fn balance_db(spectrum: &PowerSpectrum, range: &ScoringRange) -> Option<f64> {
     let low = spectrum.power_between(range.low_hz, LOW_HIGH_HZ.min(range.high_hz));
     let high = spectrum.power_between(LOW_HIGH_HZ.max(range.low_hz), range.high_hz);
@@ -101,7 +101,7 @@ fn balance_db(spectrum: &PowerSpectrum, range: &ScoringRange) -> Option<f64> {
 /// Number of steps of the resolution that the narrowest window of a third octave must be wide.
 const RESOLUTION_STEPS: f64 = 2.0;
 
-/// The range over which the log-spectral distance is taken where the recording allows it, Hz.
+/// The range over which the log-spectral distance is computed where the recording allows it, Hz.
 pub const DISTANCE_RANGE_HZ: (f64, f64) = (30.0, 1000.0);
 
 /// The frequencies at which a recording is judged: none above its own half sample rate, and none that its blocks do not
@@ -143,7 +143,7 @@ impl ScoringRange {
         Some(range).filter(Self::holds_a_third_octave)
     }
 
-    /// As [`ScoringRange::of`], of recordings that were high-passed at `cut_hz`, if at all.
+    /// Like [`ScoringRange::of`], for recordings that were high-pass filtered at `cut_hz`, if at all.
     pub fn of_filtered(source_rate_hz: f64, block: usize, cut_hz: Option<f64>) -> Option<Self> {
         let range = Self::of(source_rate_hz, block)?;
         match cut_hz {
@@ -152,7 +152,7 @@ impl ScoringRange {
         }
     }
 
-    /// The range without what is below `low_hz`. `None` if no third octave is left.
+    /// Returns the range without the frequencies below `low_hz`. `None` if no third octave is left.
     fn above(mut self, low_hz: f64) -> Option<Self> {
         self.low_hz = self.low_hz.max(low_hz);
         self.cost_hz.0 = self.cost_hz.0.max(low_hz);
@@ -233,7 +233,7 @@ mod tests {
         }
     }
 
-    /// One second against ten, as a recording's judged blocks against a synthesis.
+    /// Compares one second with ten, like a recording's judged blocks with a synthesis.
     #[test]
     fn another_seed_of_one_surface_scores_about_nothing() {
         let pairs = 30;
@@ -245,8 +245,8 @@ mod tests {
             );
             mean += score(&a, &b).level_error_squared_jnd.unwrap() / pairs as f64;
         }
-        // Levels of few averages are not quite as they would be if they were all alike; a tenth of a squared JND is
-        // less than a third of a JND.
+        // The variance of levels of few averages is approximate. A tenth of a squared JND is less than a third of a
+        // JND.
         assert!(mean.abs() < 0.1, "{mean} JND²");
         let (a, b) = (surface(25_000, 1, 90.0), surface(25_000, 2, 90.0));
         assert!(score(&a, &b).level_error_jnd.unwrap() < 0.3);

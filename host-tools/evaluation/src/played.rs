@@ -1,4 +1,4 @@
-//! Choice of what a texture plays: all of it, or without the parts that are stored beside its filter.
+//! Choice of what a texture plays: all of it, or without the parts that are stored in addition to its filter.
 
 use model_format::{ExcitationSpec, PartsSpec, Texture, TextureSpec, encode};
 use serde::Serialize;
@@ -20,7 +20,7 @@ pub enum Played {
     Residual,
 }
 
-/// A version of a texture that was played beside the synthesis.
+/// A version of a texture that was played in addition to the synthesis.
 #[derive(Clone, Debug)]
 pub struct Version {
     /// The choice.
@@ -32,7 +32,7 @@ pub struct Version {
 }
 
 impl Played {
-    /// The parts that are played of those stored.
+    /// Returns those of the stored parts that are played.
     pub fn of(self, stored: &PartsSpec) -> PartsSpec {
         match self {
             Self::Fitted => stored.clone(),
@@ -44,7 +44,7 @@ impl Played {
         }
     }
 
-    /// Choices whose parts differ from those of this choice and from each other's.
+    /// Returns the choices whose parts differ from those of this choice and from each other.
     pub fn beside(self, stored: &PartsSpec) -> Vec<Self> {
         let mut known = vec![self.of(stored)];
         let mut beside = Vec::new();
@@ -84,10 +84,10 @@ pub fn in_words(parts: &PartsSpec) -> String {
     there.map(|(name, _)| *name).collect::<Vec<_>>().join(" + ")
 }
 
-/// Calls `work` with `texture` as `played` chooses.
+/// Calls `work` with the parts of `texture` that `played` selects.
 ///
 /// # Errors
-/// Those of `work`; parts that make no library.
+/// Those of `work`, or parts that cannot be encoded as a library.
 pub fn with<T>(
     texture: &Texture<'_>,
     played: Played,

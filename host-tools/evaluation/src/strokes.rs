@@ -1,5 +1,5 @@
-//! Comparison in time, along a hand: the library is played along the speed and force of strokes that it was not fitted
-//! to, and beside it stand predictions that need no synthesis.
+//! Comparison over time, along the motion of a hand. The library is played along the speed and force of strokes to
+//! which it was not fitted. Its levels are compared with those of predictions that need no synthesis.
 
 use std::path::{Path, PathBuf};
 
@@ -23,33 +23,33 @@ use crate::recording::{HeldSamples, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::number::counted;
 
-/// Duration over which a level is taken, s.
+/// Duration over which a level is measured, s.
 const WINDOW_S: f64 = 0.1;
 
 /// Samples of a window.
 const WINDOW: usize = (WINDOW_S * SAMPLE_RATE_HZ as f64) as usize;
 
-/// Windows in a row from which on a part of a stroke has a spectrum.
+/// Smallest number of successive windows in a part of a stroke whose spectrum is computed.
 const SPECTRUM_WINDOWS: usize = 5;
 
 /// Level of silence, dB re 1 m/s²: far below any sensor's noise.
 const SILENCE_DB: f64 = -100.0;
 
-/// Interval at which a stroke's motion is taken over, s; as often as the device takes it.
+/// Interval at which a stroke's motion is sampled, s. It is the device's update interval.
 const MOTION_STEP_S: f64 = 0.002;
 
-/// Playings over whose seeds the library's levels are averaged: a level that is predicted has no noise of its own, and
-/// one playing does.
+/// Number of syntheses with different seeds over which the library's levels are averaged. A predicted level has no
+/// noise of its own, and a single synthesis does.
 const PLAYINGS: u64 = 8;
 
 /// A stroke with the levels of its windows in motion and contact.
 #[derive(Clone, Debug)]
 pub struct Stroke {
     file: PathBuf,
-    /// At the models' rate, m/s².
+    /// The signal at the models' rate, m/s².
     signal: Vec<f64>,
     motion: MotionPath,
-    /// Windows that count, by their number from the stroke's beginning.
+    /// Windows in motion and contact, with their number from the stroke's beginning.
     windows: Vec<(usize, LevelAt)>,
     source_rate_hz: f64,
     cut_hz: Option<f64>,
@@ -57,7 +57,7 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// The stroke `recording`, which `file` holds.
+    /// Creates the stroke of `recording`, which was read from `file`.
     ///
     /// # Errors
     /// A recording that is shorter than a window or that cannot be reduced to one axis.
@@ -112,7 +112,8 @@ impl Stroke {
         self.windows.iter().map(|(_, at)| at.level_db).collect()
     }
 
-    /// Parts of `signal` in which windows count without a gap, if they are long enough for a spectrum.
+    /// Returns the parts of `signal` whose windows are in motion and contact without a gap, if they are long enough for
+    /// a spectrum.
     fn parts<'a>(&self, signal: &'a [f64]) -> Vec<&'a [f64]> {
         let runs = self.windows.chunk_by(|a, b| a.0 + 1 == b.0);
         let long = runs.filter(|run| run.len() >= SPECTRUM_WINDOWS);
@@ -175,17 +176,18 @@ fn level_db(signal: &[f64], index: usize) -> f64 {
 pub struct Nearness {
     /// The prediction, in words.
     pub by: &'static str,
-    /// True if its levels are those of a recording, which has noise of its own.
+    /// True if the predicted levels are those of a recording, which has noise of its own.
     pub is_recording: bool,
-    /// Correlation of its levels with the recorded ones; none of a constant.
+    /// Correlation of the predicted with the recorded levels; none for a constant.
     pub correlation: Option<f64>,
     /// RMS difference of levels, dB.
     pub error_db: f64,
-    /// Mean of its levels over those recorded, dB.
+    /// Mean difference of the predicted from the recorded levels, dB.
     pub bias_db: f64,
-    /// Standard deviation of its levels, dB.
+    /// Standard deviation of the predicted levels, dB.
     pub spread_db: f64,
-    /// Mean error of third octaves, dB; none of what is a level alone, or without half a second in motion and contact.
+    /// Mean error of third octaves, dB; none if only a level is predicted, or without half a second in motion and
+    /// contact.
     pub band_error_db: Option<f64>,
 }
 
@@ -196,23 +198,23 @@ pub struct AlongStrokes {
     pub texture: String,
     /// The answer in one line.
     pub verdict: String,
-    /// Strokes that judged.
+    /// Number of strokes that judged.
     pub strokes: usize,
-    /// Strokes of the fit, from which the predictions beside are made.
+    /// Number of strokes of the fit, from which the other predictions are made.
     pub fitted: usize,
-    /// Windows of 100 ms that were compared.
+    /// Number of windows of 100 ms that were compared.
     pub windows: usize,
     /// Standard deviation of the recorded levels, dB.
     pub recorded_spread_db: f64,
     /// True if any stroke or the texture is simulated.
     pub simulated: bool,
-    /// The library's first, then the others'.
+    /// The library's nearness first, then that of the other predictions.
     pub nearness: Vec<Nearness>,
 }
 
-/// Plays `texture` along each of the `judges`, and compares in time, with predictions from the `fitted` strokes beside:
-/// their mean level, a straight line over the logarithms of speed and force, and the stroke of the nearest motion, one
-/// window after the other.
+/// Plays `texture` along each of the `judges`, and compares levels over time. Three predictions from the `fitted`
+/// strokes are compared, too: their mean level, a straight line over the logarithms of speed and force, and the stroke
+/// with the nearest motion, window by window.
 ///
 /// # Errors
 /// A texture of another rate than 5 kHz, or strokes without motion in contact.
@@ -283,8 +285,8 @@ fn of_library(
     ])
 }
 
-/// Nearness of predictions from the `fitted` strokes to the `recorded` levels of the `judges`; none without strokes of
-/// either kind.
+/// Nearness of predictions from the `fitted` strokes to the `recorded` levels of the `judges`; none if either kind of
+/// stroke is missing.
 fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Option<[Nearness; 3]> {
     let levels: Vec<LevelAt> = fitted
         .iter()
@@ -321,10 +323,11 @@ fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Optio
     ])
 }
 
-/// The verdict along strokes on the `library`, played once and as a mean over seeds, beside the nearest of the
-/// `baselines`, at least one.
+/// Returns the verdict on the `library`, as one synthesis and as a mean over seeds, compared with the nearest of the
+/// `baselines`, of which there is at least one.
 ///
-/// What is predicted has no noise, so that the mean is compared with it; another stroke is compared with one playing.
+/// A prediction has no noise, so it is compared with the mean. Another stroke has noise, so it is compared with one
+/// synthesis.
 fn verdict(library: [&Nearness; 2], baselines: &[Nearness]) -> String {
     let [played, averaged] = library;
     let nearest = baselines
@@ -372,7 +375,8 @@ fn check(texture: Texture<'_>, fitted: &[Stroke], judges: &[Stroke]) -> Result<(
     Ok(())
 }
 
-/// The one of `others`, at least one, whose motion is nearest to that of `stroke`, by mean logarithms.
+/// Returns the stroke of `others`, which has at least one, whose motion is nearest to that of `stroke`, by mean
+/// logarithms.
 fn nearest<'a>(stroke: &Stroke, others: &'a [Stroke]) -> &'a Stroke {
     let own = stroke.middle();
     let distance = |other: &Stroke| {
@@ -385,8 +389,8 @@ fn nearest<'a>(stroke: &Stroke, others: &'a [Stroke]) -> &'a Stroke {
     nearest.expect("there are levels of at least one")
 }
 
-/// Mean magnitude of the errors of third octaves over all strokes that have a spectrum, of which `others` are
-/// predictions.
+/// Returns the mean magnitude of the errors of third octaves over all strokes that have a spectrum. `others` are the
+/// predictions of the strokes.
 fn band_error_db(strokes: &[Stroke], others: &[Vec<&[f64]>]) -> Option<f64> {
     let mut errors = Vec::new();
     for (stroke, other) in strokes.iter().zip(others) {

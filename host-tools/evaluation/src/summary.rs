@@ -1,4 +1,4 @@
-//! An evaluation in a few numbers per texture, and as the rows of the tables that commands and pages show.
+//! Summary of an evaluation per texture, and the rows of the tables that commands and pages show.
 
 use serde::Serialize;
 
@@ -10,18 +10,18 @@ use super::perception::{Perceived, ScoringRange};
 use super::table::{Table, number, percent};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
-/// A texture's trials in a few numbers; silent trials are counted and left out of all means.
+/// Summary of a texture's trials. Silent trials are counted, and left out of all means.
 #[derive(Clone, Debug, Serialize)]
 pub struct TextureEvaluation {
     /// The texture.
     pub texture: String,
     /// The answer in one line.
     pub verdict: String,
-    /// Trials compared.
+    /// Number of trials that were compared.
     pub trials: usize,
-    /// Trials at which the stylus or the recording is silent.
+    /// Number of trials in which the stylus or the recording is silent.
     pub silent: usize,
-    /// Lowest and highest frequency of the bands that all trials could be judged at, Hz.
+    /// Lowest and highest frequency of the bands at which all trials could be judged, Hz.
     pub bands_hz: Option<(f64, f64)>,
     /// Lowest and highest frequency of C, Hz.
     pub cost_hz: Option<(f64, f64)>,
@@ -31,10 +31,10 @@ pub struct TextureEvaluation {
     pub cost_deviation: Option<f64>,
     /// Mean of what C would be for a perfect model of broadband noise.
     pub mean_cost_floor: Option<f64>,
-    /// The synthesis.
+    /// Figures of the synthesis.
     #[serde(flatten)]
     pub synthesis: Means,
-    /// Another recording in the place of the synthesis.
+    /// Figures of another recording in place of the synthesis.
     pub other: Means,
     /// Mean of C of the other recording.
     pub mean_cost_other: Option<f64>,
@@ -42,7 +42,7 @@ pub struct TextureEvaluation {
     pub liveliness: Vec<Summary>,
     /// Impulses, by speed.
     pub impulses: Impulses,
-    /// The loudest events; none if nothing is held out or heard.
+    /// The loudest events; none if nothing is held out, or if all trials are silent.
     pub loudest_5_ms: Option<Loudness>,
 }
 
@@ -51,11 +51,11 @@ pub struct TextureEvaluation {
 pub struct Means {
     /// Mean magnitude of the bands' errors, dB.
     pub mean_band_error_db: Option<f64>,
-    /// Share of all bands within the amplitude JND of 2.2 dB.
+    /// Fraction of all bands within the amplitude JND of 2.2 dB.
     pub bands_within_jnd: Option<f64>,
     /// Mean log-spectral distance, dB.
     pub mean_log_spectral_distance_db: Option<f64>,
-    /// Level error in third octaves, JND: the root of the mean square over trials, less scatter.
+    /// Level error in third octaves, JND: the root of the mean square over trials, minus scatter.
     pub level_error_jnd: Option<f64>,
     /// Mean magnitude of the balance's error, dB.
     pub mean_balance_error_db: Option<f64>,
@@ -170,7 +170,7 @@ pub fn liveliness_table(title: &str, of: &[(String, &[Summary])]) -> Table {
         ]
     };
     let rows = of.iter().flat_map(|(name, summaries)| {
-        // The name stands once.
+        // Only the first row has the name.
         let names = std::iter::once(name.as_str()).chain(std::iter::repeat(""));
         names
             .zip(*summaries)
@@ -203,7 +203,7 @@ pub const LIVELINESS_EXPLANATION: &str = "\
      recording's strongest narrow line in windows of 0.5 s; off: distance from the recording, which the other \
      recording has, too.";
 
-/// The trials of texture `name` in a few numbers.
+/// Summarises the trials of texture `name`.
 pub(super) fn summarise<'t>(name: &str, trials: &'t [TrialEvaluation]) -> TextureEvaluation {
     let members: Vec<&'t TrialEvaluation> = trials.iter().filter(|t| t.texture == name).collect();
     let heard: Vec<&'t TrialEvaluation> = members
@@ -244,7 +244,7 @@ pub(super) fn summarise<'t>(name: &str, trials: &'t [TrialEvaluation]) -> Textur
     }
 }
 
-/// The mean; `None` of nothing.
+/// Returns the mean; `None` without values.
 pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
@@ -284,12 +284,12 @@ pub(super) fn target_in_words(trials: &[TrialEvaluation]) -> &'static str {
     }
 }
 
-/// Distances of a signal from the judge, a recording that was held out; none where they do not exist.
+/// Distances of a signal from the judge, which is a held-out recording. A distance is none if it does not exist.
 #[derive(Clone, Debug, Serialize)]
 pub struct Scores {
-    /// The paper's cost C, equation (6); of blocks, C of the mean of their smoothed amplitudes.
+    /// The paper's cost C, equation (6); for blocks, it is that of the mean of their smoothed amplitudes.
     pub cost: Option<f64>,
-    /// Level over the judge's in each third-octave band from 20 to 1000 Hz that can be judged, dB.
+    /// Level relative to the judge's in each third-octave band from 20 to 1000 Hz that can be judged, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance in sliding third octaves, dB.
     pub log_spectral_distance_db: Option<f64>,
@@ -321,7 +321,7 @@ pub struct TrialEvaluation {
     pub force_n: f64,
     /// The kind of data that judged.
     pub judge: JudgeKind,
-    /// File of the other take, if that judged.
+    /// File of the other take, if that take is the judge.
     pub other_take: Option<String>,
     /// Frequencies that were judged; none if the judge is too short.
     pub range: Option<ScoringRange>,
@@ -331,15 +331,15 @@ pub struct TrialEvaluation {
     pub recorded_rms_m_s2: f64,
     /// RMS of the synthesis, m/s².
     pub synthesised_rms_m_s2: f64,
-    /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out or
-    /// heard.
+    /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out, or
+    /// if the trial is silent.
     pub liveliness: Option<TrialLiveliness>,
-    /// The loudest 5 ms; none if nothing is held out or heard.
+    /// The loudest 5 ms; none if nothing is held out, or if the trial is silent.
     pub loudest_5_ms: Option<TrialLoudness>,
     /// The synthesis against the judge.
     #[serde(flatten)]
     pub scores: Scores,
-    /// C of a perfect model of broadband noise, which is not 0 because its synthesis is noise of its own.
+    /// C of a perfect model of broadband noise, which is not 0 because the synthesis has noise of its own.
     pub cost_floor: f64,
     /// Another recording against the judge: the blocks or the take that were fitted.
     pub other: Scores,

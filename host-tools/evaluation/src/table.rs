@@ -25,7 +25,7 @@ impl Table {
         }
     }
 
-    /// A table of rows whose cells stand beside their headings; without headings if there is no row.
+    /// Creates a table from rows of headings and cells. Without a row it has no headings.
     pub fn headed<H: Into<String>>(
         title: &str,
         rows: impl IntoIterator<Item = Vec<(H, String)>>,
@@ -40,7 +40,7 @@ impl Table {
         Self::new(title, headings, rows)
     }
 
-    /// Returns whether a column's cells begin with digits or signs, as far as they are filled.
+    /// Returns whether all filled cells of a column begin with a digit or a sign.
     pub fn is_of_numbers(&self, column: usize) -> bool {
         let cells = self.rows.iter().filter_map(|row| row.get(column));
         let mut filled = cells.filter(|cell| !cell.is_empty());
@@ -48,14 +48,14 @@ impl Table {
     }
 }
 
-/// A number with so many decimals, or a dash.
+/// Returns a number with this number of decimals, or a dash.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or("-".into(), |value| {
         crate::support::decimal::fixed(value, decimals)
     })
 }
 
-/// A share in per cent with so many decimals, without the sign, which the heading has; or a dash.
+/// Returns a fraction in per cent with this number of decimals, or a dash. The heading has the per cent sign.
 pub fn percent(share: Option<f64>, decimals: usize) -> String {
     number(share.map(|share| 100.0 * share), decimals)
 }

@@ -1,8 +1,8 @@
 //! An evaluation in one line per texture, in the words of the field.
 //!
-//! Each clause sets the synthesis beside another recording of the same surface, both against the recording that judges,
-//! with the same numbers as the tables. Nothing is called near that is not as near as that, to within [`NEAR_DB`] or
-//! [`NEAR_OCTAVES`].
+//! Each clause compares the synthesis with another recording of the same surface. Both are measured against the
+//! recording that judges, and the numbers are those of the tables. The synthesis is called near only if it is as near
+//! as the other recording, within [`NEAR_DB`] or [`NEAR_OCTAVES`].
 
 use super::held_out::JudgeKind;
 use super::impulses::{AtSpeed, Impulses, OFF_OCTAVES, speeds_in_words};
@@ -12,11 +12,12 @@ use super::summary::{Means, Scores, TextureEvaluation, TrialEvaluation, mean};
 use crate::dsp::liveliness::median;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
 
-/// Distance beyond that of the other recording up to which a spectrum or a level is as near, dB: half of what is felt.
+/// Largest distance in excess of the other recording's at which a spectrum or a level counts as equally near, dB. It is
+/// half of what is felt.
 pub const NEAR_DB: f64 = 0.5 * AMPLITUDE_JND_DB;
 
-/// Difference of kurtosis beyond that of the other recording up to which impulses are as near, octaves: a quarter more
-/// or less.
+/// Largest difference of kurtosis in excess of the other recording's at which impulses count as equally near, octaves.
+/// It is a quarter more or less.
 pub const NEAR_OCTAVES: f64 = 0.3;
 
 /// An explanation of the verdicts.
@@ -33,7 +34,7 @@ pub fn explanation() -> String {
     )
 }
 
-/// The verdict on a texture: its numbers, and all its trials.
+/// Returns the verdict on a texture, from its summary and all its trials.
 pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation]) -> String {
     let heard = trials.iter().copied().filter(|trial| !trial.is_silent);
     let heard: Vec<&TrialEvaluation> = heard.collect();
@@ -64,8 +65,8 @@ pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation
     clauses.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
-/// The distance that a difference of `own` from a judge has beyond that of another recording: errors of one cause add
-/// by their squares.
+/// Returns the distance that `own` has in excess of `target`, the other recording's. Squares are subtracted, because
+/// independent errors add by their squares.
 pub(super) fn further(own: f64, target: f64) -> f64 {
     (own.powi(2) - target.powi(2)).max(0.0).sqrt()
 }
@@ -86,7 +87,8 @@ fn spectrum(own: &Means, target: &Means, other: &str) -> Option<String> {
     Some(near + &felt.unwrap_or_default())
 }
 
-/// The third octave whose mean level over trials is off by most beyond the other's, if that is felt.
+/// Returns a clause about the third-octave band whose mean level over trials deviates most, in excess of the other
+/// recording's deviation, if this can be felt.
 fn worst_band(heard: &[&TrialEvaluation]) -> Option<String> {
     let level = |of: fn(&TrialEvaluation) -> &Scores, band: usize| {
         mean(heard.iter().filter_map(|t| of(t).band_errors_db[band]))
@@ -103,12 +105,12 @@ fn worst_band(heard: &[&TrialEvaluation]) -> Option<String> {
         .then(|| format!("{:.0} dB too {way} at {centre_hz} Hz", own_db.abs()))
 }
 
-/// The summary of the signals with a part in the comparison.
+/// Returns the summary of the signals with this role in the comparison.
 fn of(summaries: &[Summary], role: Role) -> Option<&Summary> {
     summaries.iter().find(|summary| summary.role == role)
 }
 
-/// A difference of the synthesis beyond that of the other recording.
+/// Returns a difference of the synthesis minus that of the other recording.
 fn beyond(summaries: &[Summary], pick: fn(&Differences) -> Option<f64>) -> Option<f64> {
     let own = pick(&of(summaries, Role::Synthesis)?.differences)?;
     let other = of(summaries, Role::Other).and_then(|other| pick(&other.differences));
@@ -160,7 +162,8 @@ fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
     Some(clauses.join(", "))
 }
 
-/// The loudest events, if they are stronger than those of the recordings around them by more than other recordings are.
+/// Returns a clause about the loudest events, if they exceed those of the recordings around them by more than other
+/// recordings do.
 fn loudest(loudness: &Loudness, trials: usize) -> Option<String> {
     (loudness.trials_too_strong > 0).then(|| {
         let whose = if trials > 1 {
@@ -194,7 +197,8 @@ fn evenness(summaries: &[Summary], heard: &[&TrialEvaluation]) -> Option<String>
     level.or(line).map(|_| "evenness as near".into())
 }
 
-/// Range of the line's levels over the recording's, dB, and its frequency, Hz, of the trial in the middle.
+/// Returns the range of the line's levels minus the recording's range, dB, and the line's frequency, Hz, of the median
+/// trial.
 fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
     let of = |trial: &&TrialEvaluation| {
         let liveliness = trial.liveliness.as_ref()?;
@@ -216,7 +220,8 @@ mod tests {
     use crate::dsp::liveliness::Liveliness;
     use test_helpers::holds;
 
-    /// A recording, a synthesis off by so many octaves of kurtosis and dB of evenness, and another recording.
+    /// A recording, a synthesis that is off by `octaves` of kurtosis and `spread_db` of evenness, and another
+    /// recording.
     fn lively(octaves: f64, spread_db: f64) -> Vec<Summary> {
         let measures = |octaves: f64, spread_db: f64| Liveliness {
             residual_kurtosis: Some(6.0 * octaves.exp2()),
@@ -275,7 +280,7 @@ mod tests {
         };
         let near = [at(40.0, 0.9, 0.0), at(60.0, 0.1, 0.0), at(80.0, -0.9, 0.1)];
         assert_eq!(said(near.to_vec(), 1), "impulses as near");
-        // Recordings of this speed are as far from each other.
+        // At this speed, recordings differ from each other as much.
         let mut speeds = near.to_vec();
         speeds.push(at(100.0, -1.2, 1.1));
         let count = "12 of 40 trials more than an octave off (target 1)";

@@ -2,7 +2,7 @@
 //!
 //! Invariant: nothing here fits a texture.
 
-// The wings below, by the names that this crate has for them.
+// The crates below this one, under the names that this crate uses for them.
 #[cfg(test)]
 use stylus_fit::scene;
 use stylus_signals::{playing, recording};

@@ -15,13 +15,14 @@ pub struct Sensor {
     chance: Chance,
     /// Input of each low-pass at the last step, m/s².
     before: [f64; 3],
-    /// Output of each low-pass now, and the one before, which is the delay.
+    /// Output of each low-pass after the last step, and after the step before. The sensor shows the latter, so it has a
+    /// delay of one step.
     filtered: [[f64; 3]; 2],
     steps: u64,
 }
 
 impl Sensor {
-    /// A sensor at rest whose noise is that of `seed`.
+    /// Creates a sensor at rest. `seed` determines its noise.
     pub fn new(parameters: &Parameters, seed: u64) -> Self {
         let accelerometer = parameters.accelerometer;
         Self {
@@ -37,7 +38,7 @@ impl Sensor {
 
     /// Advances the sensor by one step, at the end of which the body has this `acceleration`, m/s².
     pub fn step(&mut self, acceleration: f64) {
-        // White noise of this density has this deviation per step.
+        // Standard deviation per step of white noise with a density of one.
         let root_band = (STEP_HZ / 2.0).sqrt();
         self.filtered[1] = self.filtered[0];
         for axis in 0..3 {
@@ -56,7 +57,7 @@ impl Sensor {
         self.steps += 1;
     }
 
-    /// Voltages of the axes from mid-scale.
+    /// Returns the voltages of the axes, relative to mid-scale.
     pub fn volts(&self) -> [f64; 3] {
         let hums = self.faults.iter().map(|fault| fault.hum(self.steps)[1]);
         let hum: f64 = hums.sum();

@@ -1,4 +1,4 @@
-//! Random numbers that a seed repeats.
+//! Random numbers that are the same for the same seed.
 
 /// SplitMix64.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,7 +28,8 @@ impl Chance {
         most * (2.0 * self.fraction() - 1.0)
     }
 
-    /// `value` times or divided by up to 1 + `share`, uniform in the logarithm.
+    /// Returns `value`, multiplied or divided by a random factor of up to 1 + `share`, which is uniform in the
+    /// logarithm.
     pub fn about(&mut self, value: f64, share: f64) -> f64 {
         value * self.within(share.ln_1p()).exp()
     }

@@ -20,7 +20,7 @@ pub enum Axis {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Fault {
-    /// A coil that takes current and makes no force.
+    /// A coil that takes current and produces no force.
     DeadCoil,
     /// No current.
     OpenWire,
@@ -31,7 +31,7 @@ pub enum Fault {
         /// Largest voltage at the coil to either side, V.
         volts: f64,
     },
-    /// An accelerometer's axis that stays at its voltage of rest, without noise.
+    /// An accelerometer's axis that stays at its rest voltage, without noise.
     DeadAxis {
         /// The axis.
         axis: Axis,
@@ -61,7 +61,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Voltages of a hum at coil and accelerometer after so many `steps`, V; 0 of any other fault.
+    /// Returns the voltages of a hum at coil and accelerometer after `steps` steps, V; 0 for any other fault.
     pub(crate) fn hum(&self, steps: u64) -> [f64; 2] {
         match *self {
             Self::Hum {

@@ -9,12 +9,12 @@ pub const STEP_S: f64 = 1.0 / STEP_HZ;
 
 /// Number of states of the linear part.
 pub const STATES: usize = 6;
-/// Number of its inputs.
+/// Number of inputs of the linear part.
 pub const INPUTS: usize = 2;
 /// States and inputs.
 const ALL: usize = STATES + INPUTS;
 
-/// A row per state: its derivative, or its next value, by states and inputs.
+/// A row per state: the coefficients of its derivative, or of its next value, for states and inputs.
 pub type Rows = [[f64; ALL]; STATES];
 
 type Square = [[f64; ALL]; ALL];
@@ -31,9 +31,11 @@ fn product(left: &Square, right: &Square) -> Square {
     result
 }
 
-/// Returns the states after `seconds` by the states before and constant inputs, of the system with `derivatives`.
+/// Returns the matrix that gives the states after `seconds` from the states before and constant inputs, for the system
+/// with `derivatives`.
 ///
-/// The exponential of the matrix with the inputs as constant states (Van Loan), by scaling, series and squaring.
+/// It is the exponential of the matrix with the inputs as constant states (Van Loan), computed by scaling, series and
+/// squaring.
 pub fn exponential(derivatives: &Rows, seconds: f64) -> Rows {
     const TERMS: u32 = 18;
     let mut generator = [[0.0; ALL]; ALL];
@@ -60,7 +62,7 @@ pub fn exponential(derivatives: &Rows, seconds: f64) -> Rows {
     std::array::from_fn(|row| result[row])
 }
 
-/// Returns the states after a step, by `rows`.
+/// Returns the states after a step with the matrix `rows`.
 pub fn advance(rows: &Rows, states: &[f64; STATES], inputs: [f64; INPUTS]) -> [f64; STATES] {
     rows.map(|row| {
         let (of_states, of_inputs) = row.split_at(STATES);
@@ -70,9 +72,10 @@ pub fn advance(rows: &Rows, states: &[f64; STATES], inputs: [f64; INPUTS]) -> [f
     })
 }
 
-/// Returns the states' phasors after the steps `rows`, at `z` per step, for the first input's phasor 1.
+/// Returns the phasors of the states after a step with the matrix `rows`, if the first input has the phasor 1. In each
+/// step, a phasor is multiplied by `z`.
 ///
-/// Gaussian elimination with the largest pivot.
+/// The equations are solved by Gaussian elimination with the largest pivot.
 pub fn steady_state(rows: &Rows, z: Complex<f64>) -> [Complex<f64>; STATES] {
     let zero = Complex::new(0.0, 0.0);
     let mut left = [[zero; STATES]; STATES];

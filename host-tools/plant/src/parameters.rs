@@ -8,7 +8,7 @@ use toml::Value;
 use crate::chance::Chance;
 use crate::fault::{Axis, Fault};
 
-/// The names of the presets: an actuator, held lightly.
+/// Names of the presets. Each is an actuator that is held lightly.
 pub const PRESETS: [&str; 2] = ["haptuator", "mark-ii-d"];
 
 /// Parameters that cannot be used.
@@ -54,7 +54,7 @@ pub struct Coil {
     pub stiffness_n_per_m: f64,
     /// Damping between moving mass and body, N per m/s.
     pub damping_n_s_per_m: f64,
-    /// Power that the coil bears continuously, W. No equation has it; it is what an owner would set.
+    /// Power that the coil bears continuously, W. No equation uses it; it is the value that an owner would set.
     pub rated_watts: f64,
 }
 
@@ -72,7 +72,7 @@ pub struct Amplifier {
     pub high_hz: f64,
     /// Largest voltage to either side, V.
     pub clip_volts: f64,
-    /// Time from a rise of the enable until it puts out anything, s. A fall mutes it at once.
+    /// Time from a rise of the enable until the amplifier outputs a signal, s. A fall of the enable mutes it at once.
     pub wake_s: f64,
 }
 
@@ -84,7 +84,7 @@ pub struct Body {
     pub mass_kg: f64,
 }
 
-/// A grip: a spring and a damper from the body to a hand that stays where it is.
+/// A grip: a spring and a damper from the body to a hand that does not move.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hand {
@@ -120,11 +120,12 @@ pub struct Accelerometer {
     pub main_axis: Axis,
     /// Angle between the main axis and the actuator's, degrees.
     pub tilt_deg: f64,
-    /// Direction of that angle, from the next axis (Y after X) towards the one after, degrees.
+    /// Direction of that angle around the main axis, degrees. It counts from the next axis (Y after X) towards the axis
+    /// after that.
     pub azimuth_deg: f64,
     /// Sensitivity, V per m/s².
     pub volts_per_m_s2: f64,
-    /// Voltages at rest from mid-scale, by bias and gravity, V.
+    /// Voltages at rest relative to mid-scale, caused by bias and gravity, V.
     pub rest_volts: [f64; 3],
     /// Density of each axis's noise, m/s² per √Hz.
     pub noise_m_s2_per_root_hz: [f64; 3],
@@ -134,7 +135,7 @@ pub struct Accelerometer {
     pub saturation_m_s2: f64,
 }
 
-/// All of a plant.
+/// All parameters of a plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
@@ -191,7 +192,7 @@ impl Parameters {
     /// The parameters in the TOML file `source`, or those of the preset of that name if there is no such file.
     ///
     /// # Errors
-    /// A file that cannot be read or used, or a name of neither.
+    /// A file that cannot be read or used, or a name that is neither a file nor a preset.
     pub fn read(source: &Path) -> Result<Self> {
         let name = source.display().to_string();
         let file = |reason: String| Error::File {
@@ -206,7 +207,8 @@ impl Parameters {
         }
     }
 
-    /// Another specimen of the same design, in another grip and mounted at another angle, by `seed`. Its faults stay.
+    /// Returns another specimen of the same design, in another grip and mounted at another angle. `seed` determines it.
+    /// The faults stay the same.
     #[must_use]
     pub fn varied(&self, seed: u64) -> Self {
         let mut chance = Chance(seed);

@@ -9,18 +9,18 @@ use crate::fault::Fault;
 use crate::linear::{Rows, STATES, STEP_S, advance, exponential, steady_state};
 use crate::parameters::Parameters;
 
-/// Parts of a step when a force is not linear.
+/// Number of parts of a step if a force is not linear.
 const PARTS: u32 = 8;
 
-/// Places of the states: voltage at the coil, current, velocity and displacement of the body, and those of the moving
-/// mass relative to it.
+/// Indices of the states: voltage at the coil, current, velocity and displacement of the body, and velocity and
+/// displacement of the moving mass relative to the body.
 const VOLTAGE: usize = 0;
 const CURRENT: usize = 1;
 const BODY_SPEED: usize = 2;
 const BODY_AT: usize = 3;
 const SPEED: usize = 4;
 const AT: usize = 5;
-/// Places of the inputs: voltage of the amplifier's output stage, and a force on the moving mass that reacts on the
+/// Indices of the inputs: voltage of the amplifier's output stage, and a force on the moving mass that reacts on the
 /// body.
 const STAGE: usize = STATES;
 const FORCE: usize = STATES + 1;
@@ -30,25 +30,25 @@ const FORCE: usize = STATES + 1;
 pub struct Plant {
     parameters: Parameters,
     derivatives: Rows,
-    /// The states after a part of a step.
+    /// Matrix that gives the states after a part of a step.
     rows: Rows,
     parts: u32,
     states: [f64; STATES],
-    /// Forces that are not linear act on the mass at the end of a step, N.
+    /// Nonlinear force on the moving mass at the end of the last step, N.
     force: f64,
-    /// The last pin voltage, which is the amplifier's delay.
+    /// The previous pin voltage, V. The amplifier uses it, which is its delay of one step.
     delayed: f64,
     /// Charge of the high-pass, V.
     high_pass: f64,
     /// Number of steps so far.
     steps: u64,
-    /// The step at which the amplifier has awoken, while its enable is on.
+    /// The step from which on the amplifier is awake; none while its enable is off.
     awake_at: Option<u64>,
     sensor: Sensor,
 }
 
 impl Plant {
-    /// A plant at rest with its amplifier off, whose noise is that of `seed`.
+    /// Creates a plant at rest with its amplifier off. `seed` determines its noise.
     ///
     /// # Panics
     /// [`Parameters::check`] refuses `parameters`.
@@ -82,12 +82,12 @@ impl Plant {
         }
     }
 
-    /// Runs for one code's interval of 25 µs with `pin_volts` above mid-scale, and the amplifier's enable.
+    /// Advances the plant by one code's interval of 25 µs, with `pin_volts` above mid-scale and the amplifier's enable.
     pub fn step(&mut self, pin_volts: f64, enabled: bool) {
         let stage = self.stage_volts(pin_volts, enabled);
         let part_s = STEP_S / f64::from(self.parts);
         for _ in 0..self.parts {
-            // At the middle of the part, so that the force neither gives nor takes energy in the first order.
+            // The force is taken at the middle of the part, so that to first order it neither adds nor removes energy.
             let at = self.states[AT] + self.states[SPEED] * part_s / 2.0;
             let force = self.bent_force(at);
             self.states = advance(&self.rows, &self.states, [stage, force]);
@@ -126,7 +126,7 @@ impl Plant {
         sign * volts.clamp(-clip, clip)
     }
 
-    /// Force of what is not linear on the moving mass, which is displaced by `at`, N.
+    /// Returns the nonlinear force on the moving mass at the displacement `at`, N.
     fn bent_force(&self, at: f64) -> f64 {
         let stiffness = self.parameters.coil.stiffness_n_per_m;
         let force = |fault: &Fault| match *fault {
@@ -140,14 +140,14 @@ impl Plant {
         -self.parameters.faults.iter().map(force).sum::<f64>()
     }
 
-    /// Acceleration of the tip along the actuator's axis, m/s²: that of the body, which is rigid.
+    /// Acceleration of the tip along the actuator's axis, m/s². It is the acceleration of the body, which is rigid.
     pub fn tip_m_s2(&self) -> f64 {
         let row = &self.derivatives[BODY_SPEED];
         let linear: f64 = row.iter().zip(self.states).map(|(a, b)| a * b).sum();
         linear + row[FORCE] * self.force
     }
 
-    /// Voltages of the accelerometer's axes from mid-scale, before the converter.
+    /// Voltages of the accelerometer's axes relative to mid-scale, before the converter.
     pub fn accelerometer_volts(&self) -> [f64; 3] {
         self.sensor.volts()
     }
@@ -184,8 +184,8 @@ impl Plant {
     }
 }
 
-/// Share of its charge that a high-pass with a corner at `hz` keeps over a step, and the mean over a step of what
-/// passes, per voltage at the step's begin.
+/// Returns the fraction of its charge that a high-pass with a corner at `hz` keeps over a step, and the mean of its
+/// output over a step, per output at the step's begin.
 fn high_pass(hz: f64) -> (f64, f64) {
     if hz == 0.0 {
         return (1.0, 1.0);
@@ -215,7 +215,8 @@ fn derivatives(parameters: &Parameters) -> Rows {
         rows[CURRENT][CURRENT] = -coil.resistance_ohm / coil.inductance_h;
         rows[CURRENT][SPEED] = factor / coil.inductance_h;
     }
-    // On the body: the coil's force, the spring and damper to the moving mass, those of the grip.
+    // Forces on the body: of the coil, of the spring and damper to the moving mass, and of the grip's spring and
+    // damper.
     let body_speed = &mut rows[BODY_SPEED];
     body_speed[CURRENT] = factor;
     body_speed[AT] = coil.stiffness_n_per_m;
@@ -226,7 +227,8 @@ fn derivatives(parameters: &Parameters) -> Rows {
     body_speed
         .iter_mut()
         .for_each(|force| *force /= body.mass_kg);
-    // On the moving mass the opposite of all but the grip's, less the body's acceleration.
+    // Forces on the moving mass: the opposite of all of these but the grip's. The body's acceleration is subtracted,
+    // because the displacement is relative to the body.
     let of_body = rows[BODY_SPEED];
     let mass = coil.moving_mass_kg;
     rows[SPEED] = of_body.map(|of_body| -of_body);

@@ -1,4 +1,4 @@
-//! Choice of what is played of a library.
+//! Choice of what is played from a library.
 
 use core::fmt;
 
@@ -50,10 +50,10 @@ impl Without {
     }
 }
 
-/// The plan of `selection` of `library`.
+/// Returns the plan of `selection` from `library`, without the parts in `without`.
 ///
 /// # Errors
-/// A texture or scene that is not there, or a scene that cannot be played.
+/// A texture or scene that does not exist, or a scene that cannot be played.
 pub fn plan_of<'a>(
     library: &Library<'a>,
     selection: Selection,

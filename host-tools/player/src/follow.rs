@@ -1,20 +1,20 @@
-//! The motion of each block, from what was told last.
+//! The motion of each block, from the mover's latest message.
 
 use crate::mailbox::{Mailbox, Words};
 use crate::motion::{BLOCK_NUMBERS, BlockMotion};
 
-/// Blocks, of 2 ms each, for which a motion is held.
+/// Number of blocks, of 2 ms each, for which a motion is held.
 pub const HELD_BLOCKS: u32 = 25;
 
 /// Longest time between two places from which a speed is computed, s.
 const LONGEST_STEP_S: f64 = 0.1;
 
-/// Message of the side that moves.
+/// A message of the mover.
 #[derive(Clone, Copy, Debug)]
 pub enum Told {
     /// The motion of the next block.
     Block(BlockMotion),
-    /// A place at a time of the caller's clock, s; the speed follows from the place before.
+    /// A place at a time of the caller's clock, s; the speed follows from the previous place.
     Place {
         time_s: f64,
         position_mm: f64,
@@ -23,7 +23,7 @@ pub enum Told {
 }
 
 impl Told {
-    /// The words of the mailbox. A place has no speed, and its time instead of a block's end.
+    /// Returns the words for the mailbox. A place has NaN as its speed, and its time in place of a block's end.
     pub fn words(self) -> Words<BLOCK_NUMBERS> {
         let motion = match self {
             Self::Block(motion) => motion,
@@ -53,7 +53,7 @@ impl Told {
     }
 }
 
-/// A mailbox of what is told.
+/// A mailbox of the mover's messages.
 pub type Moves = Mailbox<BLOCK_NUMBERS>;
 
 /// The motion of each block.
@@ -61,7 +61,7 @@ pub struct Follower {
     /// Ticket of the motion that is held.
     taken: u64,
     held: BlockMotion,
-    /// Blocks that the motion is held for yet.
+    /// Number of blocks for which the motion is still held.
     left: u32,
     /// The last place and its time, s.
     place: Option<(f64, f64)>,
@@ -77,10 +77,11 @@ impl Follower {
         }
     }
 
-    /// The motion of the next block, whose last sample is `last_s` after its first.
+    /// Returns the motion of the next block, whose last sample is `last_s` after its first.
     ///
-    /// A motion is told for one block. In the blocks after it the speed goes on from there, and once the motion is too
-    /// old, the tool is at rest and without contact. The force stays, so that no impact is struck when it comes back.
+    /// A message gives the motion of one block. In the blocks after it, the tool continues at its speed. Once the
+    /// motion is too old, the tool is at rest and without contact. The force stays, so that no impact is played when
+    /// the tool returns.
     pub fn next_block(&mut self, moves: &Moves, last_s: f64) -> BlockMotion {
         if let Some((ticket, words)) = moves.newer_than(self.taken) {
             let motion = self.motion_of(Told::of_words(words), last_s);

@@ -1,17 +1,17 @@
-//! A slot through which a choice goes to the side that fills, and one through which what it replaced comes back.
+//! Two slots: one takes a choice to the filler, and the other returns the choice that was replaced.
 //!
-//! Both are single exchanges of a pointer. What comes back is dropped by the side that gives, because freeing memory
-//! takes a lock; it comes back as a chain, so that the side that fills never waits for room.
+//! Each use is a single exchange of a pointer. The mover drops what is returned, because freeing memory takes a lock.
+//! Returned choices form a chain, so that the filler never waits for a free place.
 
 use crossbeam_utils::atomic::AtomicCell;
 
-/// A slot each way.
+/// One slot for each direction.
 pub struct Handover<T> {
     given: AtomicCell<Option<Box<Given<T>>>>,
     returned: AtomicCell<Option<Box<Given<T>>>>,
 }
 
-/// A thing on its way, and what came back before it.
+/// A value on its way, and the chain of values that were returned before it.
 pub struct Given<T> {
     pub it: T,
     before: Option<Box<Self>>,
@@ -31,23 +31,23 @@ impl<T> Handover<T> {
         }
     }
 
-    /// Gives `it`, and drops what came back, and what was given before and not taken.
+    /// Gives `it` to the filler. Drops what was returned, and what was given before and not taken.
     pub fn give(&self, it: T) {
         let given = Box::new(Given { it, before: None });
         drop(self.given.swap(Some(given)));
         drop(self.returned.take());
     }
 
-    /// Returns what was given last, once. For the side that fills.
+    /// Returns what was given last, only once. The filler calls this.
     pub fn take(&self) -> Option<Box<Given<T>>> {
         self.given.take()
     }
 
-    /// Gives back what was taken. For the side that fills, which is one thread at a time, so that nothing else is put
-    /// here between the two exchanges.
+    /// Returns to the mover what was taken. The filler calls this in one thread at a time, so nothing else is put into
+    /// the slot between the two exchanges.
     pub fn give_back(&self, mut taken: Box<Given<T>>) {
         taken.before = self.returned.take();
-        // Nothing is replaced, and so nothing is dropped.
+        // The slot is empty, so nothing is dropped here.
         self.returned.store(Some(taken));
     }
 }
@@ -59,7 +59,7 @@ mod tests {
 
     use super::*;
 
-    /// A thing that tells in which thread it is dropped.
+    /// A value that reports the thread in which it is dropped.
     struct Told(std::sync::mpsc::Sender<ThreadId>);
 
     impl Drop for Told {
@@ -75,7 +75,7 @@ mod tests {
         let handover = Arc::new(Handover::new());
         let theirs = Arc::clone(&handover);
         handover.give(Told(sender.clone()));
-        // The other side takes several between two gifts, whose side has not looked yet.
+        // The filler returns several values before the mover gives the next one.
         thread::spawn(move || {
             for _ in 0..3 {
                 if let Some(taken) = theirs.take() {

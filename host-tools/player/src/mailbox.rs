@@ -1,12 +1,13 @@
-//! The newest motion, from any number of threads to the one that fills.
+//! The newest motion, from any number of threads to that of the filler.
 //!
 //! Neither side waits. A writer draws a ticket, writes the slot of that ticket, and seals it with a checksum over the
-//! ticket and the words. A reader looks for the newest ticket whose slot holds its seal. A motion is so never mixed of
-//! two, whoever is interrupted where, and no ordering of memory is relied upon.
+//! ticket and the words. A reader looks for the newest ticket whose slot holds its seal. So a motion is never a mixture
+//! of two, wherever a thread is interrupted, and no memory ordering is relied on.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Slots of motions. A writer that is interrupted spoils one; the reader then finds the motion before.
+/// Number of slots for motions. A writer that is interrupted makes one slot invalid; the reader then finds the previous
+/// motion.
 const SLOTS: u64 = 16;
 
 /// Words of a motion.
@@ -45,7 +46,8 @@ impl<const N: usize> Mailbox<N> {
         slot.seal.store(seal(ticket, words), Ordering::Release);
     }
 
-    /// The newest motion after that of ticket `taken`, 0 for none so far, with its ticket.
+    /// Returns the newest motion after the one with ticket `taken`, with its ticket. `taken` is 0 if none was read so
+    /// far.
     pub fn newer_than(&self, taken: u64) -> Option<(u64, Words<N>)> {
         let newest = self.drawn.load(Ordering::Acquire);
         let oldest = newest.saturating_sub(SLOTS - 1).max(taken + 1);
@@ -64,7 +66,7 @@ impl<const N: usize> Mailbox<N> {
     }
 }
 
-/// Checksum of 64 bits, which is never that of an empty slot by any likelihood.
+/// Returns a checksum of 64 bits. It is extremely unlikely to equal that of an empty slot.
 fn seal<const N: usize>(ticket: u64, words: Words<N>) -> u64 {
     /// An odd number with half of its bits set.
     const MIX: u64 = 0x9E37_79B9_7F4A_7C15;
@@ -97,7 +99,7 @@ mod tests {
         mailbox.slot(3).words[0].store(5, Ordering::Relaxed);
         assert_eq!(mailbox.newer_than(0), Some((2, [3, 4])));
         assert_eq!(mailbox.newer_than(2), None);
-        // One that went on only after all slots had been used again.
+        // A writer that continued only after all slots had been used again.
         mailbox.put([7, 8]);
         mailbox.slot(4).words[1].store(6, Ordering::Relaxed);
         assert_eq!(mailbox.newer_than(0), Some((2, [3, 4])));
@@ -123,7 +125,7 @@ mod tests {
                 let Some((ticket, [word, inverse, triple])) = mailbox.newer_than(taken) else {
                     continue;
                 };
-                // The others end, whatever is found.
+                // The other threads end, whatever is found.
                 is_over.store(seen == 19_999, Ordering::Relaxed);
                 let is_whole = (inverse, triple) == (!word, word.wrapping_mul(3));
                 if ticket <= taken || !is_whole {

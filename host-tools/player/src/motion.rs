@@ -3,21 +3,21 @@
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_kernel::{Motion, MotionError};
 
-/// Numbers of a block's motion.
+/// Count of the numbers that describe a block's motion.
 pub const BLOCK_NUMBERS: usize = 5;
 
-/// The motion of one block. A value that is not a number stands for one that is not known.
+/// The motion of one block. A value that is not a number (NaN) is unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockMotion {
     /// Tangential speed, mm/s, signed by the direction.
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Position at the block's first sample, mm; with that at its last one, or not at all.
+    /// Position at the block's first sample, mm. It is known if and only if the last sample's position is.
     pub begin_mm: f64,
     /// Position at the block's last sample, mm.
     pub end_mm: f64,
-    /// Contact, 0 or another number; not a number: by force.
+    /// Contact: 0 for none, another number for contact, NaN to derive it from the force.
     pub contact: f64,
 }
 
@@ -56,9 +56,9 @@ impl BlockMotion {
         ]
     }
 
-    /// Speed and force, as the kernel takes them.
+    /// Returns speed and force in the kernel's form.
     pub(crate) fn motion(&self) -> Result<Motion, &'static str> {
-        // What single precision cannot hold becomes infinite, and is refused.
+        // A value that is too large for single precision becomes infinite, and is refused.
         let speed = MillimetresPerSecond(self.speed_mm_s as f32);
         let motion = Motion::new(speed, Newton(self.force_n as f32));
         motion.map_err(|error| match error {
@@ -70,7 +70,8 @@ impl BlockMotion {
     /// Checks that the motion can be played.
     ///
     /// # Errors
-    /// A speed or force that is not finite, an infinite position, or one position of two; with the remedy.
+    /// A speed or force that is not finite, an infinite position, or only one of the two positions. The error has the
+    /// remedy.
     pub fn check(&self) -> Result<(), &'static str> {
         self.motion()?;
         let (begin, end) = (self.begin_mm, self.end_mm);

@@ -1,4 +1,4 @@
-//! The two sides of a player.
+//! The two sides of a player: the mover, which moves and chooses, and the filler, which takes samples.
 
 use core::fmt;
 use std::sync::Arc;
@@ -24,15 +24,16 @@ pub const HELD_S: f64 = HELD_BLOCKS as f64 * BLOCK_S;
 /// Samples of the longest block.
 const MOST_SAMPLES: usize = 20;
 
-/// Output rates beside those of textures, Hz. The last number divides them all, and so bounds the phases.
+/// Output rates in addition to those of textures, Hz: the lowest, the highest, and a number that divides them all. The
+/// divisor bounds the number of phases.
 const OUTPUT_RATES_HZ: (u32, u32, u32) = (8000, 192_000, 25);
 
-/// A call that was refused. What plays goes on.
+/// A call that was refused. What is playing continues.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// An output rate, Hz, that is not played.
     OutputRate(u32),
-    /// A texture or scene that is not there, or cannot be played.
+    /// A texture or scene that does not exist or cannot be played.
     Choice(ChoiceError),
     /// A sample rate of a texture or scene, Hz, that is not played.
     SampleRate(u32),
@@ -65,7 +66,7 @@ impl fmt::Display for Fault {
 impl core::error::Error for Fault {}
 
 self_cell::self_cell!(
-    /// Player of a choice, beside the library that it plays from.
+    /// Player of a choice, together with the library that it plays from.
     struct Voice {
         owner: SharedLibrary,
         #[covariant]
@@ -83,7 +84,8 @@ struct Shared {
     scale: AtomicU64,
 }
 
-/// The two sides of a player of `output_rate_hz`, which plays nothing yet.
+/// Creates a player at `output_rate_hz`: the handle that moves it and the one that fills buffers. It is silent until
+/// something is chosen.
 ///
 /// # Errors
 /// An output rate that is not played.
@@ -104,8 +106,8 @@ pub fn player(output_rate_hz: u32) -> Result<(Mover, Filler), Fault> {
     Ok((mover, Filler::new(shared, output_rate_hz)))
 }
 
-/// Time from a move to its sample at most, s, of a texture at `sample_rate_hz`: the block that plays, and the delay of
-/// the interpolator, 0 between equal rates.
+/// Returns the longest time from a move to the sample that it changes, s, for a texture at `sample_rate_hz`. It is the
+/// duration of a block plus the interpolator's delay, which is 0 between equal rates.
 pub fn latency_s(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
     let delay_s = if sample_rate_hz == output_rate_hz {
         0.0
@@ -115,7 +117,7 @@ pub fn latency_s(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
     BLOCK_S + delay_s
 }
 
-/// The side that moves and chooses, from any thread. Moving waits for nothing and allocates nothing.
+/// The side that moves and chooses, from any thread. Moving never waits and never allocates.
 #[derive(Clone)]
 pub struct Mover {
     shared: Arc<Shared>,
@@ -130,7 +132,7 @@ impl Mover {
         self.follow(BlockMotion::new(speed_mm_s, force_n))
     }
 
-    /// Moves as `motion` says in the next block, and on at its speed in the blocks after it.
+    /// Moves by `motion` in the next block, and continues at its speed in the blocks after it.
     ///
     /// # Errors
     /// A motion that [`BlockMotion::check`] refuses.
@@ -140,8 +142,8 @@ impl Mover {
         Ok(())
     }
 
-    /// Moves to a position, mm, with a force, N, at `time_s` of the caller's clock. The speed is that from the position
-    /// before, and the place of what is played is this one.
+    /// Moves to a position, mm, with a force, N, at `time_s` of the caller's clock. The speed follows from the previous
+    /// position, and the texture is played at this one.
     ///
     /// # Errors
     /// A number that is not finite.
@@ -165,11 +167,12 @@ impl Mover {
         Ok(())
     }
 
-    /// Plays `selection` of `library` with the noise of `seed`, as soon as what sounds has faded: within two blocks,
-    /// or, at another sample rate, when the interpolator is empty too. Allocates, and frees what was played before.
+    /// Plays `selection` from `library` with the noise of `seed`, as soon as what is playing has faded out. This takes
+    /// at most two blocks; at another sample rate, the interpolator must be empty, too. Allocates memory, and frees
+    /// what was played before.
     ///
     /// # Errors
-    /// A texture or scene that is not there, or cannot be played.
+    /// A texture or scene that does not exist or cannot be played.
     pub fn choose(
         &self,
         library: &SharedLibrary,
@@ -187,7 +190,7 @@ impl Mover {
         Ok(())
     }
 
-    /// Lets what sounds fade, and plays nothing until the next choice.
+    /// Fades out what is playing, and plays nothing until the next choice.
     pub fn stop(&self) {
         self.shared.choices.give(None);
     }
@@ -212,8 +215,8 @@ const fn packed(gain: f32, limit: f32) -> u64 {
     (gain.to_bits() as u64) << 32 | limit.to_bits() as u64
 }
 
-/// The side that takes samples, one thread at a time. It allocates nothing, takes no lock, calls no system, and needs a
-/// bounded time per sample.
+/// The side that takes samples, one thread at a time. It allocates nothing, takes no lock, makes no system call, and
+/// needs a bounded time per sample.
 pub struct Filler {
     source: Source,
     /// Interpolators of [`PlayRate::ALL`]; none where the output has that rate.
@@ -222,7 +225,7 @@ pub struct Filler {
     gain: Option<Gain>,
 }
 
-/// A gain on its way to the one that was set.
+/// A gain that moves to the one that was set.
 #[derive(Clone, Copy)]
 struct Gain {
     target: f32,
@@ -249,7 +252,7 @@ impl Filler {
         self.output_rate_hz
     }
 
-    /// Plays the next samples into `samples`: m/s², or what [`Mover::set_gain`] makes of it.
+    /// Fills `samples` with the next samples, in m/s² times the gain of [`Mover::set_gain`], clamped to its limit.
     pub fn fill(&mut self, samples: &mut [f32]) {
         let scale = self.source.shared.scale.load(Ordering::Relaxed);
         let (target, limit) = (
@@ -263,7 +266,7 @@ impl Filler {
         }
     }
 
-    /// Changes the gain to `target` over a block, at first at once.
+    /// Changes the gain to `target` over a block, or at once the first time.
     fn aim(&mut self, target: f32) {
         let ramp = self.output_rate_hz / 500;
         let gain = self.gain.get_or_insert(Gain {
@@ -281,8 +284,8 @@ impl Filler {
         }
     }
 
-    /// The next sample. Where the source goes over to another rate, the interpolator of the old one has only silence
-    /// left, and that of the new one begins.
+    /// Returns the next sample. When the source changes to another rate, the old rate's interpolator has only silence
+    /// left, and the new rate's interpolator begins.
     fn next(&mut self) -> f32 {
         loop {
             let rate = self.source.rate;
@@ -320,7 +323,7 @@ struct Source {
     shared: Arc<Shared>,
     follower: Follower,
     playing: Option<Box<Given<Choice>>>,
-    /// The choice that waits for what sounds to fade.
+    /// The choice that waits until what is playing has faded out.
     next: Option<Box<Given<Choice>>>,
     rate: PlayRate,
     block: [OutputSample; MOST_SAMPLES],
@@ -344,7 +347,8 @@ impl Source {
         }
     }
 
-    /// The next sample at `rate`, m/s²; silence if another rate has begun. The interpolator has `tail` samples in it.
+    /// Returns the next sample at `rate`, m/s²; silence if another rate has begun. The interpolator still holds `tail`
+    /// samples.
     fn next(&mut self, rate: PlayRate, tail: u32) -> f32 {
         if self.left == 0 {
             self.begin_block(tail);
@@ -391,13 +395,13 @@ impl Source {
         }
     }
 
-    /// Makes the last choice the one that waits, and lets what plays fade.
+    /// Makes the latest choice the one that waits, and fades out what is playing.
     fn take_choice(&mut self) {
         let Some(given) = self.shared.choices.take() else {
             return;
         };
         match self.next.replace(given) {
-            // It fades already, for a choice that never played.
+            // What is playing already fades out, for a choice that was never played.
             Some(unplayed) => self.shared.choices.give_back(unplayed),
             None => {
                 if let Some(voice) = self.playing() {
@@ -407,7 +411,8 @@ impl Source {
         }
     }
 
-    /// Begins the choice that waits, because nothing sounds any more; at another rate only after the `tail`.
+    /// Begins the choice that waits, because nothing is playing any more. At another rate it begins only after the
+    /// `tail`.
     fn begin_choice(&mut self, motion: &BlockMotion, tail: u32) {
         if let Some(faded) = self.playing.take() {
             self.shared.choices.give_back(faded);

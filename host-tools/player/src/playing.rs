@@ -1,4 +1,4 @@
-//! A choice being played, block by block, as the device plays it.
+//! A choice being played, block by block, like on the device.
 
 use model_format::OutputSample;
 use stylus_kernel::Motion;
@@ -55,12 +55,12 @@ impl<'a> Playing<'a> {
         self.player.saturations()
     }
 
-    /// Lets what sounds fade, from the next block on.
+    /// Fades out what is playing, from the next block on.
     pub fn leave(&mut self) {
         self.player.switch(self.plan.clone());
     }
 
-    /// Returns whether something fades still, after [`Playing::leave`] and [`Playing::follow`].
+    /// Returns whether something is still fading out, after [`Playing::leave`] and [`Playing::follow`].
     pub fn is_leaving(&self) -> bool {
         self.player.director().is_switching()
     }
@@ -95,7 +95,7 @@ impl<'a> Playing<'a> {
         self.player.follow(interaction.reaching(Some(end)), samples);
     }
 
-    /// Plays the block into `outputs`, which has room for its samples.
+    /// Plays the block into `outputs`, which must be long enough for its samples.
     pub fn play(&mut self, outputs: &mut [OutputSample]) {
         self.player.next_block(outputs);
     }

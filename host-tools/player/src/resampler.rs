@@ -1,38 +1,38 @@
-//! From the rate of a texture to any rate of a sound card: a polyphase filter.
+//! Resampling from the rate of a texture to any rate of a sound card, by a polyphase filter.
 //!
 //! The filter's prototype is a sinc with a Kaiser window, flat to 0.4 of the lower of the two rates and 80 dB down from
-//! half of it on (J. F. Kaiser, 1974). Each phase has its own row of taps, so that an output sample is one product of
-//! rows.
+//! half of it on (J. F. Kaiser, 1974). Each phase has its own row of taps, so that an output sample is one scalar
+//! product.
 
 use std::f64::consts::PI;
 
 /// Attenuation that the window is designed for, dB: 80 and a margin for normalised rows and `f32`.
 const DESIGN_DB: f64 = 86.0;
 
-/// Width of the transition as a share of the lower rate.
+/// Width of the transition, as a fraction of the lower rate.
 const TRANSITION: f64 = 0.1;
 
-/// Middle of the transition as a share of the lower rate.
+/// Middle of the transition, as a fraction of the lower rate.
 const CUT: f64 = 0.45;
 
-/// An interpolator, with the samples that it needs yet.
+/// An interpolator, with the samples that it still needs.
 pub struct Resampler {
     /// Taps of each phase, from the newest sample on.
     rows: Vec<f32>,
     taps: usize,
-    /// Phases per sample taken, and phases per sample given.
+    /// Phases per input sample, and phases per output sample.
     phases: usize,
     step: usize,
-    /// Phase of the next sample given, and samples to take before.
+    /// Phase of the next output sample, and number of input samples to take before it.
     phase: usize,
     missing: usize,
-    /// The last samples, twice, so that any run of `taps` from the newest on is in one piece.
+    /// The last samples, stored twice, so that any run of `taps` samples from the newest on is contiguous.
     past: Vec<f32>,
     newest: usize,
 }
 
 impl Resampler {
-    /// An interpolator from `from_hz` to `to_hz`, with silence before.
+    /// Creates an interpolator from `from_hz` to `to_hz`, preceded by silence.
     pub fn new(from_hz: u32, to_hz: u32) -> Self {
         let divisor = greatest_divisor(from_hz, to_hz);
         let (phases, step) = ((to_hz / divisor) as usize, (from_hz / divisor) as usize);
@@ -50,18 +50,18 @@ impl Resampler {
         }
     }
 
-    /// Samples after which nothing of what was taken is left.
+    /// Number of input samples after which an earlier one has no effect any more.
     pub fn memory(&self) -> u32 {
         self.taps as u32
     }
 
-    /// Forgets what it took.
+    /// Forgets the input samples.
     pub fn reset(&mut self) {
         self.past.fill(0.0);
         (self.phase, self.missing) = (0, 1);
     }
 
-    /// The next sample, for which it takes what it needs from `source`.
+    /// Returns the next sample, and takes the input samples that it needs from `source`.
     pub fn next(&mut self, mut source: impl FnMut() -> f32) -> f32 {
         for _ in 0..self.missing {
             self.newest = self.newest.checked_sub(1).unwrap_or(self.taps - 1);
@@ -77,19 +77,20 @@ impl Resampler {
     }
 }
 
-/// Delay of all frequencies, s.
+/// Delay, s. It is the same at all frequencies.
 pub fn delay_s(from_hz: u32, to_hz: u32) -> f64 {
     (taps(from_hz, to_hz) / 2) as f64 / f64::from(from_hz)
 }
 
-/// Taps of a row, an even number, so that the delay is one of whole samples.
+/// Number of taps of a row. It is even, so that the delay is a whole number of input samples.
 fn taps(from_hz: u32, to_hz: u32) -> usize {
     let lower = f64::from(from_hz.min(to_hz)) / f64::from(from_hz);
     let length = (DESIGN_DB - 7.95) / (14.36 * TRANSITION * lower);
     2 * (length / 2.0).ceil() as usize
 }
 
-/// Taps for a sample that lies `phase` of a sample after the newest one, and the delay before it.
+/// Returns the taps for an output sample that lies a fraction `phase` of a sample after the newest input sample, less
+/// the delay.
 fn row(phase: f64, from_hz: u32, to_hz: u32) -> Vec<f32> {
     let lower = f64::from(from_hz.min(to_hz)) / f64::from(from_hz);
     let taps = taps(from_hz, to_hz);
@@ -107,7 +108,7 @@ fn row(phase: f64, from_hz: u32, to_hz: u32) -> Vec<f32> {
         sinc * bessel(beta * inside)
     };
     let row: Vec<f64> = (0..taps).map(tap).collect();
-    // Every row passes a constant as it is, so that phases do not modulate it.
+    // Every row passes a constant unchanged, so that the phases do not modulate it.
     let sum: f64 = row.iter().sum();
     row.into_iter().map(|tap| (tap / sum) as f32).collect()
 }
@@ -187,7 +188,8 @@ mod tests {
         }
     }
 
-    /// Images lie about the multiples of the texture's rate. What is above half of a lower rate comes back as an alias.
+    /// Images lie around the multiples of the texture's rate. Content above half of a lower output rate returns as an
+    /// alias.
     #[test]
     fn images_and_aliases_are_80_db_down_at_every_frequency() {
         for from_hz in [5000u32, 10_000] {

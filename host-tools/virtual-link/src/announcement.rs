@@ -1,7 +1,7 @@
-//! Announcements of virtual styluses, in the user's runtime folder, so that others find them.
+//! Announcements of virtual styluses, in the user's runtime folder, so that other programs find them.
 //!
-//! A file has the virtual time of one virtual stylus in its first line, and one of its links in each further line. Its
-//! lock is held as long as the virtual stylus lives, so that one that was killed is not found.
+//! A file has the virtual time of one virtual stylus in its first line, and one of its links in each further line. The
+//! file is locked as long as the virtual stylus runs, so that a killed one is not found.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use crate::runtime_folder;
 
-/// Beginning of the names of the files.
+/// Prefix of the names of the files.
 const PREFIX: &str = "virtual-";
 
 /// Number of the next announcement of this process.
@@ -28,7 +28,7 @@ pub struct Announcement {
 }
 
 impl Announcement {
-    /// Announces a virtual stylus of this process with these links, as `stylus --link` takes them.
+    /// Announces a virtual stylus of this process with these links, as `stylus --link` accepts them.
     ///
     /// # Errors
     /// A runtime folder that cannot be used, or a file that cannot be written.
@@ -39,7 +39,7 @@ impl Announcement {
     fn within(folder: &Path, links: &[String]) -> io::Result<Self> {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let name = format!("{}-{number}", std::process::id());
-        // It gets its name once it is locked and whole.
+        // The file gets its final name once it is locked and complete.
         let unnamed = folder.join(format!("new-{name}"));
         let path = folder.join(format!("{PREFIX}{name}"));
         let mut file = File::create(&unnamed)?;
@@ -52,7 +52,7 @@ impl Announcement {
         Ok(Self { path, locked: file })
     }
 
-    /// Tells the virtual time of the virtual stylus.
+    /// Writes the virtual time of the virtual stylus.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -73,16 +73,16 @@ impl Drop for Announcement {
     }
 }
 
-/// A virtual stylus that is announced and lives.
+/// A virtual stylus that is announced and runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Announced {
-    /// Links of the virtual stylus, as `stylus --link` takes them.
+    /// Links of the virtual stylus, as `stylus --link` accepts them.
     pub links: Vec<String>,
-    /// Virtual time of the virtual stylus as it was told last.
+    /// Virtual time of the virtual stylus as it was written last.
     pub time: Duration,
 }
 
-/// Every virtual stylus that is announced and lives. A folder that cannot be used has none.
+/// Returns every virtual stylus that is announced and runs; none if the runtime folder cannot be used.
 pub fn announced() -> Vec<Announced> {
     runtime_folder::own().map_or_else(|_| Vec::new(), |folder| announced_in(&folder))
 }
@@ -97,7 +97,7 @@ fn announced_in(folder: &Path) -> Vec<Announced> {
     paths.iter().filter_map(|path| read(path)).collect()
 }
 
-/// The content of an announcement; none if its virtual stylus is gone, or still writes.
+/// Returns the content of an announcement; none if its virtual stylus is gone, or is still writing it.
 fn read(path: &Path) -> Option<Announced> {
     if !fs::symlink_metadata(path).ok()?.is_file() {
         return None;

@@ -1,4 +1,4 @@
-//! The meeting of programs and a virtual stylus on one computer.
+//! How programs and a virtual stylus on the same computer find each other and communicate.
 //!
 //! | module | subject |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | [`announcement`] | announcements of virtual styluses in that folder |
 //! | [`usb_messages`] | messages between a program and the USB host of a virtual stylus |
 //!
-//! A package of its own, because the virtual stylus is built without the host's tools.
+//! This is a package of its own, because the virtual stylus is built without the host's tools.
 
 pub mod announcement;
 pub mod runtime_folder;

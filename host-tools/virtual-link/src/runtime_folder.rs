@@ -1,4 +1,4 @@
-//! The user's folder for what lives as long as a process: sockets, locks, and announcements of virtual styluses.
+//! The user's folder for files that last as long as a process: sockets, locks, and announcements of virtual styluses.
 
 use std::env;
 use std::io;
@@ -7,16 +7,16 @@ use std::path::{Path, PathBuf};
 /// Name of the folder in the user's runtime folder.
 const NAME: &str = "stylus";
 
-/// Permissions of all but the owner.
+/// Permission bits of everyone but the owner.
 #[cfg(unix)]
 const OTHERS: u32 = 0o077;
 
-/// The folder, made if need be: in `XDG_RUNTIME_DIR`; or else in the user's home as `.stylus`; or else in the temporary
-/// folder under a name with the user's number. It is a folder of this user's that nobody else may enter, or there is
-/// none.
+/// Returns the folder, and creates it if necessary. It is in `XDG_RUNTIME_DIR`; otherwise it is `.stylus` in the user's
+/// home; otherwise it is in the temporary folder, under a name with the user's number. The folder belongs to this user,
+/// and nobody else may enter it.
 ///
 /// # Errors
-/// A folder that cannot be made, or one of another user's, or one that others may enter.
+/// A folder that cannot be created, that belongs to another user, or that others may enter.
 pub fn own() -> io::Result<PathBuf> {
     let runtime = env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     let temporary = env::temp_dir().join(temporary_name()?);
@@ -24,8 +24,8 @@ pub fn own() -> io::Result<PathBuf> {
 }
 
 fn first_of(runtime: Option<&Path>, home: Option<&Path>, temporary: &Path) -> io::Result<PathBuf> {
-    // Either may be one that is gone, or another user's where a command runs as root. Nobody else can take a name in
-    // them, as anybody can in the temporary folder.
+    // Either folder may be missing, or may belong to another user if a command runs as root. Unlike in the temporary
+    // folder, nobody else can take a name in them.
     let is_usable = |folder: &&Path| folder.is_absolute() && is_own(folder);
     let runtime = runtime.filter(is_usable).map(|folder| folder.join(NAME));
     let home = (home.filter(is_usable)).map(|folder| folder.join(format!(".{NAME}")));
@@ -49,7 +49,7 @@ fn temporary_name() -> io::Result<String> {
     Ok(NAME.to_owned())
 }
 
-/// Number of this user: that of the owner of a file that this process makes.
+/// Returns the number of this user, which owns any file that this process creates.
 #[cfg(unix)]
 fn user() -> io::Result<u32> {
     use std::os::unix::fs::MetadataExt;
@@ -68,7 +68,7 @@ fn is_own(folder: &Path) -> bool {
     folder.is_dir()
 }
 
-/// Makes the folder if it is not there, and returns it if it is this user's alone.
+/// Creates the folder if it does not exist. Returns it if it belongs to this user and nobody else may enter it.
 #[cfg(unix)]
 fn private(folder: &Path) -> io::Result<PathBuf> {
     use std::os::unix::fs::{DirBuilderExt, MetadataExt};
@@ -112,7 +112,8 @@ mod tests {
         for name in ["runtime", "home"] {
             create_dir(at(name)).unwrap();
         }
-        // What another user made cannot be entered or removed; a file is as useless.
+        // A folder of another user could not be entered or removed. A file stands for it here, because it is as
+        // useless.
         std::fs::write(at("temporary"), "").unwrap();
         let (runtime, home, temporary) = (at("runtime"), at("home"), at("temporary"));
         let first = |runtime: Option<&Path>, home| first_of(runtime, home, &temporary).ok();

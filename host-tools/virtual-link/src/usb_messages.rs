@@ -1,5 +1,5 @@
-//! Messages between a program and the USB host of a virtual stylus. Each is its length, four bytes in little-endian
-//! order, and a [`ToBus`] or [`FromBus`] in postcard.
+//! Messages between a program and the USB host of a virtual stylus. Each consists of its length, as four bytes in
+//! little-endian order, and a [`ToBus`] or [`FromBus`] in postcard.
 
 use std::collections::VecDeque;
 use std::io;

@@ -9,9 +9,9 @@ use stylus_costs::{Entry, SampleCost, Structure, UpdateCost};
 /// The result of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cost {
-    /// Of a sample.
+    /// Cost of a sample.
     pub sample: SampleCost<f64>,
-    /// Of an update.
+    /// Cost of an update.
     pub update: UpdateCost<f64>,
 }
 
@@ -38,8 +38,9 @@ impl Costs {
         &self.table
     }
 
-    /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`: linear between the measured orders,
-    /// below the lowest as much as that. `None` above the highest, or where nothing was measured.
+    /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`. It is interpolated linearly between the
+    /// measured orders, and equals that of the lowest order below it. Returns `None` above the highest order, or if
+    /// nothing was measured.
     pub fn at(&self, structure: Structure, nodes: usize, core: Core, order: usize) -> Option<Cost> {
         let of = |entry: &&Entry| {
             entry.structure == structure && entry.core == core && entry.nodes as usize == nodes

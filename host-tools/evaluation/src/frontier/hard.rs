@@ -1,5 +1,5 @@
-//! The hard cases at an order: does a structure hold what the stylus promises of its lattice, and if not, how bad does
-//! it get.
+//! The hard cases at an order: whether a structure keeps what the stylus promises of its lattice, and if not, how badly
+//! it fails.
 
 use serde::Serialize;
 
@@ -10,11 +10,11 @@ use crate::stress::cases::Case;
 use crate::stress::{self, Outcome};
 use crate::support::error::Result;
 
-/// The end of a case, from good to bad.
+/// Outcome of a case, from good to bad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// All that is promised held.
+    /// Everything that is promised held.
     Held,
     /// A limit cycle below 1 % of full scale remains when the drive stops.
     Residue,
@@ -24,7 +24,7 @@ pub enum Verdict {
     Saturates,
     /// The structure cannot hold the models.
     Refused,
-    /// The signal goes on loudly for ever when the drive stops.
+    /// The signal continues loudly forever after the drive stops.
     Latches,
 }
 
@@ -48,9 +48,9 @@ pub struct HardCases {
     pub held: usize,
     /// Number of cases.
     pub cases: usize,
-    /// The worst end of a case.
+    /// The worst outcome of a case.
     pub worst: Verdict,
-    /// Name of the case with the worst end; empty if all cases held.
+    /// Name of the case with the worst outcome; empty if all cases held.
     pub worst_case: String,
 }
 
@@ -60,10 +60,10 @@ impl std::fmt::Display for HardCases {
     }
 }
 
-/// A share of full scale that is loud.
+/// Fraction of full scale above which a remaining signal is loud.
 const LOUD: f64 = 0.01;
 
-/// `case` with models of at most `order`.
+/// Returns `case` with its models cut to at most `order`.
 pub fn of_order(case: &Case, order: usize) -> Case {
     let mut case = case.clone();
     for (model, _) in &mut case.models {
@@ -72,20 +72,20 @@ pub fn of_order(case: &Case, order: usize) -> Case {
     case
 }
 
-/// Plays `case` by `structure`.
+/// Plays `case` with `structure`.
 ///
 /// # Errors
-/// A lattice that makes no library, which none does.
+/// A case whose models cannot be encoded as a library; every case here can.
 pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
     let mut case = case.clone();
-    // The reference is a lattice: a direct form's signals have other scales.
+    // The reference is a lattice, whose signals have other scales than those of a direct form.
     case.with_reference &= !structure.is_direct();
     let played = stress::play_with(&case, |texture| player_of(structure, texture).ok())?;
     let Some(mut outcome) = played else {
         return Ok(Verdict::Refused);
     };
     if structure.is_direct() {
-        // A state that grows by a little is not worth a word.
+        // A small growth of a direct form's state does not count.
         for rest in [
             &mut outcome.stopped,
             &mut outcome.overdriven,
@@ -115,7 +115,7 @@ fn verdict(outcome: &Outcome) -> Verdict {
     }
 }
 
-/// Sums up the verdicts of cases with their names, at least one.
+/// Summarises the verdicts of one or more cases, each with the case's name.
 pub fn summarise(verdicts: &[(&str, Verdict)]) -> HardCases {
     let held = verdicts
         .iter()

@@ -3,12 +3,12 @@
 //!
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and by direct forms, against recordings that
 //! the fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
-//! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
-//! instructions counted on QEMU, and cycles of llvm-mca's model of the device's Cortex-M7, of the kept table.
+//! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]): a stored
+//! table of instructions, which QEMU counted, and of cycles, which llvm-mca modelled for the device's Cortex-M7.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
-//! third-octave bands: the one is of the models, the other of following the hand, and the two are independent. The time
-//! of a choice is a sample's and its share of an update's.
+//! third-octave bands. The first comes from the models and the second from following the hand, so the two are
+//! independent. The time of a choice is the time of a sample plus the sample's part of the time of an update.
 
 pub mod costs;
 pub mod hard;
@@ -38,7 +38,7 @@ pub const INTERVALS: [usize; 6] = [1, 2, 5, 10, 25, 50];
 /// The device's clock, Hz.
 pub const DEVICE_CLOCK_HZ: f64 = 400e6;
 
-/// Clocks of other microcontrollers, with a Cortex-M4, that a sample's time is shown for, Hz.
+/// Clocks of other microcontrollers with a Cortex-M4, for which the time of a sample is shown, Hz.
 pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];
 
 /// Options of a comparison.
@@ -46,13 +46,13 @@ pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];
 pub struct Options {
     /// Orders that are the same for all nodes.
     pub orders: Vec<usize>,
-    /// From three axes to one.
+    /// Conversion of three axes to one.
     pub conditioning: Conditioning,
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
     /// Duration of each synthesis at rest, s.
     pub synthesis_s: f64,
-    /// Of the noise.
+    /// Seed of the noise.
     pub seed: u64,
     /// The hard cases that are played, at least one.
     pub cases: Vec<Case>,

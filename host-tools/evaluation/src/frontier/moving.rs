@@ -1,11 +1,11 @@
-//! Accuracy in motion: how much is lost when coefficients follow the hand only every so often.
+//! Accuracy in motion: how much is lost when coefficients follow the hand only at intervals.
 //!
-//! A hand rubs to and fro over the grid. What the stylus plays is compared with the same noise through a normalised
-//! lattice in float64 whose θ and power, of the same nodes and the same order, are interpolated anew at every sample.
-//! Both are cut into frames of [`FRAME_S`] that overlap by half, and their levels in third-octave bands compared frame
-//! by frame. The noise is the same, so that what differs is the coefficients and the arithmetic: late updates, a
-//! structure's own way of interpolating, its words. (Frames this short resolve third octaves from 50 Hz on; lower bands
-//! share power.)
+//! A hand rubs to and fro over the grid. The output of a structure is compared with that of a normalised lattice in
+//! float64, which is driven by the same noise. The reference has the same nodes and the same order, and its θ and power
+//! are interpolated again at every sample. Both signals are cut into frames of [`FRAME_S`] that overlap by half, and
+//! their levels in third-octave bands are compared frame by frame. Because the noise is the same, differences come only
+//! from coefficients and arithmetic: late updates, a structure's own interpolation, and its word lengths. (Frames this
+//! short resolve third octaves from 50 Hz on; lower bands share power.)
 
 use std::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ use crate::texture::quantise::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
 
-/// Strokes per second, to and fro; and how often the hand presses and lifts.
+/// Strokes to and fro per second, and presses of the hand per second.
 const STROKES_HZ: f64 = 2.0;
 const PRESSES_HZ: f64 = 1.3;
 
@@ -32,7 +32,7 @@ pub const FRAME_S: f64 = 0.1;
 /// Duration of the rubbing, s.
 const SECONDS: f64 = 4.0;
 
-/// A level below that of the frame's strongest band that nobody feels beside it, dB.
+/// Level below the frame's strongest band at which a band can no longer be felt, dB.
 const HIDDEN_DB: f64 = 50.0;
 
 /// A hand that rubs over the whole of a texture's grid.
@@ -43,7 +43,7 @@ pub struct Rub {
 }
 
 impl Rub {
-    /// Over the whole grid of `texture`, but for its nodes at rest and without contact.
+    /// Creates a rub over the whole grid of `texture`, except its nodes at rest and without contact.
     pub fn over(texture: &Texture<'_>) -> Self {
         let span = |axis: model_format::Axis<'_>| {
             let values = (0..axis.len()).map(|index| f64::from(axis.value(index)));
@@ -69,7 +69,7 @@ impl Rub {
             .expect("a grid's values are finite")
     }
 
-    /// Samples of the whole.
+    /// Number of samples of the whole rub.
     pub fn samples() -> usize {
         (SECONDS * f64::from(SAMPLE_RATE_HZ)) as usize
     }
@@ -83,13 +83,13 @@ pub type Frames = Vec<[f64; BAND_COUNT]>;
 pub struct Moving {
     /// Sum of the squared errors, dB².
     squares: f64,
-    /// Bands of frames compared.
+    /// Number of bands that were compared, over all frames.
     bands: usize,
     /// Number of these bands within the JND.
     within: usize,
     /// Updates of the coefficients.
     updates: usize,
-    /// Number of these updates that took the nodes of a new cell.
+    /// Number of these updates that loaded the nodes of another cell.
     new_cells: usize,
     /// Samples played.
     samples: usize,
@@ -98,7 +98,7 @@ pub struct Moving {
 }
 
 impl Moving {
-    /// Both together.
+    /// Returns the sum of both outcomes.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -117,12 +117,13 @@ impl Moving {
         (self.squares / self.bands as f64).sqrt()
     }
 
-    /// Share of bands within the JND.
+    /// Fraction of bands within the JND.
     pub fn bands_within_jnd(&self) -> f64 {
         self.within as f64 / self.bands as f64
     }
 
-    /// Updates per sample that stay in their cell, and those that bring another's nodes.
+    /// Returns the number of updates per sample that stay in their cell, and of those that load the nodes of another
+    /// cell.
     pub fn updates_per_sample(&self) -> (f64, f64) {
         let samples = self.samples as f64;
         let same = self.updates - self.new_cells;
@@ -130,7 +131,7 @@ impl Moving {
     }
 }
 
-/// Levels of what float64 makes of `texture`, a normalised lattice, along its rubbing.
+/// Returns the levels of the float64 reference for `texture`, which is a normalised lattice, during its rub.
 pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
     const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
     let stages = texture.max_order();
@@ -162,8 +163,8 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
     frames(&signal)
 }
 
-/// Plays `texture` by `structure` along its rubbing, with an update every `interval` samples, and compares with
-/// `reference`.
+/// Plays `texture` with `structure` during its rub, with an update every `interval` samples, and compares the output
+/// with `reference`.
 ///
 /// # Errors
 /// A direct form cannot hold the texture.
@@ -196,7 +197,7 @@ pub fn play(
         let strongest = exact.iter().copied().fold(0.0, f64::max);
         for (played, exact) in played.iter().zip(exact) {
             if *exact > strongest * 10f64.powf(-HIDDEN_DB / 10.0) {
-                // A band that fell silent counts as hidden, not as infinitely wrong.
+                // A band that fell silent counts as too low by `HIDDEN_DB`, not by an infinite amount.
                 let ratio = (played / exact).max(10f64.powf(-HIDDEN_DB / 10.0));
                 let error = 10.0 * ratio.log10();
                 moving.squares += error * error;
@@ -245,7 +246,7 @@ mod tests {
         };
         let errors = [1, 10, 50, 250].map(error);
         println!("{errors:?}");
-        // The level is one of the sample before: a ramp ends one sample late.
+        // The level lags by one sample, because a ramp ends one sample late.
         assert!(errors[0] < 0.02, "{errors:?}");
         assert!(errors.is_sorted(), "{errors:?}");
         assert!(errors[3] > 10.0 * errors[0], "{errors:?}");

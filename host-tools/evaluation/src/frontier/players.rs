@@ -1,4 +1,4 @@
-//! The compared structures with their state laid open, for the hard cases.
+//! The compared structures with access to their state, for the hard cases.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
@@ -19,7 +19,7 @@ use crate::texture::quantise::reflection;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotHeld;
 
-/// The predictors that `structure` plays `texture` by; none of a lattice.
+/// Returns the predictors with which `structure` plays `texture`; none for a lattice.
 ///
 /// # Errors
 /// A direct form cannot hold the texture.
@@ -113,7 +113,7 @@ impl Predictors {
         let needed = nodes.iter().map(|predictor| exponent_of(predictor));
         let exponent = needed.max().unwrap_or(0);
         let codes = nodes.iter().map(|predictor| {
-            // A node's own exponent decides its steps; the codes are those of the common one.
+            // A node's own exponent determines its rounding step. The codes have the common exponent.
             let step = 2f64.powi(exponent_of(predictor) + 1 - bits as i32);
             let rounded: Vec<f64> = predictor
                 .iter()
@@ -135,7 +135,7 @@ impl Predictors {
         })
     }
 
-    /// The binary exponent of all of them.
+    /// The binary exponent that all predictors have in common.
     pub fn exponent(&self) -> u32 {
         self.exponent
     }
@@ -148,7 +148,8 @@ impl Predictors {
     }
 }
 
-/// The least exponent at which the codes of `predictor` fit their words, and their sum the kernel's.
+/// Returns the least exponent at which the codes of `predictor` fit into their words, and their sum into the kernel's
+/// limit.
 fn exponent_of(predictor: &[f64]) -> i32 {
     let largest = predictor.iter().fold(0.0, |most: f64, h| most.max(h.abs()));
     let sum: f64 = predictor.iter().map(|h| h.abs()).sum();

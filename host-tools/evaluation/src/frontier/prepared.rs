@@ -18,21 +18,21 @@ use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::{fit, recording, rig};
 
-/// Nodes judged at rest, at most; of more recordings evenly spaced ones are taken.
+/// Largest number of nodes that are judged at rest. If there are more recordings, evenly spaced ones are used.
 const MAX_NODES: usize = 96;
 
 /// Models of all textures at one choice of order.
 pub(super) struct Fitted {
     pub(super) order: Order,
     pub(super) highest_order: usize,
-    /// In the order of [`Prepared::names`].
+    /// The textures' grids, in the order of [`Prepared::names`].
     pub(super) grids: Vec<Grid>,
 }
 
 /// Fits and held-out recordings, before anything is played.
 pub struct Prepared {
     pub(super) names: Vec<String>,
-    /// Without optional parts.
+    /// Models without optional parts, one entry per choice of the order.
     pub(super) fitted: Vec<Fitted>,
     /// Recordings held out, each with its texture's and its node's index.
     pub(super) held_out: Vec<(usize, usize, Vec<f64>)>,
@@ -44,7 +44,7 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Fits the one half of `material` and reads the other; `progress` is told of each trial analysed.
+    /// Fits one half of `material` and reads the other. Calls `progress` after each analysed trial.
     ///
     /// # Errors
     /// A recording that cannot be used; material without a node that sounds.
@@ -52,7 +52,7 @@ impl Prepared {
         let at = |order| fit::Options {
             order,
             conditioning: options.conditioning,
-            // Filters are compared by what they do with the whole spectrum.
+            // Filters are compared with the whole spectrum, including lines.
             lines: Lines::None,
             ..fit::Options::default()
         };
@@ -75,7 +75,8 @@ impl Prepared {
             .iter()
             .map(|&order| {
                 let mut grids = grids(&highest);
-                // Levinson-Durbin's models of a lower order are the first stages of those of a higher one.
+                // In the Levinson-Durbin recursion, a model of lower order is the first stages of a model of higher
+                // order.
                 let models = grids.iter_mut().flat_map(|grid| &mut grid.models);
                 models.for_each(|model| model.reflection.truncate(order));
                 Fitted::new(Order::Fixed(order), grids)
@@ -176,9 +177,9 @@ const SEEDS: [u64; 2] = [1, 2];
 /// Recordings to fit, and others of the same nodes to judge by.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// To fit.
+    /// Recordings to fit.
     pub fit: RecordingSet,
-    /// To judge by.
+    /// Recordings to judge by.
     pub held_out: RecordingSet,
     /// Description of the recordings, in a sentence.
     pub description: String,

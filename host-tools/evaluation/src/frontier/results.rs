@@ -19,26 +19,26 @@ pub struct Filter {
     pub structure: Structure,
     /// Choice of the order.
     pub order: Order,
-    /// The highest order of any node, which a sample's time goes by.
+    /// The highest order of any node, which determines the time of a sample.
     pub highest_order: usize,
     /// Accuracy at rest.
     pub still: Still,
     /// The hard cases at the highest order.
     pub hard: HardCases,
-    /// Textures that `fit` would refuse in this structure, of all.
+    /// Names of the textures that `fit` would refuse in this structure.
     pub refused_textures: Vec<String>,
-    /// On a Cortex-M4.
+    /// Cost on a Cortex-M4.
     pub m4: Cost,
-    /// On a Cortex-M7.
+    /// Cost on a Cortex-M7.
     pub m7: Cost,
-    /// Flash that a node takes in a library, bytes.
+    /// Flash that a node needs in a library, bytes.
     pub library_bytes_per_node: usize,
     /// RAM for two frames' coefficients and the state, bytes.
     pub ram_bytes: usize,
 }
 
 impl Filter {
-    /// The order in a word: where each node has its own, the choice and the highest.
+    /// Returns the order as text. If each node has its own order, the text has the choice and the highest order.
     pub fn order_text(&self) -> String {
         let highest = self.highest_order;
         match self.order {
@@ -58,7 +58,7 @@ pub struct Point {
     pub interval: usize,
     /// Error in motion, dB, over the textures that are not refused; not a number if all are.
     pub motion_error_db: f64,
-    /// Share of bands in motion within the JND.
+    /// Fraction of bands in motion within the JND.
     pub motion_within_jnd: f64,
     /// Errors at rest and in motion together, dB.
     pub total_error_db: f64,
@@ -66,14 +66,14 @@ pub struct Point {
     pub saturations: u32,
     /// Cycles per sample on the device's Cortex-M7, modelled, updates included.
     pub cycles: f64,
-    /// True if it plays all textures and nothing cheaper has as low an error.
+    /// True if the choice plays all textures and no cheaper choice has an error as low.
     pub on_front: bool,
-    /// True if it holds every hard case and nothing cheaper that does has as low an error.
+    /// True if the choice also holds every hard case, and no cheaper choice that does so has an error as low.
     pub on_safe_front: bool,
 }
 
 impl Point {
-    /// Share of a sample's time on the device.
+    /// Fraction of the time of a sample that the device needs.
     pub fn share(&self) -> f64 {
         share(self.cycles, DEVICE_CLOCK_HZ)
     }
@@ -89,12 +89,12 @@ pub fn interval_ms(samples: usize) -> f64 {
     1000.0 * samples as f64 / f64::from(SAMPLE_RATE_HZ)
 }
 
-/// Headings of shares of the time, by clock.
+/// Headings of the columns with the fraction of time at each clock.
 pub fn clock_headings() -> [String; 3] {
     CLOCKS_HZ.map(|clock_hz| format!("{} MHz, %", clock_hz / 1e6))
 }
 
-/// `cycles` as a share of a sample's 200 µs.
+/// Returns `cycles` as a fraction of a sample's 200 µs at `clock_hz`.
 pub fn share(cycles: f64, clock_hz: f64) -> f64 {
     cycles / (clock_hz / f64::from(SAMPLE_RATE_HZ))
 }
@@ -104,7 +104,7 @@ pub const CHOICES_NOTE: &str = "Errors are RMS over third octaves: at rest again
      against float64. Cycles per sample, updates included, are modelled for the device's Cortex-M7; the share is of \
      its 200 µs at 400 MHz. Hard cases: how many are held.";
 
-/// Everything.
+/// All results of the comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct Frontier {
     /// Description of the fitted and the held-out recordings.
@@ -113,21 +113,21 @@ pub struct Frontier {
     pub simulated: bool,
     /// The textures.
     pub textures: Vec<String>,
-    /// Nodes judged at rest.
+    /// Number of nodes that were judged at rest.
     pub nodes: usize,
-    /// C of one take against the other, with no model between them.
+    /// C of one take against the other, without any model.
     pub take_cost: f64,
     /// RMS error in bands of one take against the other, dB.
     pub take_band_error_db: f64,
     /// The kernel that smooths amplitudes for C.
     pub smoothing: String,
-    /// The compiler that built what was counted.
+    /// The compiler that built the code whose instructions were counted.
     pub rustc: String,
-    /// The emulator that counted.
+    /// The emulator that counted the instructions.
     pub qemu: String,
     /// The version of LLVM whose llvm-mca modelled the Cortex-M7.
     pub llvm_mca: String,
-    /// Other implementations beside ours.
+    /// Other implementations, for comparison.
     pub peers: Vec<Peer>,
     /// Structures by orders.
     pub filters: Vec<Filter>,
@@ -141,8 +141,8 @@ impl Frontier {
         self.points.iter().any(|point| point.on_safe_front)
     }
 
-    /// The front that choices are made of, the cheapest first: that of what holds every hard case, or of all if nothing
-    /// does.
+    /// Returns the front from which choices are made, the cheapest first. It is the front of all choices that hold
+    /// every hard case, or of all choices if none does.
     pub fn front(&self) -> Vec<&Point> {
         let is_safe = self.is_safe();
         let is_on = |point: &&Point| {
@@ -157,9 +157,10 @@ impl Frontier {
         front
     }
 
-    /// The three choices that answer what accuracy costs, with their names: of [`Frontier::front`] the cheapest is
-    /// thrifty, and the most accurate finest. The knee lies farthest below the chord between these two, over logarithms
-    /// of cycles and error; if none is below it, it is the finest. Nothing of an empty front.
+    /// Returns three choices of [`Frontier::front`] that show what accuracy costs, with their names. The cheapest one
+    /// is named thrifty, and the most accurate one finest. The knee lies farthest below the chord between these two, in
+    /// logarithms of cycles and error. If no choice is below the chord, the knee is the finest. The result is empty for
+    /// an empty front.
     pub fn choices(&self) -> Vec<(&'static str, &Point)> {
         let front = self.front();
         let places = front
@@ -223,7 +224,7 @@ impl Frontier {
         )
     }
 
-    /// Choices with names under the heading `names`; [`CHOICES_NOTE`] tells what the columns are.
+    /// Choices with names under the heading `names`; [`CHOICES_NOTE`] explains the columns.
     fn table<'a>(
         &'a self,
         title: &str,
@@ -267,10 +268,10 @@ impl Frontier {
     }
 }
 
-/// Least gain that counts for more time, dB: less is the scatter of the measurement.
+/// Least improvement that justifies more time, dB. Smaller ones are within the scatter of the measurement.
 const WORTH_DB: f64 = 0.05;
 
-/// Marks what nothing cheaper beats. Where a structure does not hold all nodes or textures it is not in the running.
+/// Marks the points that no cheaper point beats. A structure that does not hold all nodes and textures is left out.
 pub(super) fn mark_fronts(frontier: &mut Frontier) {
     let front = |holds: fn(&Filter) -> bool| {
         let points = frontier.points.iter().map(|point| {
@@ -293,8 +294,8 @@ pub(super) fn mark_fronts(frontier: &mut Frontier) {
     }
 }
 
-/// Marks the pairs (cost, error) that no other beats: none that costs as much or less has an error as low within
-/// `worth`, by which an error must fall for more cost to count. What is not a number is never on the front.
+/// Marks the pairs (cost, error) on the Pareto front. A pair is on it if its error is lower by more than `worth` than
+/// the errors of all pairs that cost as much or less. Pairs that are not finite are never on it.
 fn pareto(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|&index| points[index].0.is_finite() && points[index].1.is_finite())
@@ -315,14 +316,15 @@ fn pareto(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
     on_front
 }
 
-/// Index of the place that lies farthest below the chord from the first to the last, over logarithms of both numbers.
+/// Index of the place that lies farthest below the chord from the first to the last, in logarithms of both numbers.
 fn knee(places: &[(f64, f64)]) -> Option<usize> {
     let logs: Vec<(f64, f64)> = places
         .iter()
         .map(|place| (place.0.ln(), place.1.ln()))
         .collect();
     let (&first, &last) = (logs.first()?, logs.last()?);
-    // Twice the area of the triangle over the chord, which is in proportion to the distance: the chord is one for all.
+    // Twice the area of the triangle over the chord. It is proportional to the distance, because the chord is the same
+    // for all places.
     let below = |&(x, y): &(f64, f64)| {
         (x - first.0) * (last.1 - first.1) - (y - first.1) * (last.0 - first.0)
     };
@@ -362,7 +364,7 @@ mod tests {
     }
 
     proptest! {
-        /// By turning the chord to the horizontal; units of cycles and error do not count.
+        /// Checks this with the chord turned to the horizontal. The units of cycles and error do not matter.
         #[test]
         fn nothing_on_a_front_lies_farther_below_its_chord_than_the_knee(
             points in prop::collection::vec((1.0..10.0f64, 1.0..10.0f64), 1..40), unit in 0.1..100.0f64,

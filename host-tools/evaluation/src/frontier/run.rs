@@ -28,7 +28,7 @@ fn known_cost(structure: Structure, order: usize, core: Core) -> Result<Cost> {
 }
 
 impl Prepared {
-    /// Pieces of work that [`Prepared::run`] does.
+    /// Number of pieces of work that [`Prepared::run`] does.
     pub fn work(&self) -> usize {
         let filters = Structure::ALL.len() * self.fitted.len();
         let references = self.fitted.len() * self.names.len();
@@ -36,11 +36,11 @@ impl Prepared {
         references + filters * (self.held_out.len() + moving + self.cases.len())
     }
 
-    /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of
+    /// Plays everything, and calls `progress` after each piece of work. The result does not depend on the number of
     /// threads.
     ///
     /// # Errors
-    /// A lattice that makes no library, or an order that no cost is known for.
+    /// A lattice that cannot be encoded as a library, or an order whose cost is not known.
     pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<Frontier> {
         let references = self.references(options.seed, &progress)?;
         let choices: Vec<(Structure, usize)> = Structure::ALL
@@ -98,7 +98,7 @@ impl Prepared {
         Ok(frontier)
     }
 
-    /// Float64's levels along each texture's rubbing, by choice of order.
+    /// Computes the levels of the float64 reference during each texture's rub, by choice of the order.
     fn references(&self, seed: u64, progress: &(impl Fn() + Sync)) -> Result<Vec<Vec<Frames>>> {
         let of = |fitted: &Fitted| {
             let frames = (0..self.names.len()).into_par_iter().map(|texture| {
@@ -135,7 +135,7 @@ impl Prepared {
                     forces_n: vec![force_n],
                     models: vec![model.clone()],
                     laws: grid.laws,
-                    // Structures are compared with an excitation of their own.
+                    // Without parts, so that Gaussian noise excites all structures alike.
                     parts: PartsSpec::default(),
                 };
                 let playing = Playing {
@@ -169,7 +169,7 @@ impl Prepared {
         Ok(hard::summarise(&named))
     }
 
-    /// Each texture's library; none of a texture that `structure` cannot hold.
+    /// Returns each texture's library; none for a texture that `structure` cannot hold.
     fn libraries(&self, structure: Structure, fitted: &Fitted) -> Vec<Option<Vec<u8>>> {
         let textures = (0..self.names.len()).into_par_iter();
         let libraries = textures.map(|texture| {
@@ -188,7 +188,8 @@ impl Prepared {
     }
 }
 
-/// A filter's choices: each interval of updates, played along every texture that it holds.
+/// Returns a filter's choices: each interval of updates, played during the rub over every texture that the filter
+/// holds.
 fn rubbed(
     index: usize,
     filter: &Filter,
@@ -232,8 +233,8 @@ fn rubbed(
     Ok(points.collect())
 }
 
-/// Cycles per sample, updates included. Those that stay in their cell take that share of the dearest which their
-/// instructions are.
+/// Returns the cycles per sample, including updates. An update that stays in its cell takes a fraction of the cycles of
+/// the most expensive update. The fraction is the ratio of their instructions.
 fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> f64 {
     let (same, new) = match moved {
         Some(moved) => moved.updates_per_sample(),

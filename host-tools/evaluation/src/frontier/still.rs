@@ -17,7 +17,7 @@ use crate::texture::quantise::reflection;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
 
-/// Duration of the float64 reference after that, s.
+/// Duration of the comparison with the float64 reference after the warm-up, s.
 const REFERENCE_S: f64 = 1.0;
 
 /// One node, played.
@@ -25,30 +25,30 @@ const REFERENCE_S: f64 = 1.0;
 pub struct Node {
     /// The paper's cost C against the recording that was held out.
     pub cost: Option<f64>,
-    /// Mean square of the bands' errors against it, dB².
+    /// Mean square of the bands' errors against that recording, dB².
     pub band_square_db: f64,
-    /// Bands within the JND.
+    /// Number of bands within the JND.
     pub within: usize,
-    /// Bands compared.
+    /// Number of bands that were compared.
     pub bands: usize,
-    /// Signal to noise against float64 with the stored θ, dB.
+    /// Signal-to-noise ratio, relative to the float64 filter with the stored θ, dB.
     pub snr_db: f64,
     /// Samples at full scale.
     pub saturations: u32,
 }
 
-/// All nodes in a few numbers.
+/// Summary of all nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Still {
     /// Nodes played.
     pub nodes: usize,
     /// Nodes that the structure cannot hold.
     pub refused: usize,
-    /// Mean of C; not a number where no node could be played.
+    /// Mean of C; not a number if no node could be played.
     pub cost: f64,
     /// RMS of the errors in third-octave bands, dB.
     pub band_error_db: f64,
-    /// Share of bands within the JND.
+    /// Fraction of bands within the JND.
     pub bands_within_jnd: f64,
     /// SNR of the noisiest node, dB.
     pub lowest_snr_db: f64,
@@ -65,15 +65,15 @@ pub struct Playing {
     pub smoothing_hz: f64,
     /// Duration of each synthesis, s.
     pub synthesis_s: f64,
-    /// Of the noise.
+    /// Seed of the noise.
     pub seed: u64,
 }
 
-/// Plays the only node of the library `bytes` and compares it with `recording`, m/s². `None` if the structure cannot
-/// hold it.
+/// Plays the only node of the library `bytes` and compares it with `recording`, m/s². Returns `None` if the structure
+/// cannot hold the node.
 ///
 /// # Errors
-/// Bytes that are no library, which `encode` does not make.
+/// Bytes that are no library; those from `encode` always are one.
 pub fn play(
     structure: Structure,
     bytes: &[u8],
@@ -125,7 +125,7 @@ pub fn play(
     }))
 }
 
-/// Sums up nodes; `None` is one that the structure cannot hold.
+/// Summarises nodes. `None` stands for a node that the structure cannot hold.
 pub fn summarise(nodes: &[Option<Node>]) -> Still {
     let played: Vec<&Node> = nodes.iter().flatten().collect();
     let mean = |values: &mut dyn Iterator<Item = f64>| {

@@ -12,8 +12,8 @@ use super::players::{NotHeld, player_of};
 use crate::stress::player::Player;
 use crate::texture::theta::{StoredTheta, bytes_per_node};
 
-/// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct
-/// form in its own words.
+/// Returns the bytes of flash for a node's coefficients. A lattice takes the smallest form of θ that `fit` stores, and
+/// a direct form takes its own words.
 pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usize {
     let theta = match structure {
         Structure::DirectForm16 => return order * size_of::<i16>(),
@@ -24,7 +24,7 @@ pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usiz
     bytes_per_node(theta, order, order)
 }
 
-/// Bytes of RAM for the coefficients of two frames, one played and one in the making, and for the state.
+/// Bytes of RAM for the coefficients of two frames, one in use and one being computed, and for the state.
 pub(super) fn ram_bytes(structure: Structure, order: usize) -> usize {
     const FRAMES: usize = 2;
     if structure.is_direct() {
@@ -34,18 +34,18 @@ pub(super) fn ram_bytes(structure: Structure, order: usize) -> usize {
     FRAMES * order * size_of::<Rotation>() + (order + 1) * size_of::<i32>()
 }
 
-/// A texture being played by a structure, from rest; a seed gives the same noise in all of them.
+/// A texture that a structure plays, from rest. The same seed gives all structures the same noise.
 pub struct Voice<'a> {
     texture: Texture<'a>,
     player: Box<dyn Player>,
     excitation: Excitation,
-    /// Samples of the level's ramp to come.
+    /// Number of samples that are left of the level's ramp.
     left: u32,
     saturations: u32,
 }
 
 impl<'a> Voice<'a> {
-    /// `texture` by `structure`, at rest.
+    /// Creates a voice that plays `texture` with `structure`, at rest.
     ///
     /// # Errors
     /// A direct form cannot hold the texture.
@@ -59,14 +59,14 @@ impl<'a> Voice<'a> {
         })
     }
 
-    /// Follows `motion` from now on; the level goes to that of `motion` in `samples` samples.
+    /// Follows `motion` from now on. The level reaches that of `motion` after `samples` samples.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
         self.player
             .follow(&self.texture, motion, self.left, samples);
         self.left = samples;
     }
 
-    /// The next samples, m/s², exactly, behind those in `signal`.
+    /// Appends the next samples, m/s², to `signal`. Their conversion from fixed point is exact.
     pub fn play(&mut self, samples: usize, signal: &mut Vec<f64>) {
         const UNIT: f64 = (1u32 << OutputSample::FRACTION_BITS) as f64;
         for _ in 0..samples {

@@ -1,16 +1,17 @@
-//! The removed-node test of the paper's section IV: each inner node of a texture's grid is taken away, predicted from
-//! its neighbours, played by the device's kernel, and compared with what was recorded there.
+//! The removed-node test of the paper's section IV: each inner node of a texture's grid is removed, predicted from its
+//! neighbours, played by the device's kernel, and compared with what was recorded there.
 //!
-//! A node is *inner* if it was recorded, sounds, and lies at no end of an axis of more than two values. Its neighbours
-//! are the next nodes on both sides along speed and along force; an axis counts where both of them were recorded and
-//! sound (at 0 N nothing touches, so that the lowest force in contact has neighbours along speed only). Within an axis
-//! neighbours weigh by nearness, and both axes alike, for every method the same.
+//! A node is *inner* if it was recorded, is not silent, and does not lie at an end of an axis of more than two values.
+//! Its neighbours are the next nodes on both sides along speed and along force. An axis counts only if both neighbours
+//! along it were recorded and are not silent. (At 0 N nothing touches, so the lowest force in contact has neighbours
+//! along speed only.) Within an axis, neighbours are weighted by nearness, and both axes have the same weight. The
+//! weights are the same for every method.
 //!
-//! A prediction that the device could not play (an unstable mean, or one too loud) counts with C = 1, which is what
-//! silence scores.
+//! A prediction that the device could not play (an unstable mean, or one that is too loud) counts with C = 1, the score
+//! of silence.
 //!
-//! If all nodes of the removed one's speed, or of its force, are left out with it, it is predicted along that axis
-//! alone, and other programs' sounds can stand beside: a benchmark.
+//! All nodes at the removed node's speed, or at its force, can be left out too. The node is then predicted along that
+//! axis only, and sounds of other programs can be compared with the predictions. This serves as a benchmark.
 
 mod play;
 mod prepared;
@@ -31,7 +32,7 @@ pub use results::{
 /// Options of the test.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// From three axes to one.
+    /// Conversion of three axes to one.
     pub conditioning: Conditioning,
     /// Order of the models; the paper's is 400 for all.
     pub order: Order,
@@ -41,7 +42,7 @@ pub struct Options {
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise, the same for every method.
     pub seed: u64,
-    /// Axis at whose value all other nodes are removed together with a node; none to remove that node alone.
+    /// Axis on which all nodes with the removed node's value are removed, too; none to remove only that node.
     pub left_out: Option<Direction>,
 }
 

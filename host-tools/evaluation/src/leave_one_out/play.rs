@@ -17,15 +17,15 @@ use crate::texture::grid::Grid;
 use crate::texture::library::{decoded, library_of};
 use model_format::SAMPLE_RATE_HZ;
 
-/// The place of the one node of a library made for a test; any in contact and in motion.
+/// Speed and force of the only node of a library for a test. Any values in contact and in motion serve.
 const PLACE: (f32, f32) = (100.0, 1.0);
 
-/// A synthesis against a recording.
+/// The comparison of a synthesis with a recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judged {
     /// The paper's cost C, equation (6).
     pub cost: f64,
-    /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
+    /// Level of the synthesis relative to the recording in each third-octave band from 20 to 1000 Hz, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
     pub log_spectral_distance_db: Option<f64>,
@@ -33,7 +33,7 @@ pub struct Judged {
     pub log_power_mae: Option<f64>,
     /// Goodness-of-fit coefficient of the amplitudes.
     pub fit_coefficient: Option<f64>,
-    /// Windows of both for the classifier, which judges all places together.
+    /// Windows of recording and synthesis for the classifier, which judges all places together.
     #[serde(skip)]
     pub(super) windows: Option<Windows>,
 }
@@ -52,7 +52,7 @@ impl Judged {
     }
 }
 
-/// A model and what the device plays of it.
+/// A model and its synthesis by the device's kernel.
 #[derive(Clone, Debug)]
 pub struct Voice {
     /// The model.
@@ -61,7 +61,7 @@ pub struct Voice {
 }
 
 impl Voice {
-    /// Plays `model` by the device's kernel. `None` if it is too loud.
+    /// Plays `model` with the device's kernel. Returns `None` if it is too loud.
     ///
     /// # Errors
     /// A duration that the renderer refuses.
@@ -78,7 +78,7 @@ impl Voice {
     }
 }
 
-/// `seconds` of `model` as the device plays it, m/s², after a warm-up; `None` if it is too loud.
+/// Plays `seconds` of `model` with the device's kernel, m/s², after a warm-up. Returns `None` if it is too loud.
 ///
 /// # Errors
 /// A duration that the renderer refuses.

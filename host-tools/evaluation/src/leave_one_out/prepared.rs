@@ -1,4 +1,4 @@
-//! A set made ready for the removed-node test: its models, its signals and its spectra.
+//! A set that is prepared for the removed-node test: its models, its signals and its spectra.
 
 use model_format::SAMPLE_RATE_HZ;
 
@@ -16,7 +16,7 @@ use crate::texture::recorded_spectra::{RecordedSpectra, TwoWays, recorded_spectr
 
 use super::Options;
 
-/// A set made ready for the test: its models, its signals and its spectra.
+/// A set that is prepared for the test: its models, its signals and its spectra.
 pub struct Prepared<'a> {
     pub(super) set: &'a RecordingSet,
     pub(super) signals: Vec<Vec<f64>>,
@@ -44,7 +44,7 @@ pub(super) struct Target {
 
 /// Frequencies at which the trial `own` can be judged, if any.
 fn scoring_range(own: &Recorded<'_>) -> Option<ScoringRange> {
-    // A file of a higher rate is judged in the models' band alone.
+    // A file of a higher rate is judged in the models' band only.
     let rate_hz = own.analysis.source_rate_hz.min(f64::from(SAMPLE_RATE_HZ));
     ScoringRange::of_filtered(rate_hz, own.samples().len(), own.analysis.slow.cut_hz)
 }
@@ -117,7 +117,7 @@ impl<'a> Prepared<'a> {
             .filter_map(|(index, trial)| {
                 let texture = self.textures.iter().position(|t| t.name == trial.texture)?;
                 let place = self.textures[texture].place(trial, self.left_out)?;
-                // A recording that nothing can be judged on is no place of the test.
+                // A recording on which nothing can be judged is not used.
                 self.ranges[index].as_ref()?;
                 let neighbours = self.neighbours(texture, place);
                 (!neighbours.is_empty()).then_some(Target {
@@ -131,12 +131,13 @@ impl<'a> Prepared<'a> {
 }
 
 impl Prepared<'_> {
-    /// Returns the neighbours that the node of `texture` at `place` is predicted from, and their places.
+    /// Returns the neighbours from which the node of `texture` at `place` is predicted, with their weights.
     pub(super) fn neighbours(&self, texture: usize, place: (usize, usize)) -> Vec<Neighbour<'_>> {
         self.textures[texture].neighbours(place, self.left_out)
     }
 
-    /// The trial of `texture` at the neighbour of `place` that counts most, whose recording is what retrieval plays.
+    /// Returns the trial of `texture` at the neighbour of `place` with the largest weight. Retrieval plays its
+    /// recording.
     pub(super) fn nearest(&self, texture: usize, place: (usize, usize)) -> Option<usize> {
         let neighbours = self.neighbours(texture, place);
         let nearest = neighbours
@@ -158,12 +159,12 @@ impl PreparedTexture {
         &self.grid.models[self.grid.index(speed, force)]
     }
 
-    /// The node of a trial, if it is an inner one.
+    /// Returns the place of a trial's node, if it is an inner node.
     fn place(&self, trial: &Trial, left_out: Option<Direction>) -> Option<(usize, usize)> {
         let (speed, force) = self.at(trial)?;
         let is_inner =
             |axis: &[f32], index: usize| axis.len() <= 2 || (index > 0 && index + 1 < axis.len());
-        // What is left out by one axis needs no neighbours along the other.
+        // A node that is left out along one axis needs no neighbours along the other axis.
         let along_speed =
             left_out == Some(Direction::Force) || is_inner(&self.grid.speeds_mm_s, speed);
         let along_force =
@@ -185,7 +186,7 @@ impl PreparedTexture {
         is_recorded(self.model(place).flags) && self.field.spectrum(place).is_some()
     }
 
-    /// Returns the neighbours that the node at `place` is predicted from.
+    /// Returns the neighbours from which the node at `place` is predicted.
     fn neighbours(&self, place: (usize, usize), left_out: Option<Direction>) -> Vec<Neighbour<'_>> {
         let directions = [Direction::Speed, Direction::Force].into_iter();
         let directions = directions.filter(|along| left_out.is_none_or(|axis| axis == *along));
@@ -197,7 +198,7 @@ impl PreparedTexture {
         neighbours
     }
 
-    /// The nodes before and after `at` on an axis, if both sound.
+    /// Returns the nodes before and after `at` on an axis, if neither is silent.
     fn pair(
         &self,
         at: usize,
@@ -216,7 +217,7 @@ impl PreparedTexture {
         Some([neighbour(before, 1.0 - share), neighbour(after, share)])
     }
 
-    /// The nodes before and after `place` along an axis, if both sound.
+    /// Returns the nodes before and after `place` along an axis, if neither is silent.
     fn pair_along(&self, along: Direction, place: (usize, usize)) -> Option<[Neighbour<'_>; 2]> {
         match along {
             Direction::Speed => self.pair(place.0, &self.grid.speeds_mm_s, |s| (s, place.1)),
@@ -224,7 +225,7 @@ impl PreparedTexture {
         }
     }
 
-    /// The node as a densified grid would have it.
+    /// Returns the model that a densified grid would have at `place`.
     pub(super) fn densified(&self, place: (usize, usize)) -> Option<Model> {
         let spectrum = self.field.without(place, &self.ways)?;
         Some(spectrum.economical_model(ECONOMY_DB, highest_order(&self.grid)))

@@ -1,5 +1,5 @@
-//! Results of the removed-node test: a row per way of predicting, an outcome per removed node and row; and in a few
-//! numbers, the paper's Table I.
+//! Results of the removed-node test: a row per prediction method, and an outcome per removed node and row. Their
+//! summary is the paper's Table I.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -21,21 +21,21 @@ use crate::table::Table;
 /// A row of the table: how the removed node was predicted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Row {
-    /// Not at all: the node's own model, as the best that its structure and order can do.
+    /// Not predicted: the node's own model, which is the best that the structure and the order can reach.
     Own,
-    /// In one of the domains.
+    /// Interpolated between the neighbours by this method.
     Interpolated(Method),
-    /// As `fit --densify` fills the place: log-spectra with surface and tool apart, as far as that serves the texture,
-    /// refitted.
+    /// Filled like a node of `fit --densify`: a model is fitted to interpolated log-spectra, with surface and tool
+    /// separated as far as this helps the texture.
     Densified,
     /// The nearest neighbour's recording itself: retrieval.
     Nearest,
-    /// By another program.
+    /// Predicted by another program.
     Given(Arc<Given>),
 }
 
-/// Sounds of another program, as WAV files of the names of the recordings that they are judged by, in a folder or in
-/// folders below as the recordings are.
+/// Sounds of another program. They are WAV files with the names of the recordings that judge them, in a folder, or in
+/// subfolders like those of the recordings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Given {
     /// Name for tables.
@@ -45,13 +45,14 @@ pub struct Given {
 }
 
 impl Given {
-    /// The sound that stands for `trial`, reduced as recordings are, m/s² at the models' rate.
+    /// Returns the sound that replaces `trial`, reduced like recordings, m/s² at the models' rate.
     ///
     /// # Errors
-    /// A file that is not there or cannot be read.
+    /// A file that does not exist or cannot be read.
     pub(super) fn samples(&self, trial: &Trial, conditioning: Conditioning) -> Result<Vec<f64>> {
         let name = trial.file.with_extension("wav");
-        // A list names files from its own folder, so that as much of the path counts as the folder here has.
+        // A list names files relative to its own folder. So the longest end of the path that exists below this folder
+        // is used.
         let parts: Vec<_> = name.components().collect();
         let ends = (0..parts.len()).map(|first| parts[first..].iter().collect::<PathBuf>());
         let below: Vec<PathBuf> = ends
@@ -86,7 +87,7 @@ impl Row {
         [&methods[..], &[Self::Densified, Self::Own]].concat()
     }
 
-    /// The rows of a benchmark, without those that see what is left out, and `given` ones.
+    /// Returns the rows of a benchmark: those that do not use what is left out, and the `given` ones.
     pub fn benchmark(given: &[Given]) -> Vec<Self> {
         let methods = Method::ALL.map(Self::Interpolated).into_iter();
         let given = given
@@ -95,7 +96,7 @@ impl Row {
         methods.chain([Self::Nearest]).chain(given).collect()
     }
 
-    /// A name for tables.
+    /// Returns a name for tables.
     pub fn name(&self) -> String {
         match self {
             Self::Own => "(not removed: its own model; in-sample)".into(),
@@ -116,10 +117,10 @@ impl Serialize for Row {
     }
 }
 
-/// One removed node and what became of it in every row.
+/// One removed node, with its outcome in every row.
 #[derive(Clone, Debug, Serialize)]
 pub struct Removed {
-    /// The recording it is compared with.
+    /// The recording that the node is compared with.
     pub file: String,
     /// Texture of the node.
     pub texture: String,
@@ -134,14 +135,15 @@ pub struct Removed {
 /// The comparison of a prediction with the recording.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
-    /// The synthesis against the recording.
+    /// Figures of the synthesis compared with the recording.
     #[serde(flatten)]
     pub judged: Judged,
     /// True if the device could play the prediction.
     pub is_playable: bool,
     /// Order of the predicted model.
     pub order: usize,
-    /// Variance of the predicted excitation less that fitted to the recording, (m/s²)²; none if not playable.
+    /// Variance of the predicted excitation minus the variance that was fitted to the recording, (m/s²)²; none if the
+    /// prediction is not playable.
     pub excitation_error: Option<f64>,
 }
 
@@ -152,15 +154,16 @@ pub struct LeaveOneOut {
     pub smoothing: String,
     /// Order of the interpolated models.
     pub order: String,
-    /// True if any recording behind it is simulated.
+    /// True if any recording of the test is simulated.
     pub simulated: bool,
-    /// Axis all of whose nodes at the removed one's value are left out with it.
+    /// Axis on which all nodes with the removed node's value were left out; none if only that node was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<Direction>,
-    /// Ways of predicting a node.
+    /// Methods of predicting a node.
     pub rows: Vec<Row>,
-    /// Area under the curve of a classifier of windows for each row of a benchmark, over what could be played; 0.5
-    /// if it does not tell them from the recordings. None where less than two seconds are long enough.
+    /// Area under the ROC curve of a classifier of windows for each row of a benchmark, over the predictions that could
+    /// be played. It is 0.5 if the classifier cannot distinguish them from the recordings. None without two seconds of
+    /// windows.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub areas: Vec<Option<f64>>,
     /// Every removed node, in the order of the set.
@@ -179,7 +182,7 @@ impl LeaveOneOut {
         textures
     }
 
-    /// The paper's Table I beside the same test here.
+    /// Returns the paper's Table I together with the same test here.
     pub fn table(&self) -> Table {
         let textures = self.textures();
         let cell =
@@ -318,29 +321,30 @@ const fn paper(
 /// A row of the test over some of its nodes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Nodes removed.
+    /// Number of removed nodes.
     pub nodes: usize,
-    /// Predictions that the device could not play; they count with C = 1.
+    /// Number of predictions that the device could not play. They count with C = 1.
     pub unplayable: usize,
     /// Mean of C.
     pub mean_cost: f64,
     /// Standard deviation of C.
     pub cost_deviation: f64,
-    /// Mean magnitude of the excitation's variance error, (m/s²)², of what could be played.
+    /// Mean magnitude of the excitation's variance error, (m/s²)², over the playable predictions.
     pub excitation_error: f64,
-    /// Mean magnitude of the bands' errors, dB, of what could be played.
+    /// Mean magnitude of the bands' errors, dB, over the playable predictions.
     pub mean_band_error_db: f64,
-    /// Share of all bands within the amplitude JND of 2.2 dB; those of what could not be played are not.
+    /// Fraction of all bands within the amplitude JND of 2.2 dB. Bands of predictions that could not be played count as
+    /// outside.
     pub bands_within_jnd: f64,
-    /// Mean log-spectral distance from 30 to 1000 Hz, dB, of what could be played.
+    /// Mean log-spectral distance from 30 to 1000 Hz, dB, over the playable predictions.
     pub mean_log_spectral_distance_db: f64,
-    /// Mean of the log-power MAE, of what could be played.
+    /// Mean of the log-power MAE over the playable predictions.
     pub log_power_mae: f64,
-    /// Mean goodness-of-fit coefficient, of what could be played.
+    /// Mean goodness-of-fit coefficient over the playable predictions.
     pub fit_coefficient: f64,
 }
 
-/// `row` over the nodes of `texture`, or over all; `None` if the test does not have it.
+/// Summarises `row` over the nodes of `texture`, or over all nodes. Returns `None` if the test does not have this row.
 pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option<Summary> {
     let column = test.rows.iter().position(|r| r == row)?;
     let outcomes: Vec<&Outcome> = test
@@ -381,7 +385,7 @@ pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option
     })
 }
 
-/// The mean, or zero of nothing.
+/// Returns the mean, or zero without values.
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }

@@ -16,7 +16,7 @@ use super::prepared::{Prepared, PreparedTexture, Target};
 use super::results::{LeaveOneOut, Outcome, Removed, Row};
 
 impl Prepared<'_> {
-    /// Removes and predicts every inner node in every one of `rows`, telling `progress` of each node done.
+    /// Removes every inner node and predicts it by each of `rows`. Calls `progress` after each node.
     ///
     /// The result does not depend on the number of threads.
     ///
@@ -71,8 +71,8 @@ impl Prepared<'_> {
     }
 }
 
-/// The part of a row that determines its timbre. The level is a gain behind the filter: methods that differ by it alone
-/// are one synthesis, scaled.
+/// The part of a row that determines its timbre. The level is a gain after the filter, so methods that differ only in
+/// level share one synthesis, which is scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Timbre {
     Own,
@@ -118,7 +118,8 @@ impl<'p, 's> Removal<'p, 's> {
         }
     }
 
-    /// Index of the voice of `row`, and the power at which it is to be heard; none if the device cannot play it.
+    /// Returns the index of the voice of `row`, and the power at which the voice is played; none if the device cannot
+    /// play it.
     fn voice(&mut self, row: &Row) -> Result<Option<(usize, f64)>> {
         let timbre = match row {
             Row::Own => Timbre::Own,

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::excerpts::{Heard, Sounds};
 use super::kinds::{Kind, Pair};
 
-/// One trial: three excerpts, and what they are.
+/// One trial: three excerpts and their kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
     /// The pair.
@@ -24,7 +24,8 @@ pub struct Trial {
     pub sounds: [usize; 3],
 }
 
-/// A trial of `pair`: which is A and which kind X has are thrown like a coin, and no excerpt is heard twice in it.
+/// Plans a trial of `pair`. The order of A and B and the kind of X are random, and no excerpt occurs twice in the
+/// trial.
 pub(super) fn trial(
     pair: Pair,
     heard: &Heard,
@@ -38,7 +39,7 @@ pub(super) fn trial(
     let x = if generator.random_bool(0.5) { a } else { b };
     let (own, other) = (heard.of(x), heard.of(if x == a { b } else { a }));
     let shown = generator.random_range(0..own.len());
-    // Another one than is shown.
+    // X is another excerpt than the one shown as A or B.
     let as_x = (shown + generator.random_range(1..own.len())) % own.len();
     let beside = generator.random_range(0..other.len());
     let [own, as_x, other] =

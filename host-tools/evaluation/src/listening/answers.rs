@@ -25,7 +25,7 @@ const LIMIT: Limit = Limit {
 /// Longest text of a field, bytes: many times what a page saves.
 const LONGEST_TEXT: usize = 256;
 
-/// Most pairs of kinds: many times those that there are.
+/// Largest number of pairs of kinds: many times as many as there are.
 const MOST_PAIRS: usize = 64;
 
 /// A row of a file of answers.
@@ -57,11 +57,11 @@ pub struct Answers {
 pub struct Score {
     /// The pair; `all` for all.
     pub pair: String,
-    /// Files with answers to it.
+    /// Number of files with answers about the pair.
     pub files: usize,
-    /// Trials answered.
+    /// Number of answered trials.
     pub trials: u32,
-    /// Right answers.
+    /// Number of right answers.
     pub correct: u32,
     /// Proportion of right answers.
     pub proportion: f64,
@@ -71,7 +71,7 @@ pub struct Score {
     pub chance: f64,
     /// True if the interval lies above chance.
     pub is_told_apart: bool,
-    /// True if any recording behind it is simulated.
+    /// True if any recording of these trials is simulated.
     pub simulated: bool,
 }
 
@@ -79,7 +79,7 @@ impl Answers {
     /// Reads a file that a page has saved.
     ///
     /// # Errors
-    /// A file that cannot be read, a row that is none or contradicts itself, or a trial that is there twice.
+    /// A file that cannot be read, a row that is invalid or contradicts itself, or a trial that occurs twice.
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
@@ -112,7 +112,7 @@ impl Answers {
     }
 }
 
-/// Remedy for a file that is none of answers.
+/// Remedy for a file that does not hold answers.
 const FROM_A_PAGE: &str = "give a file that the page of `stylus compare` saved";
 
 /// Names of the columns, in the order of [`Answered`]'s fields.
@@ -121,7 +121,7 @@ const NAMES: [&str; 12] = [
     "origin",
 ];
 
-/// Refuses ratings and staircases, which no proportion of right answers scores.
+/// Refuses ratings and staircases, because a proportion of right answers does not score them.
 fn refuse_other_designs(table: &CsvTable, design: Option<usize>) -> Result<()> {
     let mut rows = table.rows_below_header()?;
     let (Some(column), Ok(Some(row))) = (design, rows.next_row()) else {
@@ -213,7 +213,7 @@ impl Answered {
     }
 }
 
-/// The error of a line that no page saved, with the remedy.
+/// Adds the remedy to the error of a line that no page saved.
 fn not_saved(path: &Path, failure: Error) -> Error {
     match failure {
         Error::Line { line, problem, .. } => {
@@ -227,10 +227,10 @@ fn not_saved(path: &Path, failure: Error) -> Error {
 /// several.
 ///
 /// # Errors
-/// Two files with the same answers, or more pairs than there are.
+/// Two files with the same answers, or more pairs than a page can have.
 pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
     for (index, file) in files.iter().enumerate() {
-        // Times tell two listeners apart who gave the same answers.
+        // Two listeners who gave the same answers differ in their times.
         let same = |other: &&Answers| other.rows == file.rows;
         if let Some(other) = files[..index].iter().find(same) {
             return Err(Error::file(

@@ -1,4 +1,4 @@
-//! Excerpts of signals: what is heard.
+//! Excerpts of signals, which a listener hears.
 
 use std::f64::consts::PI;
 
@@ -6,7 +6,8 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::kinds::Kind;
 
-/// Excerpts of a trial of the set, by kind; none of the texture as fitted if that is Gaussian noise.
+/// Excerpts of a trial of the set, by kind. `fitted` is empty if the fitted texture plays only Gaussian noise and no
+/// other library is compared.
 pub(super) struct Heard {
     pub surface: String,
     pub recording: Vec<Vec<f64>>,
@@ -25,7 +26,7 @@ impl Heard {
         }
     }
 
-    /// True if a trial of these kinds can be made: each has an excerpt beside another one.
+    /// Returns whether a trial of these kinds is possible: each kind needs two excerpts.
     pub fn has(&self, kinds: [Kind; 2]) -> bool {
         kinds.iter().all(|kind| self.of(*kind).len() >= 2)
     }
@@ -36,7 +37,7 @@ impl Heard {
 pub(super) struct Sounds(Vec<Vec<f64>>);
 
 impl Sounds {
-    /// Returns the index of a sound, which is kept if it is new.
+    /// Returns the index of a sound. Adds the sound if it is new.
     pub fn index_of(&mut self, excerpt: &[f64]) -> usize {
         let known = self.0.iter().position(|sound| sound == excerpt);
         known.unwrap_or_else(|| {
@@ -51,27 +52,27 @@ impl Sounds {
     }
 }
 
-/// Duration of the fade at each end of an excerpt, s; short, and free of clicks.
+/// Duration of the fade at each end of an excerpt, s. It is short, but long enough to avoid clicks.
 pub const FADE_S: f64 = 0.02;
 
-/// Shortest excerpt, s: shorter ones are mostly fades.
+/// Shortest excerpt, s. A shorter one would be mostly fades.
 pub const SHORTEST_EXCERPT_S: f64 = 0.2;
 
-/// Samples of excerpts of about `seconds`, of which `blocks` hold at least two that do not overlap; `None` if these
-/// would be shorter than [`SHORTEST_EXCERPT_S`].
+/// Returns the number of samples of an excerpt of at most `seconds`, such that `blocks` hold at least two excerpts
+/// without overlap. Returns `None` if these would be shorter than [`SHORTEST_EXCERPT_S`].
 pub(super) fn samples(blocks: &[Vec<f64>], seconds: f64) -> Option<usize> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let mut lengths: Vec<usize> = blocks.iter().map(Vec::len).collect();
     lengths.sort_unstable();
     let longest = lengths.pop()?;
-    // Both in the longest block, or one in it and one in the second.
+    // Both excerpts are in the longest block, or one is in it and one in the second longest.
     let most = (longest / 2).max(lengths.pop().unwrap_or(0));
     let samples = most.min((seconds * rate_hz) as usize);
     (samples as f64 >= SHORTEST_EXCERPT_S * rate_hz).then_some(samples)
 }
 
-/// Excerpts of `samples` of a signal in blocks, side by side, each with an RMS of 1 about its mean before its ends
-/// fade. Silent ones are left out.
+/// Cuts a signal in blocks into adjacent excerpts of `samples` samples. Each has an RMS of 1 about its mean before its
+/// ends are faded. Silent excerpts are left out.
 pub(super) fn excerpts(blocks: &[&[f64]], samples: usize) -> Vec<Vec<f64>> {
     let parts = blocks.iter().flat_map(|block| block.chunks_exact(samples));
     parts.filter_map(levelled).collect()

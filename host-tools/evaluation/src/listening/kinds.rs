@@ -59,7 +59,8 @@ impl Pair {
         Self::BeforeFitted,
     ];
 
-    /// The pairs that are asked for, each once, or the usual ones; `has_before` if another library is compared, too.
+    /// Returns the requested pairs, each once, or the usual ones if none is requested. `has_before` says whether
+    /// another library is compared, too.
     pub fn asked(pairs: &[Self], has_before: bool) -> Vec<Self> {
         match pairs {
             [] if has_before => Self::WITH_BEFORE.to_vec(),
@@ -85,7 +86,7 @@ impl Pair {
     }
 }
 
-/// The items that are asked for, each once.
+/// Returns the requested items, each once.
 pub fn once<T: Copy + PartialEq>(asked: &[T]) -> Vec<T> {
     let mut once = Vec::new();
     for one in asked {

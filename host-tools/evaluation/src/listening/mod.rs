@@ -1,13 +1,14 @@
-//! Listening tests: trials of A, B and X in which X is of the kind of A or of B, and a listener says which; ratings of
-//! how alike two sounds are; and staircases, which find the strength of a part that a listener can just tell.
+//! Listening tests of three designs. In trials of A, B and X, X is of the same kind as A or B, and a listener says
+//! which. In ratings, a listener says how alike two sounds are. Staircases find the strength of a part that a listener
+//! can just notice.
 //!
-//! Two excerpts of one noise differ in every sample, and a listener who compares waveforms would tell any two apart. So
-//! X is never the excerpt that A or B is: it is another excerpt of the same kind, at the same speed and force. All
-//! excerpts of a page have one RMS, so that level does not tell. What is compared is not fitted: recordings are
-//! excerpts of what was held out.
+//! Two excerpts of one noise differ in every sample. If X were the same excerpt as A or B, a listener could recognise
+//! it by its waveform. So X is another excerpt of the same kind, at the same speed and force. All excerpts of a page
+//! have the same RMS, so that level gives no hint, unless the level itself is tested. Recordings are excerpts of what
+//! was held out from the fit.
 //!
 //! A listener who hears no difference answers right in half of the trials. The exact interval of the proportion
-//! ([`clopper_pearson`](crate::dsp::binomial::clopper_pearson)) says whether more than that was heard.
+//! ([`clopper_pearson`](crate::dsp::binomial::clopper_pearson)) shows whether the listener heard a difference.
 
 mod abx;
 mod answers;

@@ -1,4 +1,4 @@
-//! The plan of a listening test: what is heard in which trial, decided by the seed alone.
+//! The plan of a listening test: which sounds are heard in which trial. It depends only on the seed.
 
 use model_format::Library;
 use rand::SeedableRng;
@@ -31,7 +31,7 @@ pub enum Design {
 }
 
 impl Design {
-    /// The usual number of trials per pair, and of a staircase at most.
+    /// Returns the usual number of trials per pair, or the largest number of a staircase.
     pub fn usual_trials(self) -> usize {
         match self {
             Self::Abx => 12,
@@ -57,7 +57,7 @@ pub enum Task {
 }
 
 impl Task {
-    /// Trials that a listener has at most.
+    /// Returns the largest number of trials that a listener has.
     pub fn trials(&self) -> usize {
         match self {
             Self::Abx { trials } => trials.len(),
@@ -72,11 +72,12 @@ impl Task {
 pub struct Options {
     /// The question to a listener.
     pub design: Design,
-    /// The pairs; each has as many trials.
+    /// The pairs. All have the same number of trials.
     pub pairs: Vec<Pair>,
-    /// The parts; each has a staircase.
+    /// The parts. Each has a staircase.
     pub parts: Vec<Part>,
-    /// Trials per pair; of ratings, each kind with itself has as many. Of staircases, for each part at most.
+    /// Number of trials per pair. In ratings, each kind with itself has as many. For staircases, it is the largest
+    /// number per part.
     pub trials: usize,
     /// Duration of an excerpt, s, at most.
     pub excerpt_s: f64,
@@ -102,22 +103,23 @@ impl Default for Options {
 pub struct Plan {
     /// The question and the trials.
     pub task: Task,
-    /// All excerpts, 5 kHz, each with an RMS of 1, but for those that are to differ in level.
+    /// All excerpts, at 5 kHz. Each has an RMS of 1, except those that must differ in level.
     pub sounds: Vec<Vec<f64>>,
     /// Shortest and longest duration of an excerpt, s.
     pub excerpt_s: (f64, f64),
-    /// Names of pairs and parts that are left out because no texture has the part: all play Gaussian noise alone.
+    /// Names of the pairs and parts that are left out because no texture has the part that they need, such as when all
+    /// play only Gaussian noise.
     pub left_out: Vec<String>,
     /// The data that were held out, in words.
     pub held_out: String,
-    /// True if any recording behind it is simulated.
+    /// True if any recording of the test is simulated.
     pub simulated: bool,
     /// The seed.
     pub seed: u64,
 }
 
 impl Plan {
-    /// Notes on what was asked for and is not in the test: excerpts of `excerpt_s`, pairs and parts.
+    /// Returns notes on what was requested and is not in the test: excerpts as long as `excerpt_s`, pairs and parts.
     pub fn notes(&self, excerpt_s: f64, has_takes: bool) -> Vec<String> {
         let remedy = if has_takes {
             ""
@@ -151,12 +153,12 @@ pub struct Compared<'a> {
     pub record: Option<&'a FitRecord>,
 }
 
-/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. Trials
-/// of a texture come in random order, and textures by turns.
+/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. The
+/// trials of a texture come in random order, and textures take turns.
 ///
 /// # Errors
-/// As [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording that
-/// cannot be used any more.
+/// Those of [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording
+/// that cannot be used any more.
 pub fn plan<'a>(
     set: &RecordingSet,
     judges: &[Judge],
@@ -211,7 +213,7 @@ pub fn plan<'a>(
     })
 }
 
-/// Indices of the set's trials, shuffled, textures by turns.
+/// Returns the indices of the set's trials, shuffled within each texture, with textures in turn.
 fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<usize> {
     let mut of_textures: Vec<Vec<usize>> = set
         .textures()
@@ -232,7 +234,7 @@ fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<usize> {
         .collect()
 }
 
-/// A test in the making: the sources of its signals, and the sounds so far.
+/// A test that is being planned: the sources of its signals, and the sounds so far.
 struct Planner<'a> {
     set: &'a RecordingSet,
     fitted: (&'a Library<'a>, Evaluation),
@@ -246,7 +248,7 @@ struct Planner<'a> {
 }
 
 impl Planner<'_> {
-    /// The trials of pairs of kinds, and the names of the pairs that no texture has.
+    /// Plans the trials of pairs of kinds. Also returns the names of the pairs whose kinds no texture has.
     fn pairs(&mut self) -> Result<(Task, Vec<String>)> {
         let options = self.options;
         let read = self
@@ -281,8 +283,8 @@ impl Planner<'_> {
         Ok((Task::Abx { trials }, left_out))
     }
 
-    /// A staircase for each part, on the first speed and force whose texture has it, and the names of the parts that
-    /// none has.
+    /// Plans a staircase for each part, at the first speed and force whose texture has the part. Also returns the names
+    /// of the parts that no texture has.
     fn staircases(&mut self) -> Result<(Task, Vec<String>)> {
         let options = self.options;
         let mut left_out = options.parts.clone();
@@ -364,7 +366,7 @@ impl Planner<'_> {
         if let Some((library, evaluation)) = &self.before {
             let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;
             before = excerpts(&[&comparison.synthesised], samples);
-            // Two libraries are compared as they are, with other parts than Gaussian noise or without.
+            // Two libraries are compared as they are, even if this one plays only Gaussian noise.
             if fitted.is_empty() {
                 fitted.clone_from(&gaussian);
             }

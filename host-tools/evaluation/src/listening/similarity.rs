@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::excerpts::{Heard, Sounds};
 use super::kinds::{Kind, Pair};
 
-/// One rating: two excerpts that differ, and what they are. The pair has both kinds in its own order, whichever is A.
+/// One rating: two different excerpts and their kinds. The pair's name has the kinds in the pair's order, whichever of
+/// them is A.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Rating {
     pair: String,
@@ -17,16 +18,17 @@ pub(super) struct Rating {
     sounds: [usize; 2],
 }
 
-/// All ratings of a test: every condition of the first block, of the second, and so on; and orders of the conditions in
-/// a block, of which the listener numbered `n` begins with order `n`, and takes the next one in the next block.
+/// All ratings of a test: every condition of the first block, then of the second, and so on. `orders` holds orders of
+/// the conditions within a block. The listener numbered `n` begins with order `n`, and uses the next order in the next
+/// block.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ratings {
     orders: Vec<Vec<usize>>,
     pub(super) trials: Vec<Rating>,
 }
 
-/// Both kinds of each pair, and then each kind with itself. Two excerpts of one kind are what "the same" can mean of
-/// noise, and their rating is what a perfect texture can reach.
+/// Returns the two kinds of each pair, and then each kind with itself. Noise is never exactly the same, so two excerpts
+/// of one kind stand for "the same". Their rating is the best that a perfect texture can reach.
 fn conditions(pairs: &[Pair]) -> Vec<[Kind; 2]> {
     let mut conditions: Vec<[Kind; 2]> = pairs.iter().map(|pair| pair.kinds()).collect();
     for kind in pairs.iter().flat_map(|pair| pair.kinds()) {
@@ -37,7 +39,8 @@ fn conditions(pairs: &[Pair]) -> Vec<[Kind; 2]> {
     conditions
 }
 
-/// Plans so many blocks. A and B change places from one block to the next, after a coin for each condition.
+/// Plans the ratings of `blocks` blocks. A and B change places from one block to the next. Which is A in the first
+/// block is random for each condition.
 pub(super) fn ratings(
     pairs: &[Pair],
     heard: &[Heard],
@@ -79,8 +82,9 @@ pub(super) fn ratings(
     }
 }
 
-/// Latin square balanced for carry-over, after Williams (1949): every condition is as often at every place, and as
-/// often directly after every other one. An odd number of conditions takes twice as many rows.
+/// Returns a Latin square that is balanced for carry-over, after Williams (1949). Every condition occurs equally often
+/// at every place, and equally often directly after every other condition. An odd number of conditions requires twice
+/// as many rows.
 fn latin_square(conditions: usize) -> Vec<Vec<usize>> {
     let first = |place: usize| match place % 2 {
         0 => (conditions - place / 2) % conditions,

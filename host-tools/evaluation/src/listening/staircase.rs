@@ -1,9 +1,9 @@
 //! Adaptive staircases on the strength of a part: two right answers in a row make the next trial harder, one wrong
-//! answer makes it easier. So they stay where two right answers are as likely as not: at 70.7 % of right answers
-//! (Levitt, "Transformed up-down methods in psychoacoustics", 1971).
+//! answer makes it easier. So they converge where two right answers in a row have a probability of one half, that is at
+//! 70.7 % of right answers (Levitt, "Transformed up-down methods in psychoacoustics", 1971).
 //!
-//! A trial is one of A, B and X, in which one of A and B is the reference and the other one is changed. What the page
-//! follows is the answers; what is by chance is decided here.
+//! A trial has A, B and X. One of A and B is the reference, and the other is changed. The page adapts the strength to
+//! the answers; all random choices are made here.
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -40,8 +40,8 @@ impl Part {
         }
     }
 
-    /// Unit and greatest of the strengths, and the ratio of each to the next smaller one. Wider steps have the
-    /// staircases of simulated listeners end at 65 % of right answers in place of 70.7 %.
+    /// Returns the unit and the greatest of the strengths, and the ratio of each strength to the next smaller one. With
+    /// wider steps, staircases of simulated listeners end at 65 % of right answers instead of 70.7 %.
     fn grid(self) -> (&'static str, f64, f64) {
         match self {
             Self::Level => ("dB", 8.0, 2f64.powf(0.25)),
@@ -50,7 +50,7 @@ impl Part {
         }
     }
 
-    /// Strengths, rising; geometric, as differences are heard.
+    /// Returns the strengths, rising. They are spaced geometrically, because differences are perceived that way.
     fn strengths(self) -> Vec<f64> {
         let (_, greatest, ratio) = self.grid();
         let strength = |n: i32| greatest * ratio.powi(n + 1 - STRENGTHS);
@@ -58,14 +58,15 @@ impl Part {
     }
 }
 
-/// Strengths of a grid.
+/// Number of strengths of a grid.
 const STRENGTHS: i32 = 17;
 
-/// Windows of the signals, in time: A, B and X are of three different ones, so that no two have the same waveform.
+/// Number of windows in time into which the signals are cut. A, B and X are from three different windows, so that no
+/// two have the same waveform.
 const WINDOWS: usize = 3;
 
-/// End of a staircase: after so many reversals. Before the coarse ones a step goes over two strengths, and the
-/// geometric mean of the last ones, which are averaged, is the threshold.
+/// Rule of a staircase. It ends after `reversals` reversals. A step covers two strengths until the `coarse_reversals`
+/// are over. The threshold is the geometric mean of the strengths at the last `averaged_reversals` reversals.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Rule {
     reversals: usize,
@@ -73,8 +74,8 @@ struct Rule {
     averaged_reversals: usize,
 }
 
-/// Chance in a trial: A is changed and B the reference, or the other way round; X is changed or not; and the windows of
-/// A, B and X.
+/// Random choices of a trial: whether A or B is changed, the other being the reference; whether X is changed; and the
+/// windows of A, B and X.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Coin {
     a_is_changed: bool,
@@ -82,8 +83,8 @@ struct Coin {
     windows: [usize; WINDOWS],
 }
 
-/// A staircase: the sounds of the reference and of each strength, by window, and a coin for each trial that there may
-/// be.
+/// A staircase: the sounds of the reference and of each strength, by window, and the random choices of each possible
+/// trial.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Track {
     part: Part,
@@ -117,8 +118,8 @@ impl Staircases {
     }
 }
 
-/// Signals of a texture at one speed and force, at one seed: as fitted, without its lines, and as Gaussian noise. What
-/// it does not have makes no difference.
+/// Signals of a texture at one speed and force, with one seed: as fitted, without its lines, and as Gaussian noise. If
+/// the texture lacks a part, the signals with and without it are equal.
 pub(super) struct Strands {
     pub surface: String,
     pub fitted: Vec<f64>,
@@ -137,7 +138,7 @@ impl Strands {
         }
     }
 
-    /// The signal at `strength` of `part`, before it is levelled; at 0 the reference.
+    /// Returns the signal at `strength` of `part`, before its level is set. At 0 it is the reference.
     fn at(&self, part: Part, strength: f64) -> Vec<f64> {
         let mixed = |a: &[f64], of_a: f64, b: &[f64], of_b: f64| {
             (a.iter().zip(b).map(|(a, b)| of_a * a + of_b * b)).collect()
@@ -146,11 +147,11 @@ impl Strands {
             Part::Level => self.fitted.clone(),
             Part::Codebook => {
                 let (own, noise) = (&self.without_lines, &self.gaussian);
-                // Of one power, so that the strength is the share of it.
+                // Both get the same power, so the strength is the fraction of power.
                 let gain = (mean_square(noise) / mean_square(own)).sqrt();
                 mixed(own, gain * strength.sqrt(), noise, (1.0 - strength).sqrt())
             }
-            // The lines are what the two differ in.
+            // The two signals differ only in the lines.
             Part::Lines => {
                 let of_lines = strength.sqrt();
                 mixed(&self.fitted, of_lines, &self.without_lines, 1.0 - of_lines)
@@ -175,7 +176,8 @@ impl Strands {
     }
 }
 
-/// Plans the staircase of `part` on what `strands` play, of so many trials at most; `None` if they do not have it.
+/// Plans the staircase of `part` with the signals `strands`, of at most `trials` trials. Returns `None` if the signals
+/// lack the part or are too short.
 pub(super) fn track(
     part: Part,
     strands: &Strands,
@@ -244,7 +246,7 @@ mod tests {
         10.0 * ratio.log10()
     }
 
-    /// Share of `signal`'s power that lies along `direction`.
+    /// Returns the fraction of `signal`'s power that lies along `direction`.
     fn share(signal: &[f64], direction: &[f64]) -> f64 {
         let along: f64 = signal.iter().zip(direction).map(|(a, b)| a * b).sum();
         (along / signal.len() as f64).powi(2) / mean_square(direction) / mean_square(signal)

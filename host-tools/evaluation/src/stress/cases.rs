@@ -21,7 +21,7 @@ pub struct Case {
     pub path: Path,
     /// Number of driven samples.
     pub samples: usize,
-    /// True if a float64 filter is compared.
+    /// True if the output is compared with that of a float64 filter.
     pub with_reference: bool,
 }
 
@@ -30,9 +30,9 @@ pub struct Case {
 pub enum Path {
     /// Rest on a point: mm/s and N.
     Still(f32, f32),
-    /// From extreme to extreme of the grid every so many samples.
+    /// Jumps between the corners of the grid, every this number of samples.
     Saw(usize),
-    /// Anywhere on the grid and a little beyond, every so many samples.
+    /// Jumps to random points on the grid and a little beyond it, at equal intervals.
     Random {
         /// Number of samples from one change of the motion to the next.
         every: usize,
@@ -61,7 +61,7 @@ impl Path {
         match *self {
             Self::Still(speed, force) => (speed, force),
             Self::Saw(every) => {
-                // All four corners, each after each other one.
+                // All four corners, each once after every other corner.
                 const CORNERS: [usize; 12] = [0, 3, 1, 2, 0, 1, 3, 2, 3, 0, 2, 1];
                 let corner = CORNERS[sample / every % CORNERS.len()];
                 (SPEEDS_MM_S[corner / 2], FORCES_N[corner % 2])
@@ -106,8 +106,8 @@ impl Case {
         radii.fold(0.0, f64::max)
     }
 
-    /// Samples to wait for silence: many for lines that ring for long. A filter that does not `settle` while it moves
-    /// does not come to silence by waiting.
+    /// Returns the number of samples to wait for silence. It is large for lines that ring for long. A filter that does
+    /// not settle in motion would not become silent in a longer wait.
     pub fn rest_limit(&self, settles: bool) -> usize {
         let narrow = self.pole_radius() > 0.999;
         match (narrow, settles || self.is_still()) {
@@ -118,7 +118,7 @@ impl Case {
     }
 }
 
-/// Grids of four nodes, each with what is hard about it.
+/// Grids of four nodes, each named after what is hard about it.
 fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
     let fixtures = fixtures();
     let model = |name: &str| {
@@ -159,9 +159,9 @@ fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
 /// The length of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// Every model and every grid, each as short as it says something: for every run of the tests.
+    /// Every model and every grid, each just long enough to be meaningful. This length is for every run of the tests.
     Short,
-    /// Long enough for levels and means to be known well.
+    /// Long enough for accurate levels and means.
     Full,
     /// Every model and every grid for longer than in `Full`, and 10⁸ samples of random motion.
     Long,
@@ -196,7 +196,7 @@ pub fn suite(length: Length) -> Vec<Case> {
             });
         }
     }
-    // What rings for long takes long to fall silent; one motion is enough for every run.
+    // Models that ring for long take long to fall silent. The short suite therefore has fewer of their motions.
     if length == Length::Short {
         cases.retain(|case| case.pole_radius() < 0.999_95 || case.is_still());
         cases.retain(|case| {
@@ -218,7 +218,7 @@ fn paths(length: Length) -> Vec<(&'static str, Path)> {
     paths
 }
 
-/// 10⁸ samples of random motion at the stylus's own pace, in ten parts.
+/// 10⁸ samples of random motion at the stylus's update interval, in ten parts.
 fn marathon() -> Vec<Case> {
     const PARTS: usize = 10;
     let grids = grids();

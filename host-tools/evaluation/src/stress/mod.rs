@@ -1,14 +1,16 @@
-//! Hard cases: models, grids, motions and states that break filters, played by the device's kernel, with what it
-//! promises of a normalised lattice checked.
+//! Hard cases: models, grids, motions and states that break filters. The device's kernel plays them, and what it
+//! promises for a normalised lattice is checked.
 //!
-//! Each case is driven with noise, at the level that the kernel always has, an RMS of an eighth of full scale, along
-//! its motion; then the drive stops, and the motion goes on until there is silence. Then it is driven with 8/3 of that,
-//! an RMS of a third of full scale, and stopped again; and once more from a state that is full scale throughout.
+//! Each case is driven along its motion with noise at the level that the kernel always has, an RMS of an eighth of full
+//! scale. Then the drive stops, and the motion continues until there is silence. The same is done with 8/3 of this
+//! level, an RMS of a third of full scale. A third time the case begins without a drive, from a state with every signal
+//! at full scale.
 //!
-//! *Level* is measured against the same filter in float64 on the same noise, whose power is known exactly: a lattice's
-//! is one for noise of power one, whatever its rotations. So it needs no minutes of averaging. *SNR* is against float64
-//! with the same coefficients; it counts the damping of a line that rings for long as noise. *Spectrum* is the
-//! largest difference, at any frequency, between the model as it was fitted and as it is stored.
+//! *Level* is measured relative to the same filter in float64 with the same noise. Its power is known exactly: a
+//! normalised lattice has power one for noise of power one, whatever its rotations. So no minutes of averaging are
+//! needed. *SNR* is relative to float64 with the same coefficients; it counts the damping of a line that rings for long
+//! as noise. *Spectrum* is the largest difference, at any frequency, between the model as it was fitted and as it is
+//! stored.
 
 pub mod cases;
 pub mod models;

@@ -25,7 +25,7 @@ pub struct NamedModel {
     pub pole_radius: f64,
 }
 
-/// The six models of order 400 of `tests/fixtures`, made from the formulas that stand there.
+/// The six models of order 400 of `tests/fixtures`, made from the formulas that are given there.
 pub fn fixtures() -> Vec<NamedModel> {
     let damped = |first_hz: f64, second_hz: f64| {
         let line = |radius: f64, hz: f64, lag: usize| {
@@ -48,13 +48,13 @@ pub fn fixtures() -> Vec<NamedModel> {
     .map(|(name, lags)| NamedModel {
         name: name.to_owned(),
         reflection: Prediction::levinson_durbin(&lags, limits::MAX_ORDER).reflection,
-        // H1's two lines; the others are below.
+        // The larger radius of H1's two lines. The poles of the other models are below it.
         pole_radius: 0.995,
     })
     .collect()
 }
 
-/// Autocorrelation of noise of the spectrum 1 / (1 + (f/cut-off)^`order`) over a floor, on a grid of 32 768
+/// Autocorrelation of noise with the spectrum 1 / (1 + (f/cut-off)^`order`) over a floor, on a grid of 32 768
 /// frequencies.
 fn low_pass(cut_off_hz: f64, order: i32, floor: f64) -> Vec<f64> {
     const POINTS: usize = 32_768;
@@ -80,7 +80,7 @@ pub fn resonance(radius: f64, frequency_hz: f64) -> NamedModel {
     }
 }
 
-/// Resonances from damped to radius 0.99999, low and high.
+/// Resonances of low and high frequency, from a damped one to a pole radius of 0.99999.
 pub fn resonances() -> Vec<NamedModel> {
     let radii = [0.99, 0.999, 0.9999, 0.999_99];
     radii
@@ -89,7 +89,7 @@ pub fn resonances() -> Vec<NamedModel> {
         .collect()
 }
 
-/// A model of this order whose reflection coefficients fall as 1/m, with alternating signs.
+/// A model of this order whose reflection coefficients fall as 1/m, with changing signs.
 pub fn falling(order: usize) -> NamedModel {
     let k = |stage: usize| 0.9 * (PI * stage as f64 * 0.7).cos() / stage as f64;
     NamedModel {
@@ -119,10 +119,12 @@ pub fn library(nodes: &[(&NamedModel, f64)]) -> Result<Vec<u8>> {
     library_of("hard", &grid)
 }
 
-/// Frequencies from 0 to half the rate that are looked at, beside those near a model's strongest line.
+/// Number of frequencies from 0 to half the sample rate at which spectra are compared, in addition to those near a
+/// model's strongest line.
 const POINTS: usize = 32_768;
 
-/// The largest difference of power at any frequency, dB, over all nodes of `texture`, which was made of `nodes`.
+/// Returns the largest difference of power at any frequency, dB, between the models `nodes` and the nodes of `texture`
+/// that store them.
 pub(super) fn largest_difference_db(nodes: &[(&NamedModel, f64)], texture: &Texture<'_>) -> f64 {
     let node = |((model, _), node): (&(&NamedModel, f64), model_format::Node<'_>)| {
         let fitted = Shape::new(step_up(&model.reflection), error_share(&model.reflection));
@@ -198,7 +200,8 @@ mod tests {
             Shape::new(a, 1.0)
         };
         assert!(line(0.5).largest_difference_db(&line(0.5)) < 1e-9);
-        // Off by the half width at half power: 3 dB at the one line's top, 7 dB on the way down the other side.
+        // The lines are apart by their half width at half power. They differ by 3 dB at one line's peak, and by 7 dB on
+        // the flank.
         let difference = line(0.5).largest_difference_db(&line(0.5001));
         assert!((3.0..9.0).contains(&difference), "{difference}");
     }

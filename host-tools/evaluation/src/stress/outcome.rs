@@ -1,4 +1,4 @@
-//! The outcome of a hard case, and what of it breaks a promise.
+//! The outcome of a hard case, and which promises it breaks.
 
 use model_format::THETA_STEP_RAD;
 use serde::Serialize;
@@ -12,13 +12,13 @@ pub struct Outcome {
     pub pole_radius: f64,
     /// Number of driven samples.
     pub samples: usize,
-    /// Samples in which any signal of the state was at full scale while driven.
+    /// Number of samples in which any signal of the state was at full scale while driven.
     pub saturated: usize,
-    /// Level over the model's, dB, where it is known.
+    /// Level relative to the model's, dB, if it is known.
     pub level_db: Option<f64>,
-    /// Signal to noise of the arithmetic, dB, where there is a float64 filter to compare with.
+    /// Signal-to-noise ratio of the arithmetic, dB, if there is a float64 filter to compare with.
     pub snr_db: Option<f64>,
-    /// The mean's distance from zero in standard errors.
+    /// Distance of the output's mean from zero, in standard errors.
     pub mean_standard_errors: f64,
     /// Largest difference of the stored from the fitted spectrum, dB.
     pub spectrum_db: f64,
@@ -30,23 +30,23 @@ pub struct Outcome {
     pub glitched: Rest,
 }
 
-/// The time after the drive.
+/// Behaviour after the drive.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Rest {
-    /// Samples until nothing was left in the state; `None` if there was something to the end.
+    /// Number of samples until the state was zero; `None` if it was never zero.
     pub silent_after: Option<usize>,
     /// Longest wait for silence, samples.
     pub limit: usize,
-    /// Samples at which the state's norm grew, without any input.
+    /// Number of samples at which the state's norm grew, without any input.
     pub growing: usize,
     /// Largest norm of the state, relative to that at the beginning, dB.
     pub growth_db: f64,
-    /// Largest magnitude in the last thousand samples, as a share of full scale.
+    /// Largest magnitude in the last thousand samples, as a fraction of full scale.
     pub left: f64,
 }
 
 impl Outcome {
-    /// Returns the promises of a lattice that this breaks, each in a few words.
+    /// Returns the promises of a lattice that this outcome breaks, each in a few words.
     pub fn broken(&self) -> Vec<String> {
         let mut broken = Vec::new();
         let mut unless = |holds: bool, what: String| {
@@ -89,7 +89,8 @@ impl Outcome {
         broken
     }
 
-    /// Returns whether SNR and spectrum are within the limits of all but narrow lines.
+    /// Returns whether SNR and spectrum are within the common limits, which hold for all models except those with
+    /// narrow lines.
     pub fn is_within_common_limits(&self) -> bool {
         self.snr_db.is_none_or(|snr| snr >= SNR_DB) && self.spectrum_db <= SPECTRUM_DB
     }
@@ -112,14 +113,15 @@ pub const SPECTRUM_DB: f64 = 0.05;
 /// Largest pole radius up to which [`SNR_DB`] is promised.
 const SNR_RADIUS: f64 = 0.999;
 
-/// The SNR that is promised of models of this pole radius, dB.
+/// Returns the SNR that is promised for models with this pole radius, dB.
 ///
-/// Truncation takes at most one step per stage and sample from a signal, always toward zero, so it damps. A line that
-/// rings for 1/(1 - r) samples adds that up in phase. Each tenth of 1 - r beyond 0.999 therefore costs 20 dB; 3 dB more
-/// are for lines that have not rung up yet. The level stays: at radius 0.99999 it is off by two thousandths of a dB.
+/// Truncation removes at most one step per stage and sample from a signal, always toward zero, so it damps. In a line
+/// that rings for 1/(1 - r) samples, these errors add up in phase. Beyond radius 0.999, each reduction of 1 - r to a
+/// tenth therefore costs 20 dB. Another 3 dB are for lines that have not rung up yet. The level hardly changes: at
+/// radius 0.99999 it is off by two thousandths of a dB.
 pub fn snr_limit_db(pole_radius: f64) -> f64 {
     let beyond = (1.0 - SNR_RADIUS) / (1.0 - pole_radius).max(f64::MIN_POSITIVE);
-    // Not for 0.999 itself and the rounding of it.
+    // The margin keeps 0.999 itself, with its rounding error, at the common limit.
     if beyond < 1.0 + 1e-9 {
         SNR_DB
     } else {
@@ -127,7 +129,7 @@ pub fn snr_limit_db(pole_radius: f64) -> f64 {
     }
 }
 
-/// The difference of spectra that is promised of models of this pole radius, dB.
+/// Returns the difference of spectra that is promised for models with this pole radius, dB.
 ///
 /// Half a step of θ moves a line by 2.4e-5 rad, 0.02 Hz at 5 kHz. A line of half width 1 - r that is moved by s half
 /// widths differs from itself by up to 20 log₁₀((s + √(s² + 4)) / 2), on its flank: 0.05 dB at radius 0.998, 8.8 dB at

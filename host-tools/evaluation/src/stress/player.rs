@@ -1,5 +1,5 @@
-//! The kernel's filters with their state laid open: the very frames and states that [`stylus_kernel::Synthesis`] plays,
-//! fed with an excitation from outside.
+//! The kernel's filters with access to their state. They are the same frames and states that
+//! [`stylus_kernel::Synthesis`] plays, but the excitation comes from outside.
 
 use model_format::{OutputSample, Texture};
 use stylus_kernel::Motion;
@@ -12,8 +12,8 @@ use crate::playing::wavefront::Wavefront;
 
 /// A filter of any structure.
 pub trait Player {
-    /// Moves the filter to `motion` as [`stylus_kernel::Synthesis::follow`] does. Its level still has `left` samples of
-    /// a ramp to come, and goes to that of the motion in `samples` samples.
+    /// Moves the filter to `motion` like [`stylus_kernel::Synthesis::follow`]. `left` samples of the level's present
+    /// ramp remain. The level then changes to that of the motion within `samples` samples.
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32);
     /// Puts one sample of `excitation`, in steps of 2⁻²⁸ of a standard deviation, through the filter, `left` samples
     /// before the end of the level's ramp. Returns the output, and whether it saturated.
@@ -24,13 +24,13 @@ pub trait Player {
     fn energy(&self) -> u128;
     /// Returns whether any signal of the state is at an end of its range.
     fn is_at_full_scale(&self) -> bool;
-    /// Puts full scale into every signal of the state, of either sign by chance.
+    /// Sets every signal of the state to full scale with a random sign.
     fn glitch(&mut self, noise: &mut Excitation);
     /// Returns whether the filter falls silent without an excitation, also while it moves.
     fn settles(&self) -> bool {
         true
     }
-    /// The rotations of a lattice at the motion that it took over last.
+    /// The rotations of a lattice at its latest motion.
     fn rotations(&self) -> &[Rotation] {
         &[]
     }
@@ -53,7 +53,7 @@ struct Lattice {
 
 /// Sum of the squares of `signals`, of which there are fewer than 2³².
 ///
-/// Lower and upper halves of the squares are summed by themselves, because two words are quicker than a long one.
+/// Lower and upper halves of the squares are summed separately, because two words are faster than a long one.
 pub fn energy(signals: impl Iterator<Item = i32>) -> u128 {
     let (low, high) = signals.fold((0u64, 0u64), |(low, high), signal| {
         let square = u64::from(signal.unsigned_abs()) * u64::from(signal.unsigned_abs());
@@ -62,8 +62,8 @@ pub fn energy(signals: impl Iterator<Item = i32>) -> u128 {
     u128::from(low) + (u128::from(high) << 32)
 }
 
-/// Returns whether any of `signals` is at full scale. It looks at all of them, which is quicker than to stop at the
-/// first.
+/// Returns whether any of `signals` is at full scale. It checks all of them, which is faster than to stop at the first
+/// one.
 pub fn any_at_end(signals: impl Iterator<Item = i32>) -> bool {
     let ends = signals.map(|signal| u32::from(signal == i32::MIN || signal == i32::MAX));
     ends.sum::<u32>() > 0
@@ -103,7 +103,7 @@ impl Player for Lattice {
     }
 }
 
-/// Full scale of either sign, by chance.
+/// Returns full scale with a random sign.
 pub fn full_scale(noise: &mut Excitation) -> i32 {
     if noise.next_sample() < 0 {
         i32::MIN

@@ -67,7 +67,7 @@ impl Deviation {
         10.0 * (self.signal / self.error).log10()
     }
 
-    /// Level over the reference's, dB.
+    /// Level relative to the reference, dB.
     pub fn level_db(&self) -> f64 {
         10.0 * (self.actual / self.signal).log10()
     }
@@ -105,12 +105,13 @@ impl Mean {
         }
     }
 
-    /// The mean's magnitude in standard errors; zero of silence.
+    /// The mean's magnitude in standard errors; zero for silence.
     pub fn in_standard_errors(&self) -> f64 {
         let count = self.means.len() as f64;
         let mean = self.means.iter().sum::<f64>() / count;
         let scatter: f64 = self.means.iter().map(|batch| (batch - mean).powi(2)).sum();
-        // By the means of batches, each longer than the signal is correlated, because its samples are not independent.
+        // The error follows from the means of batches, because the samples of a correlated signal are not independent.
+        // A batch is longer than the signal's correlation.
         let error = (scatter / (count - 1.0) / count).sqrt();
         if error > 0.0 { mean.abs() / error } else { 0.0 }
     }

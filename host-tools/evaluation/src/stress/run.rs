@@ -21,10 +21,10 @@ const OVERDRIVE: f64 = 8.0 / 3.0;
 /// One standard deviation of the excitation.
 const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
 
-/// Runs all of `cases`; `progress` is told of each that is done.
+/// Runs all `cases`. Calls `progress` after each case.
 ///
 /// # Errors
-/// A case that makes no library, which none does.
+/// A case whose models cannot be encoded as a library; every case here can.
 pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
     let outcomes = cases.par_iter().map(|case| {
         let outcome = play(case);
@@ -37,7 +37,7 @@ pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
 /// Plays one case.
 ///
 /// # Errors
-/// A case that makes no library.
+/// A case whose models cannot be encoded as a library.
 ///
 /// # Panics
 /// Never: a lattice holds every texture.
@@ -46,10 +46,11 @@ pub fn play(case: &Case) -> Result<Outcome> {
     Ok(outcome.expect("a lattice holds every texture"))
 }
 
-/// Plays one case by what `new_player` makes for its texture, at rest each time; nothing if it makes none.
+/// Plays one case with the players that `new_player` creates for its texture, at rest each time. Returns `None` if it
+/// creates none.
 ///
 /// # Errors
-/// A case that makes no library.
+/// A case whose models cannot be encoded as a library.
 pub fn play_with(
     case: &Case,
     new_player: impl Fn(&Texture<'_>) -> Option<Box<dyn Player>>,
@@ -86,7 +87,7 @@ pub fn play_with(
     Ok(Some(outcome))
 }
 
-/// A texture on its way along a case's motion.
+/// A texture that is played along a case's motion.
 struct Bench<'a> {
     case: &'a Case,
     texture: Texture<'a>,
@@ -157,7 +158,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Goes on without excitation until there is silence.
+    /// Continues without excitation until there is silence, or until the longest wait is over.
     fn rest(&mut self) -> Rest {
         let limit = self.case.rest_limit(self.player.settles());
         let begin = self.player.energy();

@@ -36,7 +36,7 @@ pub enum LinkAddress {
 }
 
 impl LinkAddress {
-    /// Returns whether the device can only exist in a computer: on a virtual USB, or at a port of this computer.
+    /// Returns whether the device must be an emulator, because it is on a virtual USB or at a port of this computer.
     pub fn is_of_an_emulator(&self) -> bool {
         match self {
             Self::UsbVirtual { .. } => true,
@@ -45,7 +45,7 @@ impl LinkAddress {
         }
     }
 
-    /// Returns whether both are the same kind of port of one computer, by whatever name.
+    /// Returns whether both addresses name the same port, even if they write its computer differently.
     pub(super) fn is_of_same_port(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Tcp { host, port }, Self::Tcp { host: its, port: p })

@@ -1,5 +1,5 @@
-//! Frames as USB bulk transfers. A frame ends with a short packet, or with an empty one if its length is a multiple of
-//! the packet's (USB 2.0 section 5.8.3).
+//! Frames as USB bulk transfers. A frame ends with a short packet, or with an empty packet if its length is a multiple
+//! of the packet length (USB 2.0 section 5.8.3).
 
 use std::io;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ pub(super) trait BulkOut: Send + 'static {
     /// Waits until the first transfer in the queue has ended.
     fn next(&mut self) -> impl Future<Output = io::Result<()>> + Send;
 
-    /// Resets both ends: no halt, and the next packet is an even one. The queue must be empty.
+    /// Clears the halt at both ends and resets their data toggles to DATA0. The queue must be empty.
     fn clear_halt(&mut self) -> impl Future<Output = io::Result<()>> + Send;
 }
 
@@ -41,7 +41,7 @@ pub(super) trait BulkIn: Send + 'static {
     /// Waits until the first transfer in the queue has ended, and returns its bytes.
     fn next(&mut self) -> impl Future<Output = io::Result<Vec<u8>>> + Send;
 
-    /// Resets both ends: no halt, and the next packet is an even one. The queue must be empty.
+    /// Clears the halt at both ends and resets their data toggles to DATA0. The queue must be empty.
     fn clear_halt(&mut self) -> impl Future<Output = io::Result<()>> + Send;
 }
 
@@ -51,7 +51,7 @@ pub(super) async fn open<O: BulkOut, I: BulkIn>(
     mut input: I,
     health: &Arc<Health>,
 ) -> io::Result<(UsbTx<O>, UsbRx<I>)> {
-    // A cleared halt makes the device drop unfinished frames of both directions, also if there was no halt.
+    // Clearing a halt makes the device drop unfinished frames of both directions, even if nothing was halted.
     output.clear_halt().await?;
     input.clear_halt().await?;
     Ok((
@@ -89,7 +89,7 @@ impl<O: BulkOut> WireTx for UsbTx<O> {
 /// The receiving end.
 pub(super) struct UsbRx<I> {
     endpoint: I,
-    /// Bytes of a transfer: the longest frame, in whole packets.
+    /// Length of a transfer, bytes: the longest frame, rounded up to whole packets.
     bytes: usize,
     health: Arc<Health>,
 }

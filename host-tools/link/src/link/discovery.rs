@@ -1,7 +1,7 @@
 //! The devices that are attached to this computer: on USB, behind the serial port of a probe, or virtual.
 //!
-//! The USB ids of its other end decide if a serial port is opened: a stylus's port is that of an ST-LINK.
-//! Every other port may be of a machine that takes any byte for a command, so it is listed and never opened.
+//! A serial port is opened only if its USB ids are those of an ST-LINK, which a stylus's board has. Any other port may
+//! belong to a machine that takes any byte for a command, so it is listed and never opened.
 
 use std::path::Path;
 use std::sync::mpsc;
@@ -16,11 +16,11 @@ use super::error::{LinkError, Result};
 use super::route::Route;
 use super::{Device, LinkAddress, Timeouts, usb};
 
-/// Time that a device has for its identity.
+/// Longest time for a device to answer the request for its identity.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Longest time for all devices together, which are asked at once. A link is opened in it, and a virtual stylus on a
-/// busy computer may be many times slower than the clock.
+/// Longest time for all devices together, which are asked simultaneously. It includes the opening of a link. A virtual
+/// stylus on a busy computer may be many times slower than real time.
 const LONGEST: Duration = Duration::from_secs(10);
 
 /// USB vendor id of the ST-LINK probes: STMicroelectronics.
@@ -56,36 +56,36 @@ impl std::fmt::Display for Kind {
     }
 }
 
-/// A link that leads to a device, or may.
+/// A link that leads to a device, or may lead to one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attached {
     /// Address of the link.
     pub link: LinkAddress,
     /// Kind of the link.
     pub kind: Kind,
-    /// Name of the probe or adapter, as it calls itself.
+    /// Name that the probe or adapter reports.
     pub probe: Option<String>,
-    /// True if the link before leads to the same virtual stylus.
+    /// True if the preceding link leads to the same virtual stylus.
     pub is_further: bool,
     /// The device's answer to a request for its identity.
     pub identity: Identity,
 }
 
-/// Answer of a device that may be there.
+/// Answer to the request for a device's identity.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Identity {
     /// The device was not asked.
     NotAsked,
     /// The device is a stylus.
     Known(Box<DeviceInfo>),
-    /// No device is there, or none that can be spoken to, for this reason.
+    /// No device answers, or its answer cannot be used, for this reason.
     Unknown(String),
 }
 
 /// A row of `stylus devices`: the facts of one link.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Row {
-    /// Address of the link, as `--link` takes it.
+    /// Address of the link, as `--link` accepts it.
     pub link: String,
     /// Kind of the link.
     pub kind: Kind,
@@ -117,7 +117,7 @@ impl From<&Attached> for Row {
     }
 }
 
-/// Lists what is attached, asked for its identity over `route`.
+/// Lists the links to attached devices, which are asked for their identity over `route`.
 ///
 /// # Errors
 /// A computer that does not list its USB devices.
@@ -127,7 +127,7 @@ pub fn rows(route: &Route) -> Result<Vec<Row>> {
     Ok(found.iter().map(Row::from).collect())
 }
 
-/// Lists what is attached, without asking.
+/// Lists the links to attached devices, without asking the devices.
 ///
 /// # Errors
 /// A computer that does not list its USB devices.
@@ -168,8 +168,8 @@ fn attached() -> Result<Vec<Attached>> {
     Ok(found)
 }
 
-/// Asks the devices for their identities by `identity`, all at once for at most `longest`, but for those whose port is
-/// not that of a stylus.
+/// Asks the devices for their identities with `identity`, all simultaneously and for at most `longest`. Leaves out
+/// ports that cannot be a stylus's.
 fn ask<'a>(
     found: impl Iterator<Item = &'a mut Attached>,
     longest: Duration,
@@ -187,7 +187,7 @@ fn ask<'a>(
         attached.identity = Identity::Unknown(late);
         let (sender, identity) = (sender.clone(), identity.clone());
         let link = attached.link.clone();
-        // Nobody waits for the answer of one that is late.
+        // A late answer has no receiver, and is dropped.
         thread::spawn(move || drop(sender.send((index, identity(&link)))));
     }
     drop(sender);
@@ -198,7 +198,7 @@ fn ask<'a>(
     }
 }
 
-/// The identity of the device at a link, by `route`.
+/// Returns a function that asks the device at a link for its identity, over `route`.
 fn identity_by(route: &Route) -> impl Fn(&LinkAddress) -> Identity + Clone + Send + 'static {
     let route = route.clone();
     move |link| {
@@ -210,9 +210,10 @@ fn identity_by(route: &Route) -> impl Fn(&LinkAddress) -> Identity + Clone + Sen
     }
 }
 
-/// The device that is meant where the user names none, with a note where it is not a stylus's own USB port.
+/// Finds the device to use if the user names none. Returns a note with it, unless it is on its own USB port and no
+/// other link might be meant.
 ///
-/// The ports of probes are asked only where no stylus is on USB, because a board may be attached by both.
+/// Devices behind probes are asked only if no stylus is on USB, because one board may be attached by both ports.
 ///
 /// # Errors
 /// No device, or several.
@@ -278,7 +279,7 @@ fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
 
 /// The serial ports behind USB, with their names.
 fn usb_ports() -> Vec<(String, UsbPortInfo)> {
-    // The crate panics without this folder.
+    // The crate for serial ports panics without this folder.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }
@@ -298,7 +299,7 @@ fn is_st_link(vendor: u16, product: u16) -> bool {
     vendor == ST_LINK_VENDOR_ID && ST_LINK_PRODUCT_IDS.contains(&product)
 }
 
-/// Name of a probe or adapter: as it calls itself, with its serial number.
+/// Returns the name that a probe or adapter reports, with its serial number.
 fn name(info: &UsbPortInfo) -> String {
     let product = info.product.clone();
     let product = product.unwrap_or_else(|| format!("{:04x}:{:04x}", info.vid, info.pid));
@@ -376,7 +377,7 @@ mod tests {
             if link.to_string().ends_with("ACM0") {
                 return known();
             }
-            // Until the test ends.
+            // Blocks until the test ends.
             let _ = ended.lock().map(|ended| ended.recv());
             known()
         };
@@ -394,7 +395,7 @@ mod tests {
             Kind::OtherSerial,
             Identity::NotAsked,
         ));
-        // The one that answers is asked last.
+        // The device that answers is asked last.
         ask(found.iter_mut(), Duration::from_secs(1), &identity);
         assert_eq!(found[8].identity, known());
         assert_eq!(found[9].identity, Identity::NotAsked);

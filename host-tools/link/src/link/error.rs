@@ -1,4 +1,4 @@
-//! Failures of a link and refusals of the device, in words for the person at the keyboard.
+//! Failures of a link and refusals of the device, in words for the user.
 
 use std::time::Duration;
 
@@ -43,7 +43,7 @@ pub enum LinkError {
         nothing(silent)
     )]
     NoDevice {
-        /// Ports of probes behind which none has answered.
+        /// Ports of probes behind which no stylus has answered.
         silent: Vec<String>,
     },
     #[error("{} styluses are attached: name one, --link {}", found.len(), found.join(" or --link "))]
@@ -72,7 +72,7 @@ pub enum LinkError {
         request: &'static str,
         /// Time that the host waited.
         after: Duration,
-        /// The timeout that the user may give: that of an answer which takes no flash.
+        /// The timeout that the user can set: that of requests that do not touch the flash.
         timeout: Duration,
     },
     #[error(
@@ -87,7 +87,8 @@ pub enum LinkError {
     /// The process that shares the link has failed to open it.
     #[error("{0}")]
     Broker(String),
-    /// Another program has the motion, or the upload.
+    /// Another program uses the device exclusively, does something that this request would disturb, or has stopped this
+    /// one.
     #[error("{link}: {what}")]
     Held {
         link: String,
@@ -148,13 +149,13 @@ pub enum LinkError {
         listed(name, there)
     )]
     Absent {
-        /// A texture or a scene, in words.
+        /// The word "texture" or "scene".
         what: &'static str,
         /// The name asked for.
         name: String,
-        /// The names that are there, in the device's order.
+        /// The names that the library has, in the device's order.
         there: Vec<String>,
-        /// A thing of the other kind with such a name, in words; empty if there is none.
+        /// Text about a texture or scene of the other kind with a similar name; empty if there is none.
         hint: String,
     },
     #[error("the device refuses the probe: {0}")]
@@ -227,12 +228,13 @@ fn nothing(silent: &[String]) -> String {
     }
 }
 
-/// Longest timeout that is proposed, s. A device that takes longer has another trouble.
+/// Longest timeout that is proposed, s. A device that takes longer has another fault.
 const LONGEST_PROPOSED_S: f64 = 60.0;
 
-/// Proposal of a timeout that is several times as long as `timeout`, in words.
+/// Returns the text that proposes a timeout several times as long as `timeout`. It is empty if that is too long.
 pub(in crate::link) fn longer(timeout: Duration) -> String {
-    /// A computer under load, or an emulated device, is rarely slower than this.
+    /// Ratio of the proposed timeout to the present one. A computer under load, or an emulated device, is rarely
+    /// slower.
     const FACTOR: f64 = 5.0;
     let proposed = (timeout.as_secs_f64() * FACTOR).ceil();
     if proposed > LONGEST_PROPOSED_S {

@@ -1,4 +1,5 @@
-//! State of a link beside its frames: broken frames, the reason for its end, and what a broker says of other programs.
+//! State of a link apart from its frames: the number of broken frames, the reason for the link's end, and what a broker
+//! reports about other programs.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,11 +12,11 @@ use postcard_rpc::Key;
 pub(super) struct Health {
     broken_frames: AtomicU64,
     ended: OnceLock<String>,
-    /// Refusals of a broker, by the keys of their requests, in words.
+    /// Texts of a broker's refusals, by the keys of the refused requests.
     refusals: Mutex<HashMap<[u8; 8], String>>,
-    /// The program that has stopped what this one played.
+    /// The program that has stopped what this program played or recorded.
     stopped_by: Mutex<Option<String>>,
-    /// Blocks, and lost blocks, of a recording of other programs before this one joined it.
+    /// Number of blocks, and of lost blocks, that a recording of other programs had before this program joined it.
     before_joining: Mutex<(u32, u32)>,
 }
 
@@ -35,34 +36,34 @@ impl Health {
         self.ended.get().map_or("it was closed", String::as_str)
     }
 
-    /// Records the reason for the end of the link; the first one stays.
+    /// Records the reason for the end of the link; a later reason does not replace the first.
     pub(super) fn end(&self, reason: &impl ToString) {
         self.ended.get_or_init(|| reason.to_string());
     }
 
-    /// Returns the words in which a broker has refused the request of this key, and forgets them.
+    /// Removes and returns the text with which a broker has refused the request with this key.
     pub(super) fn take_refusal(&self, key: Key) -> Option<String> {
         lock(&self.refusals).remove(&key.to_bytes())
     }
 
-    /// The program that has stopped what this one played, if one has.
+    /// The program that has stopped what this program played or recorded, if any.
     pub(super) fn stopped_by(&self) -> Option<String> {
         lock(&self.stopped_by).clone()
     }
 
-    /// Blocks, and lost blocks, of a recording of other programs before this one joined it.
+    /// Number of blocks, and of lost blocks, that a recording of other programs had before this program joined it.
     pub(super) fn before_joining(&self) -> (u32, u32) {
         *lock(&self.before_joining)
     }
 
-    /// Forgets who has stopped an earlier play or recording, and which one was joined.
+    /// Forgets which program has stopped an earlier play or recording, and what was noted about a joined recording.
     pub(super) fn begin(&self) {
         *lock(&self.stopped_by) = None;
         *lock(&self.before_joining) = (0, 0);
     }
 }
 
-/// Words of a broker.
+/// What a broker reports.
 #[cfg(unix)]
 impl Health {
     /// Sets the number of broken frames that the broker has counted.
@@ -70,12 +71,12 @@ impl Health {
         self.broken_frames.store(frames, Ordering::Relaxed);
     }
 
-    /// Keeps the words of a refusal until the request is answered.
+    /// Keeps the text of a refusal until the request is answered.
     pub(super) fn refuse(&self, key: [u8; 8], words: String) {
         lock(&self.refusals).insert(key, words);
     }
 
-    /// Notes the program that has stopped what this one played.
+    /// Notes the program that has stopped what this program played or recorded.
     pub(super) fn stop(&self, by: String) {
         *lock(&self.stopped_by) = Some(by);
     }
@@ -86,7 +87,7 @@ impl Health {
     }
 }
 
-/// The state; a panic elsewhere leaves it whole, because each change is one step.
+/// Locks the state. A panic elsewhere leaves it consistent, because each change is one step.
 fn lock<T>(state: &Mutex<T>) -> MutexGuard<'_, T> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,7 +1,7 @@
-//! Longest waits for a device, in its own time.
+//! Longest waits for a device, in the device's own time.
 //!
-//! A virtual stylus on a busy computer may be many times slower than the clock on the wall. It tells its virtual time
-//! in its announcement, so a wait for it ends only when that time has passed for it, too.
+//! A virtual stylus on a busy computer may be many times slower than real time. Its announcement states its virtual
+//! time. A wait for it ends only when the longest wait has passed in virtual time, too.
 
 use std::pin::pin;
 use std::time::{Duration, Instant};
@@ -13,7 +13,8 @@ use super::address::LinkAddress;
 /// Interval between readings of the virtual time.
 const LOOK_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Longest real time without progress of the virtual time. A virtual stylus that stands so long is halted.
+/// Longest real time without progress of the virtual time. A virtual stylus whose time stands still for so long is
+/// halted.
 const LONGEST_HALT: Duration = Duration::from_secs(10);
 
 /// A wait for the device at a link.
@@ -25,12 +26,12 @@ pub(super) struct Limit {
     seen: Option<Seen>,
 }
 
-/// The virtual time as far as it was seen.
+/// The virtual times that were read.
 #[derive(Debug)]
 struct Seen {
     first: Duration,
     last: Duration,
-    /// Instant at which `last` was new.
+    /// Instant at which `last` changed.
     moved: Instant,
 }
 
@@ -45,13 +46,13 @@ impl Limit {
         }
     }
 
-    /// Returns whether the device has had its time.
+    /// Returns whether the longest wait has passed in the device's time.
     pub(super) fn has_passed(&mut self) -> bool {
         self.has_passed_by(announced)
     }
 
-    /// As [`Limit::has_passed`], with the virtual styluses that are announced. Nothing is read before the real time has
-    /// passed, so a wait for a device that answers in time costs nothing.
+    /// Like [`Limit::has_passed`], with a function that reads the announced virtual styluses. It is not called before
+    /// the real time has passed, so a wait for a device that answers in time costs nothing.
     fn has_passed_by(&mut self, announced: impl Fn() -> Vec<Announced>) -> bool {
         if self.begin.elapsed() < self.longest {
             return false;
@@ -79,7 +80,7 @@ impl Limit {
         is_halted || seen.last.saturating_sub(seen.first) >= self.longest
     }
 
-    /// Waits for `answer`; none if the device has had its time before.
+    /// Waits for `answer`. Returns `None` if the longest wait passes first in the device's time.
     pub(super) async fn wait<T>(mut self, answer: impl Future<Output = T>) -> Option<T> {
         let mut answer = pin!(answer);
         let mut pause = self.longest;
@@ -114,7 +115,7 @@ mod tests {
             ],
             time: Duration::from_millis(ms),
         };
-        // The other one's time is no matter.
+        // The time of another virtual stylus must not matter.
         vec![of(4100, 1_000_000 + 1000 * ms), of(4000, ms)]
     }
 

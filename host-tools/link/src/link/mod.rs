@@ -8,12 +8,12 @@
 //! |---|---|
 //! | `address` | addresses of devices, as a user writes them |
 //! | `open` | opening of an address; `wire` and `bulk` carry frames, `health` is the state of a link |
-//! | `broker` | one link for several programs, or for one alone |
-//! | `route` | ways to a device, direct or shared |
+//! | `broker` | one link for several programs, or for one exclusively |
+//! | `route` | routes to a device, direct or shared |
 //! | [`discovery`] | the devices that are attached |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
 //! | `version` | differences of version between device and host, and the older side |
-//! | [`Device`] | every request as a function, with its timeout; `limit` counts it in the device's own time |
+//! | [`Device`] | every request as a function, with its timeout; `limit` measures it in the device's time |
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
 //! | [`update`] | update of the image, up to its confirmation |
 //! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |

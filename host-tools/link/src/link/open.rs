@@ -32,20 +32,21 @@ pub(super) type Client = HostClient<WireError>;
 
 /// Use of the two ends of an open link.
 pub(super) trait Ends {
-    /// The thing that is made of them.
+    /// What is made from the two ends.
     type Made;
 
-    /// Makes it.
+    /// Makes it from the two ends.
     fn take(self, sender: impl WireTx, receiver: impl WireRx) -> Self::Made;
 }
 
-/// Makes a client of the ends. Its two tasks run on the current runtime.
+/// Makes a client from the ends. Its two tasks run on the current runtime.
 pub(super) struct AsClient;
 
 impl Ends for AsClient {
     type Made = Client;
 
-    /// A client with sequence numbers of two bytes, so that a late answer cannot be taken for that of a later request.
+    /// Returns a client with sequence numbers of two bytes, so that a late answer cannot be mistaken for the answer to
+    /// a later request.
     fn take(self, sender: impl WireTx, receiver: impl WireRx) -> Client {
         Client::new_with_wire(
             sender,
@@ -58,7 +59,7 @@ impl Ends for AsClient {
     }
 }
 
-/// Opens a link, and gives its ends to `ends`.
+/// Opens a link, and passes its two ends to `ends`.
 pub(super) async fn open<E: Ends>(
     address: &LinkAddress,
     health: &Arc<Health>,
@@ -141,7 +142,7 @@ async fn tcp(host: &str, port: u16, link: &str) -> Result<TcpStream> {
             )));
         }
     };
-    // Without Nagle's algorithm, because a motion that waits for more to send is late.
+    // Nagle's algorithm is switched off, because it would make a motion wait for further data.
     stream
         .set_nodelay(true)
         .map_err(|failure| failed(failure.to_string()))?;
@@ -153,7 +154,7 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
     tokio_serial::new(path.to_string_lossy(), SERIAL_BAUD)
         .open_native_async()
         .map_err(|failure| match failure.kind() {
-            // Windows denies what another program has open.
+            // Windows denies access to a port that another program has open.
             tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => {
                 LinkError::Busy { link }
             }
@@ -166,7 +167,7 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
                 reason: "there is no such port: plug the board's debug port in, and look up which port appears"
                     .to_owned(),
             },
-            // The crate reports a port that another program has locked as no device.
+            // The crate reports `NoDevice` for a port that another program has locked.
             tokio_serial::ErrorKind::NoDevice if path.exists() => LinkError::Busy { link },
             _ => LinkError::Open {
                 link,

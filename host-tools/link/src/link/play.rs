@@ -17,10 +17,11 @@ use crate::playing::motion::MotionPath;
 /// Highest rate of motions, Hz.
 pub const MAX_MOTION_RATE_HZ: u32 = 1_000;
 
-/// Lowest rate of motions, Hz: three motions within the time after which a device takes its motion as stale.
+/// Lowest rate of motions, Hz. It gives three motions in the time after which a device considers its motion stale.
 pub const MIN_MOTION_RATE_HZ: u32 = 60;
 
-/// Motions per request: every 16th motion is a request, so that the device's answers show how far it follows.
+/// Number of motions per answer. Every 16th motion is sent as a request, so that the device's answers show whether it
+/// keeps up.
 const MOTIONS_PER_ANSWER: u64 = 16;
 
 /// Largest number of outstanding answers. Further motions are skipped, because a link slower than their rate would
@@ -37,7 +38,7 @@ pub struct Drive {
     pub motion: Option<MotionPath>,
     /// Rate of motions, Hz, from [`MIN_MOTION_RATE_HZ`] to [`MAX_MOTION_RATE_HZ`].
     pub rate_hz: u32,
-    /// Duration; `None` to go on until the caller ends it.
+    /// Duration; `None` to continue until the caller ends it.
     pub duration: Option<Duration>,
 }
 
@@ -46,7 +47,7 @@ pub struct Drive {
 pub struct Driven {
     /// Motions that were sent.
     pub motions: u64,
-    /// Motions that the device acknowledged, of every 16th, which is a request.
+    /// Motions that the device acknowledged. Only every 16th motion is a request, which it acknowledges.
     pub acknowledged: u64,
     /// Motions that were skipped because the link or this computer was too slow.
     pub skipped: u64,
@@ -56,8 +57,8 @@ pub struct Driven {
     pub seconds: f64,
 }
 
-/// Keeps the device playing until the plan's duration is over or `goes_on` returns false. `heard` gets the status every
-/// 0.2 s.
+/// Keeps the device playing until the plan's duration is over or `goes_on` returns false. Calls `heard` with the status
+/// every 0.2 s.
 ///
 /// Neither starts nor stops the output: see [`Device::play`] and [`Device::stop`].
 ///
@@ -124,7 +125,7 @@ impl<'a> Driver<'a> {
         }
     }
 
-    /// Sends the motion at `elapsed`, or a keep-alive where one is due.
+    /// Sends the motion at `elapsed` if there is one, or a keep-alive if one is due.
     fn send(&mut self, motion: Option<&MotionPath>, elapsed: Duration) -> Result<()> {
         self.acknowledge()?;
         if let Some(path) = motion {
@@ -152,14 +153,14 @@ impl<'a> Driver<'a> {
         let sample = MotionSample {
             speed,
             force,
-            // The position of an endless motion overflows single precision at some time.
+            // The position of an endless motion overflows single precision eventually.
             position_mm: position.is_finite().then_some(position),
             contact: path.contact_at(time_s),
         };
         if self.driven.motions.is_multiple_of(MOTIONS_PER_ANSWER) {
             let (requester, runtime) = self.device.requester();
             let (sender, receiver) = mpsc::channel();
-            // The receiver may be gone by the time of the answer.
+            // The receiver may be gone when the answer arrives.
             runtime.spawn(async move { drop(sender.send(requester.motion(sample).await)) });
             self.motions.push_back(receiver);
         } else {
@@ -202,13 +203,13 @@ impl<'a> Driver<'a> {
     }
 }
 
-/// Statuses of a play without which nothing is said about it: one may fall into the change to it.
+/// Fewest statuses from which a play is judged. One status may fall into the change at the play's begin.
 const FEWEST_STATUSES: u32 = 2;
 
-/// The statuses of a play.
+/// Summary of the statuses during a play.
 #[derive(Clone, Copy, Debug)]
 pub struct Heard {
-    /// Mutes since the play began, but for those that belong to its begin and end.
+    /// Mutes since the play began, without those that belong to its begin and end.
     pub mutes: u32,
     /// Ticks that were missed since the play began.
     pub missed_ticks: u32,
@@ -221,7 +222,7 @@ pub struct Heard {
     vibration: Vibration,
 }
 
-/// Level at the accelerometer, RMS of all axes over a second, m/s²: the sign that the device has of its own output.
+/// Level at the accelerometer, RMS of all axes over a second, m/s². It shows whether the output moves the stylus.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Vibration {
     /// The level before the play.
@@ -231,7 +232,7 @@ pub struct Vibration {
 }
 
 impl Heard {
-    /// Nothing yet of a play that begins with this status.
+    /// Creates an empty summary of a play that begins after the status `before`.
     pub fn since(before: &Status) -> Self {
         Self {
             mutes: 0,
@@ -248,7 +249,7 @@ impl Heard {
         }
     }
 
-    /// Hears a status.
+    /// Adds a status.
     pub fn hear(&mut self, status: &Status) {
         self.mutes = mutes(status).saturating_sub(self.mutes_before);
         self.missed_ticks = status.tick.missed.saturating_sub(self.missed_before);
@@ -267,25 +268,25 @@ impl Heard {
         }
     }
 
-    /// The level at the accelerometer; none if no status of the play told it.
+    /// The level at the accelerometer; none if no status of the play reported one.
     pub fn vibration(&self) -> Option<Vibration> {
         (self.vibration.greatest_m_s2 > 0.0).then_some(self.vibration)
     }
 
-    /// Share of the statuses in which the output was muted; none without statuses.
+    /// Fraction of the statuses in which the output was muted; none without statuses.
     pub fn muted_share(&self) -> Option<f64> {
         (self.statuses > 0).then(|| f64::from(self.muted) / f64::from(self.statuses))
     }
 
-    /// The reasons of all mutes that a status showed; none if there was none.
+    /// Returns the reasons of all mutes that a status showed; none without a mute.
     pub fn reasons(&self) -> Option<MuteReasons> {
         (!self.reasons.is_empty()).then_some(self.reasons)
     }
 
-    /// The reason for which a play that has sent `driven` counts as failed, in words with the remedy.
+    /// Returns why a play that has sent `driven` counts as failed, with the remedy.
     ///
-    /// A play fails if every status shows the output muted. It fails too if less than half of its motions could be sent
-    /// and they were fewer than [`MIN_MOTION_RATE_HZ`], because the output then mutes between them.
+    /// A play fails if every status shows the output muted. It also fails if less than half of its motions could be
+    /// sent and their rate was below [`MIN_MOTION_RATE_HZ`], because the output then mutes between motions.
     pub fn failure(&self, driven: &Driven) -> Option<String> {
         let due = driven.motions + driven.skipped;
         let per_second = driven.motions as f64 / driven.seconds.max(f64::MIN_POSITIVE);
@@ -318,7 +319,7 @@ impl Heard {
     }
 }
 
-/// Level at the accelerometer over the last whole second, RMS of all axes, m/s²; 0 before the first one.
+/// Level at the accelerometer over the last whole second, RMS of all axes, m/s²; 0 before the first second is complete.
 pub fn vibration_m_s2(status: &Status) -> f64 {
     if status.levels.samples == 0 {
         return 0.0;
@@ -326,7 +327,7 @@ pub fn vibration_m_s2(status: &Status) -> f64 {
     10f64.powf(f64::from(status.levels.vibration_decibel) / 20.0 - 6.0)
 }
 
-/// Number of mutes since the start, but for those that belong to the begin and the end of every play.
+/// Number of mutes since the device's start, without those that belong to the begin and the end of every play.
 fn mutes(status: &Status) -> u32 {
     let counts = MuteReason::ALL.iter().zip(status.output.mute_counts);
     counts

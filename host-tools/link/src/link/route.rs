@@ -1,4 +1,4 @@
-//! Routes to a device: over a link of one's own, or over one that programs share.
+//! Routes to a device: over a link of this program's own, or over a link that programs share.
 
 use std::sync::Arc;
 
@@ -8,25 +8,25 @@ use super::health::Health;
 use super::open::{AsClient, Client};
 use super::{LinkAddress, broker, open};
 
-/// A route to a device. A text names the command that opens the link, for others that want to know.
+/// A route to a device. A text is the command that opens the link, which other programs name in their messages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Route {
-    /// Over a link of one's own.
+    /// Over a link of this program's own.
     #[default]
     Direct,
-    /// As [`Route::Direct`], after the end of a broker that nobody uses. The programs of this user that share links, or
-    /// want one alone, are refused until the end of this one.
+    /// Like [`Route::Direct`], after the end of a broker without clients. Until this program ends, it refuses other
+    /// programs of this user that share links or want the device exclusively.
     Alone(String),
-    /// Over a link that another program of this user shares, if one does, and else as [`Route::Direct`]: for programs
-    /// that are no broker themselves.
+    /// Over a link that another program of this user shares, if there is one, and otherwise like [`Route::Direct`].
+    /// This is for programs that cannot run as a broker.
     Joined(String),
     /// Over a link that other programs of this user share.
     Shared(Sharing),
 }
 
 impl Route {
-    /// Locks the device for this program alone, if this route wants that. On systems without sockets of files, such as
-    /// Windows, no link is shared, so that all routes but [`Route::Direct`] want it.
+    /// Locks the device for this program only, if this route requires it. On systems without Unix sockets, such as
+    /// Windows, no link is shared, so all routes except [`Route::Direct`] require it.
     pub(super) async fn hold(&self, address: &LinkAddress) -> Result<Option<Hold>> {
         let command = match self {
             Self::Alone(command) => command,

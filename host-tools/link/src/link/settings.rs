@@ -72,8 +72,8 @@ impl SettingRow {
     }
 }
 
-/// Parses `pairs`: a setting's name, its value in the setting's unit, and so on. The device judges the values, because
-/// it may have other ranges.
+/// Parses `pairs`, which alternate between a setting's name and its value in the setting's unit. The device checks the
+/// values, because its ranges may be different.
 ///
 /// # Errors
 /// A name without a value, a name of no setting, or a value that is no number.
@@ -99,7 +99,7 @@ pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
 /// Finds the setting `name`.
 ///
 /// # Errors
-/// A name of no setting, with those that there are.
+/// A name of no setting. The error lists the settings.
 pub fn named(name: &str) -> Result<Setting> {
     Setting::named(name).ok_or_else(|| {
         let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();
@@ -113,7 +113,7 @@ pub fn named(name: &str) -> Result<Setting> {
 /// Settings of which some have no value.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// The values; those of `unset` stand in for none.
+    /// The values. Those of the settings in `unset` are placeholders.
     pub settings: &'a Settings,
     /// Settings without a value.
     pub unset: SettingSet,
@@ -126,7 +126,7 @@ impl<'a> Known<'a> {
         Self { settings, unset }
     }
 
-    /// The `settings` that [`Known::of`] a device are after `change`.
+    /// Returns the state after `change`, which leads to `settings`.
     #[must_use]
     pub fn after(self, change: &SettingsChange, settings: &'a Settings) -> Self {
         let unset = match change {
@@ -141,7 +141,7 @@ impl<'a> Known<'a> {
         Self { settings, unset }
     }
 
-    /// The value of `setting` in words.
+    /// Returns the value of `setting` as text.
     fn value(self, setting: Setting) -> String {
         if self.unset.contains(setting) {
             return "not set".to_owned();
@@ -149,7 +149,7 @@ impl<'a> Known<'a> {
         self.settings.get(setting).to_string()
     }
 
-    /// Limits that follow at pin and coil, which nobody knows without the hardware's own values.
+    /// Returns the limits at pin and coil as text. None if the amplifier's gain or the coil's resistance is not set.
     fn in_force(self) -> Option<String> {
         let unset = self.unset;
         let is_known =
@@ -164,7 +164,7 @@ pub fn consequences(before: Known<'_>, after: Known<'_>, changed: SettingSet) ->
     let line = |setting: Setting| {
         let unit = match setting.spec().unit {
             _ if after.unset.contains(setting) => String::new(),
-            // A switch has a range in the place of a unit.
+            // A switch has its range in place of a unit.
             unit if unit.contains(" or ") => String::new(),
             unit => format!(" {unit}"),
         };
@@ -186,7 +186,7 @@ pub fn consequences(before: Known<'_>, after: Known<'_>, changed: SettingSet) ->
     lines
 }
 
-/// The reason for a limit that no setting has set, in words.
+/// Returns a text with the reason for a limit that no setting has caused.
 pub fn cap() -> String {
     format!(
         "this firmware holds {:.3} V RMS at the pin at most, as for {BUILT_FOR_OHM} Ω at a gain of {BUILT_FOR_GAIN}",
@@ -194,7 +194,7 @@ pub fn cap() -> String {
     )
 }
 
-/// Limits that `settings` put in force, at the pin and at the coil that they describe.
+/// Returns the limits that follow from `settings`, at the pin and at the coil that the settings describe.
 fn in_force(settings: &Settings) -> String {
     let limits = Config::new(settings, 1.0).output_limits(settings);
     let (gain, ohm) = (
@@ -266,7 +266,8 @@ mod tests {
         let switch = SettingSet::NONE.with(Setting::EnableWired, true);
         let lines = consequences(known(&before), known(&before), switch);
         assert_eq!(lines[0], "  enable-wired: 0 -> 0");
-        // Whatever is told of the hardware, the image has a cap, and says what was allowed and why it holds less.
+        // Whatever the settings say about the hardware, the image has a cap. The text says what was allowed and why
+        // less is held.
         let told_away = with(&[(Setting::AmplifierGain, 0.01), (Setting::PowerLimit, 0.1)]);
         let lines = consequences(known(&before), known(&told_away), changed);
         let told = "you allowed 0.1 W, and this firmware holds 0.283 V RMS at the pin at most";
@@ -284,7 +285,7 @@ mod tests {
         let lines = consequences(nothing, known(&settings), unset);
         assert!(lines[0].contains("not set -> "), "{lines:?}");
         assert!(!lines.iter().any(|line| line.contains("before")));
-        // A reset leaves no value, whatever stands in for one.
+        // After a reset no setting has a value, whatever the placeholders are.
         let reset = known(&settings).after(&SettingsChange::Reset, &none);
         let lines = consequences(known(&settings), reset, unset);
         let (last, values) = lines.split_last().expect("there are lines");

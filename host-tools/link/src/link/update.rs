@@ -1,4 +1,4 @@
-//! Update of a device's image: sent as an upload is, exchanged by the bootloader, looked at, and confirmed.
+//! Update of a device's image. It is sent like an upload, exchanged by the bootloader, checked, and confirmed.
 
 use std::path::Path;
 use std::thread;
@@ -21,7 +21,7 @@ const UPDATE: Limit = Limit {
     bytes: SIGNED_BYTES as u64 + MAX_IMAGE_BYTES as u64,
 };
 
-/// Time between two looks at a device that restarts.
+/// Interval between checks of a device that restarts.
 const LOOK_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A file of an update.
@@ -56,9 +56,9 @@ impl UpdateFile {
 /// An update that was done.
 #[derive(Clone, Debug, Serialize)]
 pub struct Updated {
-    /// The device before it.
+    /// The device's report before the update.
     pub before: UpdateReport,
-    /// The device after it.
+    /// The device's report after the update.
     pub after: UpdateReport,
     /// Length of the image, bytes.
     pub bytes: u32,
@@ -73,18 +73,18 @@ pub struct Updated {
 /// Progress of an update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// So many bytes of the image are in the device.
+    /// This many bytes of the image are in the device.
     Sent(usize),
     /// The device exchanges the images.
     Exchanging,
 }
 
-/// Updates the device, waits for the new image, looks at its status, and confirms it. The library in the slot that is
-/// not active is given up.
+/// Updates the device, waits for the new image, checks its status, and confirms it. The library in the slot that is not
+/// active is lost.
 ///
 /// # Errors
-/// A refusal of the device, a lost link that does not come back, or a new image that did not start or is not healthy:
-/// the one before is put back then, at the device's next reset at the latest.
+/// A refusal of the device, a lost link that does not come back, or a new image that did not start or is not healthy.
+/// In the last case the previous image is restored, at the device's next reset at the latest.
 pub fn update(
     device: &mut Device,
     file: &UpdateFile,
@@ -121,7 +121,7 @@ pub fn update(
         check_health(device)?;
         device.update_confirm()?
     } else {
-        // Only the answer tells a new image from an old one of the same version.
+        // Without a trial, only the answer to the commit distinguishes a new image from an old one of the same version.
         committed?;
         trial
     };
@@ -167,7 +167,7 @@ fn send(
     device.upload_chunks(image, at, progress)
 }
 
-/// Waits until an image answers that is not the one which has committed the update.
+/// Waits until the device has restarted and its update is no longer in the phase `Committed`.
 fn wait_for_exchange(device: &mut Device) -> Result<UpdateReport> {
     let longest = Duration::from_millis(EXCHANGE_MS);
     let mut limit = device.limit(longest);
@@ -189,7 +189,7 @@ fn wait_for_exchange(device: &mut Device) -> Result<UpdateReport> {
     }
 }
 
-/// Checks by the status that the new image does what it should.
+/// Checks by the status that the new image is healthy: no safe mode, no missed tick and no hung stage.
 fn check_health(device: &Device) -> Result<()> {
     let status = device.status()?;
     if status.start.safe_mode || status.tick.missed > 0 || status.start.hung_stage.is_some() {

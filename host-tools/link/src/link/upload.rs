@@ -29,11 +29,11 @@ pub struct Uploaded {
     pub retries: u32,
 }
 
-/// Uploads `library`, the bytes of a library file, and reads it back. `progress` gets the number of bytes in the
+/// Uploads `library`, the bytes of a library file, and reads it back. Calls `progress` with the number of bytes in the
 /// device.
 ///
-/// Resumes an interrupted upload of the same bytes, also one of another program. The active library stays active and
-/// goes on playing. The last library that can be read is never erased for it.
+/// Resumes an interrupted upload of the same bytes, even if another program began it. The active library stays active
+/// and continues to play. The last readable library is never erased for an upload.
 ///
 /// # Errors
 /// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device
@@ -46,11 +46,11 @@ pub fn upload(
     upload_over(device, library, false, progress)
 }
 
-/// Uploads as [`upload`] does. If `replaces_last`, the upload may erase the last library that can be read; until it is
-/// done, the device would have none after a restart.
+/// Uploads like [`upload`]. If `replaces_last`, the upload may erase the last readable library. A device that restarts
+/// before the upload is complete then has none.
 ///
 /// # Errors
-/// As [`upload`].
+/// Those of [`upload`].
 pub fn upload_over(
     device: &mut Device,
     library: &[u8],
@@ -84,8 +84,8 @@ pub fn upload_over(
     })
 }
 
-/// Repeats `attempt`, which also gives the device's next offset, as long as its failures pass and it gets on. Returns
-/// its result, and the number of times that it was repeated.
+/// Repeats `attempt`, which also returns the device's next offset, as long as its failures may pass and it makes
+/// progress. Returns the result, and the number of repetitions.
 pub(super) fn retried<T>(
     device: &mut Device,
     mut attempt: impl FnMut(&Device) -> (Result<T>, u32),
@@ -112,7 +112,7 @@ pub(super) fn retried<T>(
     }
 }
 
-/// Returns true for a failure after which the upload can go on from the device's offset.
+/// Returns true for a failure after which the upload can continue from the device's offset.
 fn is_passing(failure: &LinkError) -> bool {
     let out_of_step = match failure {
         LinkError::Upload(refusal) => matches!(

@@ -69,8 +69,9 @@ async fn attached(link: &str) -> Result<Vec<DeviceInfo>> {
     Ok(devices.filter(is_stylus).collect())
 }
 
-/// Returns true if a device says of itself what a stylus says. Its ids alone are shared by all tests of pid.codes. An
-/// operating system may not tell the texts of a device that nobody may open; they do not count then.
+/// Returns true if a device describes itself as a stylus. Its ids are not enough, because all test devices of pid.codes
+/// share them. The operating system may not report the texts of a device that the user may not open. Missing texts are
+/// not compared.
 fn is_stylus(ids: (u16, u16), product: Option<&str>, serial: Option<&str>) -> bool {
     let is_id = |serial: &str| serial.len() == 24 && serial.bytes().all(|c| c.is_ascii_hexdigit());
     ids == (USB_VENDOR_ID, USB_PRODUCT_ID)
@@ -78,7 +79,7 @@ fn is_stylus(ids: (u16, u16), product: Option<&str>, serial: Option<&str>) -> bo
         && serial.is_none_or(is_id)
 }
 
-/// Serial number of the stylus with this one, or of the only stylus; none if it has none.
+/// Returns the serial number of the stylus with the number `serial`, or of the only stylus; none if it has none.
 pub(super) async fn serial_number(serial: Option<&str>, link: &str) -> Result<Option<String>> {
     let device = choose(attached(link).await?, serial)?;
     Ok(device.serial_number().map(str::to_owned))
@@ -129,7 +130,7 @@ fn bulk_address(interface: &Interface, direction: Direction) -> Option<u8> {
 fn refused(link: &str, failure: &nusb::Error) -> LinkError {
     let link = link.to_owned();
     match failure.kind() {
-        // Windows denies what another program has open.
+        // Windows denies access to a device that another program has open.
         ErrorKind::PermissionDenied if cfg!(windows) => LinkError::Busy { link },
         ErrorKind::PermissionDenied => LinkError::Permission {
             link,

@@ -1,4 +1,4 @@
-//! Differences of version between device and host, with the older side.
+//! Differences of version between device and host, and which side is older.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::fmt;
 use model_format::FORMAT_VERSION;
 use model_format::link::{DeviceInfo, PROTOCOL_VERSION, SCHEMA_HASH};
 
-/// Version of this program; it and the firmware's are versions of one workspace.
+/// Version of this program. The firmware takes its version from the same workspace.
 const HOST_VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Remedy if the device is older.

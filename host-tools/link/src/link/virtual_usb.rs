@@ -1,6 +1,6 @@
-//! The USB of a virtual stylus. Its USB host is another process, at a TCP port, which makes bulk transfers on request.
+//! The USB of a virtual stylus. Its USB host is another process at a TCP port, which makes bulk transfers on request.
 //!
-//! A connection serves one program; transfers that wait at its end are cancelled.
+//! A connection serves one program. Transfers that still wait when it ends are cancelled.
 
 use std::collections::VecDeque;
 use std::io;

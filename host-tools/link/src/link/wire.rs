@@ -85,7 +85,7 @@ impl<R: AsyncRead + Send + Unpin + 'static> WireRx for CobsRx<R> {
                 other => other,
             }
             .inspect_err(|failure| self.health.end(failure))?;
-            // One read may end several frames; they wait in `ready`, because a call gives one.
+            // One read may end several frames; they wait in `ready`, because each call returns one.
             for &byte in &buffer[..count] {
                 match self.decoder.push(byte) {
                     Some(Ok(frame)) => self.ready.push_back(frame),
@@ -113,7 +113,7 @@ impl FrameDecoder {
     /// Decodes one byte, and returns the frame that the byte ends, if it ends one.
     ///
     /// # Errors
-    /// Bytes before this zero that are no frame, or one that is too long.
+    /// The bytes before this zero are not a frame, or are too long for one.
     pub fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, BrokenFrame>> {
         if byte != 0 {
             // Bytes that never hold a zero, such as another program's output, would fill the memory without this bound.
@@ -129,7 +129,7 @@ impl FrameDecoder {
             return Some(Err(BrokenFrame));
         }
         if encoded.is_empty() {
-            // The zero with which a sending end opens follows another zero where no frame was unfinished.
+            // A sending end begins with a zero. It directly follows another zero if no frame was unfinished.
             return None;
         }
         let decoded = cobs::decode_vec(&encoded).map_err(|_| BrokenFrame);

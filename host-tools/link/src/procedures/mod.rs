@@ -1,10 +1,10 @@
-//! Procedures of a person with a stylus, each of several requests over a [`link`](crate::link).
+//! Procedures that a person carries out with a stylus. Each makes several requests over a [`link`](crate::link).
 //!
 //! | module | subject |
 //! |---|---|
 //! | [`self_test`] | measurements of the device, compared with limits |
 //! | [`calibrate`] | values of the coil, and zeros and scales of the sensors, measured and verified |
-//! | [`response`] | the actuator's response: measured, equalised, proved, checked, and what is left of the limits |
+//! | [`response`] | the actuator's response: measured, equalised, proved and checked; headroom of a library |
 //! | [`set`] | a recording set that grows trial by trial |
 //! | [`strokes`] | recordings of a free hand, with its motion |
 //!

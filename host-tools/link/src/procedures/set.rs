@@ -45,7 +45,7 @@ impl PlannedTrial {
     }
 
     /// Reads a CSV list with the columns `speed_mm_s`, in mm/s, and `force_n`, in N. A column `texture` is optional;
-    /// `texture` stands in for an empty or missing one.
+    /// The argument `texture` replaces an empty or missing name.
     ///
     /// # Errors
     /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force
@@ -205,7 +205,7 @@ impl Folder {
     /// systems would give both one folder.
     ///
     /// # Errors
-    /// The first two names that do.
+    /// Such names. The error has the first two.
     pub fn check_names(&self, planned: &[PlannedTrial]) -> Result<()> {
         let there = self.done.iter().map(|(texture, ..)| texture.as_str());
         let all = there.chain(planned.iter().map(|trial| trial.texture.as_str()));
@@ -313,7 +313,7 @@ fn first_field(line: &str) -> String {
 /// Codes from the middle of the converter's range to its end.
 const HALF_RANGE: f64 = 32_768.0;
 
-/// Acceleration that half the range stands for on the axis with the largest scale, m/s². No sample of any axis then
+/// Acceleration that corresponds to half the range on the axis with the largest scale, m/s². No sample of any axis then
 /// exceeds 1.
 fn scale_m_s2(calibration: &Calibration) -> f64 {
     let largest = calibration

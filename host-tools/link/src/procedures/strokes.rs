@@ -29,7 +29,8 @@ pub struct Strokes {
 
 /// Records for `seconds`, or until `goes_on` returns false. Lost and torn samples leave a hole of their length.
 ///
-/// After each block `heard` gets all samples so far, their number at the end, and the sample rate in Hz.
+/// After each block, `heard` is called with all samples so far, the number of samples that the recording will have, and
+/// the sample rate in Hz.
 ///
 /// # Errors
 /// A lost link, more samples than a recording can have, or no block within the timeout of an answer.

@@ -28,7 +28,7 @@ const RATTLE: Fault = Fault::LooseMount {
 };
 const HARDENING: Fault = Fault::MovingResonance { doubles_at_m: 2e-4 };
 
-/// Every preset with every hand in some specimens, sound and with forces that are not linear.
+/// Returns some specimens of every preset with every hand, without faults and with nonlinear forces.
 fn specimens() -> impl Iterator<Item = Parameters> {
     let names = PRESETS
         .iter()
@@ -80,7 +80,7 @@ fn without_a_voltage_the_stored_energy_never_rises() {
     for (seed, parameters) in specimens().enumerate() {
         let mut plant = Plant::new(&parameters, 0);
         let mut chance = Chance(seed as u64);
-        // Each state alone would store about as much.
+        // Each state by itself would store about the same energy.
         let scales = [0.0, 0.5, 0.05, 1e-3, 0.1, 4e-4];
         plant.states = scales.map(|scale| chance.within(scale));
         let begin = stored(&plant);
@@ -91,7 +91,7 @@ fn without_a_voltage_the_stored_energy_never_rises() {
             assert!(now <= before + 1e-6 * begin, "{before} J: {parameters:?}");
             before = now;
         }
-        // Nothing holds a stylus that hangs free and moves as a whole.
+        // Nothing brakes a free stylus that moves as a whole.
         let is_held = parameters.hand != Hand::FREE;
         assert!(!is_held || before < 0.5 * begin, "{parameters:?}");
     }
@@ -117,12 +117,13 @@ fn the_energy_that_goes_in_is_stored_or_becomes_heat() {
             assert!(put_in > -1e-9, "it gives energy: {parameters:?}");
         }
         let error = (put_in - heated - stored(&plant)).abs() / put_in;
-        // The rule of trapezoids misses some of the knocks of a loose mount.
+        // The trapezoidal rule misses some of the knocks of a loose mount.
         assert!(error < 5e-3, "{error} of {put_in} J: {parameters:?}");
     }
 }
 
-/// Tip and pin's third harmonic per pin volt, for a sine of `volts` at `hz`, a multiple of 10, after `settle_s`.
+/// Returns the tip's acceleration at `hz`, and its third harmonic, per pin volt. The input is a sine of `volts` at
+/// `hz`, a multiple of 10, and the measurement begins after `settle_s`.
 fn measured(plant: &mut Plant, hz: f64, volts: f64, settle_s: f64) -> [Complex<f64>; 2] {
     let settle = (settle_s * STEP_HZ) as u32;
     let mut sums = [Complex::from(0.0); 2];
@@ -159,7 +160,7 @@ fn the_response_is_that_of_the_steps() {
     }
 }
 
-/// m/s² of the body per volt at the coil, with `load_kg` in all, hanging free.
+/// Returns the acceleration of a free body per volt at the coil, m/s² per V. `load_kg` is the total mass.
 fn at_coil(name: &str, load_kg: f64, hz: f64) -> f64 {
     let mut parameters = preset(name);
     parameters.hand = Hand::FREE;
@@ -228,7 +229,7 @@ fn what_bends_is_linear_at_a_low_level_only() {
         };
         assert!(third(0.002) < 1e-3 && third(0.4) > 0.02, "{fault:?}");
     }
-    // At the frequency above the resonance, a stiffer spring brings it nearer.
+    // The frequency is above the resonance, and a stiffer spring moves the resonance closer to it.
     let mut plant = Plant::new(&with(HARDENING), 0);
     let [low, high] = [0.002, 0.4].map(|volts| measured(&mut plant, 60.0, volts, 1.0)[0]);
     let exact = plant.response(60.0);
@@ -277,7 +278,7 @@ fn the_amplifier_is_silent_until_it_wakes_and_once_its_enable_falls() {
     assert!(volts(&mut plant, 40, true).abs() < 1e-9);
 }
 
-/// A sensor's root of the mean square over 2 s of its main axis, and the amplitude at `hz` for a sine of `m_s2`.
+/// Returns the RMS of a sensor's main axis over 2 s, and its amplitude at `hz`, for a sine of `m_s2`.
 fn sensed(change: impl Fn(&mut Accelerometer), hz: f64, m_s2: f64) -> (f64, f64) {
     let mut parameters = awake();
     change(&mut parameters.accelerometer);
@@ -304,7 +305,8 @@ fn the_accelerometer_has_its_noise_roll_off_and_saturation() {
     let (.., cut) = sensed(quiet, 20.0, 100.0);
     assert!(cut < 1.28 * 35.3, "{cut}");
     let (noise, _) = sensed(|_| (), 20.0, 0.0);
-    // A low-pass of the first order passes the noise of pi/2 times its band, of which a step's noise lacks the end.
+    // The noise bandwidth of a first-order low-pass is pi/2 times its corner. The noise of discrete steps lacks its
+    // upper end.
     let expected = 1.47e-3 * (1_600.0 * TAU / 4.0).sqrt();
     assert!((noise / expected - 0.95).abs() < 0.05, "{noise} {expected}");
     let tilted = |accelerometer: &mut Accelerometer| {

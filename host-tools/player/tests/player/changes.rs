@@ -35,7 +35,7 @@ fn the_last_of_many_choices_plays_and_a_stop_is_silence() {
     rubbed(&mover, &mut filler, 10, MOTION);
     for index in [3, 2, 1] {
         choose(&mover, &LIBRARIES[0], index);
-        // Each is given while the one before it waits.
+        // Each choice is made while the previous one waits.
         filler.fill(&mut [0.0; 1]);
     }
     filler.fill(&mut [0.0; 7]);

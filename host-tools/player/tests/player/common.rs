@@ -37,7 +37,7 @@ pub fn choose(mover: &Mover, library: &SharedLibrary, index: usize) {
     chosen.expect("it is there");
 }
 
-/// The samples of `blocks` blocks of 2 ms, in each of which the motion is told.
+/// Returns the samples of `blocks` blocks of 2 ms. The motion is sent before each.
 pub fn rubbed(mover: &Mover, filler: &mut Filler, blocks: usize, motion: (f64, f64)) -> Vec<f32> {
     let mut samples = vec![0.0; blocks * filler.output_rate_hz() as usize / 500];
     for block in samples.chunks_mut(filler.output_rate_hz() as usize / 500) {

@@ -1,4 +1,4 @@
-//! A player against `stylus render`, and what it does when something changes.
+//! A player compared with `stylus render`, and its behaviour when something changes.
 
 mod changes;
 mod common;

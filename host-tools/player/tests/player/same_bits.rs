@@ -1,4 +1,4 @@
-//! At the rate of the texture, a player gives the bits of `stylus render`.
+//! At the rate of the texture, a player outputs the same bits as `stylus render`.
 
 use host_tools::playing::motion::{MotionPath, MotionRow};
 use host_tools::playing::render::{Rendering, SampleClock};
@@ -7,7 +7,7 @@ use stylus_player::{BlockMotion, Selection, Without, plan_of, player};
 
 use crate::common::LIBRARIES;
 
-/// Motions of a hand, slow and fast, light and heavy, that stay for a while; in single precision, as a file's are.
+/// Motions of a hand, slow and fast, light and heavy, that stay for a while; in single precision, like those of a file.
 fn motions() -> impl Strategy<Value = Vec<BlockMotion>> {
     let speed = prop_oneof![5 => -400.0..400.0f32, 1 => Just(0.0), 1 => -1e-3..1e-3f32];
     let force = prop_oneof![5 => 0.0..4.0f32, 1 => Just(0.0), 1 => 0.0..0.03f32];

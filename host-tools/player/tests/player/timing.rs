@@ -1,4 +1,4 @@
-//! Time at which a motion is heard, and for how long.
+//! When a motion takes effect, and for how long.
 
 use stylus_player::{HELD_S, latency_s};
 
@@ -49,7 +49,7 @@ fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
     }
 }
 
-/// The samples of the texture are found in what comes of them, as late as the interpolator's delay.
+/// The output contains the texture's samples, later by the interpolator's delay.
 #[test]
 fn samples_at_another_rate_are_those_of_the_texture_later_by_the_delay() {
     for (rate_hz, every) in [(10_000, 2), (40_000, 8), (50_000, 10)] {
@@ -60,7 +60,7 @@ fn samples_at_another_rate_are_those_of_the_texture_later_by_the_delay() {
         let delay_s = latency_s(5000, rate_hz) - latency_s(5000, 5000);
         let delay = (delay_s * 5000.0).round() as usize;
         let later = samples.iter().step_by(every).skip(delay);
-        // A texture has content up to half of its rate, of which the filter takes the uppermost fifth.
+        // A texture has content up to half of its rate, of which the filter removes the uppermost fifth.
         let (mut error, mut power) = (0.0, 0.0);
         for (one, other) in exact.iter().zip(later) {
             error += f64::from(one - other).powi(2);

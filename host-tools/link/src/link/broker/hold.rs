@@ -1,4 +1,5 @@
-//! A device that one program has alone: no broker starts meanwhile, and other programs are refused with its name.
+//! Exclusive use of a device by one program. Meanwhile no broker starts, and other programs are refused with an error
+//! that names this program.
 
 use std::fs::File;
 use std::time::{Duration, Instant};
@@ -8,23 +9,23 @@ use super::place::Place;
 use crate::link::LinkAddress;
 use crate::link::error::{LinkError, Result};
 
-/// Time in which a broker without clients has ended.
+/// Time after which a broker without clients has certainly ended.
 const BROKER_END: Duration = super::IDLE.saturating_add(Duration::from_secs(1));
 
-/// The lock of a device, which this program has alone until this is dropped.
+/// The lock of a device that this program uses exclusively. Dropping it frees the device.
 #[derive(Debug)]
 pub(in crate::link) struct Hold {
     _lock: File,
 }
 
-/// Locks the device for this program alone, named by its `command`, once a broker that nobody uses has ended. None if
-/// the system has no place for locks.
+/// Locks the device for this program only, and writes its `command` into the lock. First waits for the end of a broker
+/// without clients. Returns `None` if no place for the lock can be determined.
 ///
 /// # Errors
-/// Another program that has the device, or a broker that has clients; the error names them.
+/// Another program has the device exclusively, or a broker has clients. The error names them.
 pub(in crate::link) async fn hold(address: &LinkAddress, command: &str) -> Result<Option<Hold>> {
     let Ok(place) = Place::of(address).await else {
-        // The opening tells what is wrong with the address.
+        // Opening the link will report what is wrong with the address.
         return Ok(None);
     };
     let begin = Instant::now();

@@ -1,4 +1,4 @@
-//! A client's side of a broker: finds it, starts it where there is none, and makes a link of its socket.
+//! The client of a broker: finds the broker or starts one, and makes a link from its socket.
 
 use std::io::{self, BufRead, BufReader};
 use std::os::unix::process::CommandExt;
@@ -21,16 +21,16 @@ use crate::link::health::Health;
 use crate::link::open::Ends;
 use crate::link::virtual_usb::encode;
 
-/// Time in which a broker has to be found or started. A TCP connection alone may take three seconds.
+/// Longest time to find or start a broker. A TCP connection by itself may take three seconds.
 const TIMEOUT: Duration = Duration::from_secs(8);
 
-/// Time in which a broker has to welcome a client.
+/// Longest time until a broker welcomes a client.
 const WELCOME_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Opens a shared link, and gives its ends to `ends`. Starts a broker where there is none.
+/// Opens a shared link and passes its two ends to `ends`. Starts a broker if none is running.
 ///
 /// # Errors
-/// A device that cannot be opened, that another program has alone, or that one of another version shares.
+/// The device cannot be opened, another program has it exclusively, or a program of another version shares it.
 pub(in crate::link) async fn open<E: Ends>(
     address: &LinkAddress,
     sharing: &Sharing,
@@ -52,10 +52,10 @@ pub(in crate::link) async fn open<E: Ends>(
     }
 }
 
-/// Opens a link that another program shares, and gives its ends to `ends`; none if nobody shares it.
+/// Opens a link that another program shares, and passes its two ends to `ends`. Returns `None` if no program shares it.
 ///
 /// # Errors
-/// A program of another version that shares it, or one that has the device alone.
+/// A program of another version shares the link, or a program has the device exclusively.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     command: &str,
@@ -63,7 +63,7 @@ pub(in crate::link) async fn join<E: Ends>(
     ends: E,
 ) -> Result<Option<E::Made>> {
     let Ok(place) = Place::of(address).await else {
-        // The opening tells what is wrong with the address; without a folder there is no broker.
+        // Opening the link will report what is wrong with the address. Without a runtime folder there is no broker.
         return Ok(None);
     };
     let begin = Instant::now();
@@ -97,7 +97,7 @@ fn continue_within(place: &Place, begin: Instant) -> Result<()> {
 /// The two ends of a broker's socket.
 type Socket = (Messages<OwnedReadHalf>, OwnedWriteHalf);
 
-/// Connects to the socket as the client of this command; none if no broker answers there.
+/// Connects to the socket as a client with this `command`. Returns `None` if no broker answers there.
 async fn connect(place: &Place, command: &str, health: &Health) -> Result<Option<Socket>> {
     let stream = match UnixStream::connect(&place.socket).await {
         Ok(stream) => stream,
@@ -123,7 +123,7 @@ async fn connect(place: &Place, command: &str, health: &Health) -> Result<Option
             health.set_broken(frames);
             Ok(Some((messages, writer)))
         }
-        // It ends in this moment.
+        // The broker is just ending.
         Ok(_) => Ok(None),
         Err(_) => Err(unusable(
             &place.address,
@@ -132,7 +132,7 @@ async fn connect(place: &Place, command: &str, health: &Health) -> Result<Option
     }
 }
 
-/// Starts a broker, and waits until it is ready or knows that another one is there.
+/// Starts a broker, and waits until it is ready or reports that another broker already serves the device.
 async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
     let failed = |failure: io::Error| unusable(&place.address, &failure);
     let mut broker = Command::new(&sharing.program)
@@ -141,7 +141,7 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
-        // A group of its own, so that Ctrl-C ends the command and not the broker.
+        // The broker gets a process group of its own, so that Ctrl-C ends only the command.
         .process_group(0)
         .spawn()
         .map_err(failed)?;
@@ -157,7 +157,7 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
             return Err(unusable(&place.address, &"the sharing process won't start"));
         }
     };
-    // A broker that lives longer than this process is the system's to wait for.
+    // If the broker outlives this process, the system waits for it instead.
     drop(tokio::task::spawn_blocking(move || broker.wait()));
     match line.trim_end() {
         BROKER_READY => Ok(()),
@@ -170,13 +170,13 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
     }
 }
 
-/// Makes a link of a socket.
+/// Makes a link from a socket.
 fn give<E: Ends>((messages, writer): Socket, health: &Arc<Health>, ends: E) -> E::Made {
     let health = health.clone();
     ends.take(SocketTx(writer), SocketRx { messages, health })
 }
 
-/// Reason for the end of a socket without another one.
+/// Reason for the end of a link whose broker has given none.
 const GONE: &str = "the process that shared it has ended";
 
 /// The sending end.
@@ -189,7 +189,8 @@ impl WireTx for SocketTx {
         let sent = self.0.write_all(&encode(&ToBroker::Frame(frame))).await;
         match sent {
             Ok(()) => Ok(()),
-            // The broker's last message may still wait to be read, and says why.
+            // The receiving end reports why the link ended, because the broker's last message may not have been read
+            // yet.
             Err(_) => std::future::pending().await,
         }
     }

@@ -1,5 +1,6 @@
-//! A broker's clients, and the messages between them and it. Each is its length, four bytes in little-endian order, and
-//! a value in postcard, as on a virtual USB. Programs of another version have another socket.
+//! A broker's clients, and the messages that they exchange with the broker. A message consists of its length, as four
+//! bytes in little-endian order, and a value in postcard, like the messages of a virtual USB. Programs of another
+//! version use another socket.
 
 use std::collections::VecDeque;
 use std::io;
@@ -9,7 +10,7 @@ use tokio::io::{AsyncRead, AsyncReadExt};
 
 use crate::link::virtual_usb::take;
 
-/// Number of a client, which no later one has.
+/// Number of a client. No later client gets the same number.
 pub(super) type ClientId = u64;
 
 /// A program at the other end of the socket.
@@ -17,7 +18,7 @@ pub(super) type ClientId = u64;
 pub(super) struct Program {
     /// Command of the program.
     pub(super) command: String,
-    /// Number of the program's process, if the system tells it.
+    /// Number of the program's process, if the system reports it.
     pub(super) process: Option<i32>,
 }
 
@@ -45,7 +46,7 @@ pub(super) enum ToBroker {
 pub(super) enum FromBroker {
     /// A frame of the device.
     Frame(Vec<u8>),
-    /// The reason for which the next error answers the request of this key.
+    /// The reason why the next error refuses the request with this key.
     Refused {
         /// Key of the request.
         key: [u8; 8],
@@ -57,7 +58,7 @@ pub(super) enum FromBroker {
         /// The program, in words.
         by: String,
     },
-    /// The next answer is of a recording that other clients have begun.
+    /// The next answer is about a recording that other clients have begun.
     Joins {
         /// Blocks that the device has recorded so far.
         blocks: u32,
@@ -85,7 +86,7 @@ impl<R: AsyncRead + Unpin> Messages<R> {
         }
     }
 
-    /// Waits for the next message. What was read of it stays where this is cancelled.
+    /// Waits for the next message. If the wait is cancelled, the bytes that have arrived are kept.
     ///
     /// # Errors
     /// The end of the connection, or bytes that are no message.

@@ -1,24 +1,25 @@
 //! One link for several programs: a process that owns the link to a device and shares it by a local socket.
 //!
-//! A system lets one program open a serial port or claim a USB interface. So the first command that opens a device
-//! starts a broker, which is the same program in a process of its own, and all commands speak to that. It ends some
-//! seconds after its last client, or with its link.
+//! An operating system lets only one program open a serial port or claim a USB interface. So the first command that
+//! opens a device starts a broker, which is the same program in a process of its own. All commands then communicate
+//! with the broker. It ends some seconds after its last client has left, or when its link ends.
 //!
 //! | module | subject |
 //! |---|---|
 //! | `place` | the socket and the lock of a device, in the user's runtime folder |
-//! | `sharing` | the command that is a broker, and the program that starts it |
-//! | `hold` | a device that one program has alone |
+//! | `sharing` | the command that runs as a broker, and the program that starts it |
+//! | `hold` | exclusive use of a device by one program |
 //! | `message` | messages between a client and the broker |
-//! | `join` | a client's side: finds a broker, starts one where there is none, and is its client |
+//! | `join` | the client: finds or starts a broker, and connects to it |
 //! | `serve` | the process: its sockets and its end |
-//! | `switchboard` | the rules, without input and output: answers go to who asked, and motion has one holder |
+//! | `switchboard` | the rules, without input and output: who gets an answer, which activities exclude each other |
 //!
-//! Invariants: an answer reaches the client that asked, under its own sequence number, or nobody. Of the activities
-//! that would disturb each other one client has one at a time; what the others send for theirs does not reach the
-//! device, because a play's motions and keep-alives would keep the lease alive. Frames go to the device in the order of
-//! their arrival, and few of each client wait, so that a stop or a motion is not held up by another client's upload.
-//! Blocks of a recording go to all clients; one that reads too slowly loses some, which it counts; nobody else does.
+//! Invariants: an answer reaches the client that asked, under that client's own sequence number, or nobody. Of the
+//! activities that would disturb each other, only one client has one at a time. What other clients send for such an
+//! activity does not reach the device, because their motions and keep-alives would keep the lease of the play alive.
+//! Frames go to the device in the order of their arrival. Only few frames of each client wait, so that a stop or a
+//! motion is not held up by another client's upload. Blocks of a recording go to all clients. A client that reads too
+//! slowly loses some blocks, which it counts; no other client loses any.
 
 mod hold;
 #[cfg(unix)]

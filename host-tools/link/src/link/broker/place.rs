@@ -13,33 +13,33 @@ use crate::link::error::{LinkError, Result};
 use crate::link::{LinkAddress, usb};
 use crate::support::fnv::Fnv;
 
-/// Version of the messages, which stands in the socket's name with the version of the device's protocol. The lock is
-/// the same for all versions.
+/// Version of the messages. The socket's name depends on it and on the version of the device's protocol. The lock's
+/// name is the same for all versions.
 const VERSION: u16 = 2;
 
-/// Begin of the words in a lock whose holder does not share the device.
+/// Prefix of the text in a lock whose holder does not share the device.
 const ALONE: &str = "alone: ";
 
-/// Time that a program waits for the end of another that has the device alone: that of a short command.
+/// Time that a program waits for another one that has the device exclusively. A short command ends within this time.
 const PATIENCE: Duration = Duration::from_millis(300);
 
-/// Remedy where no broker can be had.
+/// Remedy if no broker can be used.
 const REMEDY: &str = "--no-broker opens the device without sharing it";
 
-/// The place of a device's broker, or of the program that has the device alone.
+/// The files of a device's broker, or of the program that has the device exclusively.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
-    /// The device's address, the same whichever way the user has written it.
+    /// The device's address in a canonical form, however the user has written it.
     pub(super) address: LinkAddress,
     /// The socket.
     pub(super) socket: PathBuf,
-    /// The lock, which the broker, or a program that has the device alone, holds as long as it lives, and which names
-    /// the programs.
+    /// The lock file. The broker, or a program that has the device exclusively, holds the lock as long as it runs. The
+    /// file names the programs that use the device.
     lock: PathBuf,
 }
 
 impl Place {
-    /// The place of the broker of `address`.
+    /// Returns the files of the broker of `address`.
     ///
     /// # Errors
     /// No such device on USB, or a runtime folder that others might write to.
@@ -50,7 +50,8 @@ impl Place {
     }
 
     fn within(folder: &Path, address: LinkAddress) -> Self {
-        // Hashes, because a socket's path has at most 104 bytes on some systems, and a serial port's may be longer.
+        // Names are hashes, because a socket's path has at most 104 bytes on some systems, and the path of a serial
+        // port may be longer.
         let hashed = |text: &str| format!("link-{:016x}", Fnv::of(text.as_bytes()));
         let name = address.to_string();
         let versions = format!("{name} {VERSION} {SCHEMA_HASH:016x}");
@@ -72,26 +73,26 @@ impl Place {
 
     /// Names the clients in the lock.
     pub(super) fn name_clients(&self, clients: &str) {
-        // It serves a message alone.
+        // A failure is ignored, because only a message uses the names.
         let _ = fs::write(self.names(), clients);
     }
 
-    /// Names in the lock the program that has the device alone.
+    /// Writes into the lock file the name of this program, which has the device exclusively.
     pub(super) fn name_alone(&self, command: &str) {
         let process = std::process::id();
         self.name_clients(&format!("{ALONE}`stylus {command}` (process {process})"));
     }
 
-    /// Returns true while another program has the device alone.
+    /// Returns true while another program has the device exclusively.
     ///
     /// # Errors
-    /// It still has the device some time after `begin`; the error names it.
+    /// The program still has the device some time after `begin`. The error names the program.
     pub(super) fn is_held_alone(&self, begin: Instant) -> Result<bool> {
         let names = fs::read_to_string(self.names()).unwrap_or_default();
         let Some(program) = names.strip_prefix(ALONE) else {
             return Ok(false);
         };
-        // A program that has ended leaves its name, and no lock.
+        // A program that has ended leaves its name in the file, but no longer holds the lock.
         if self.lock()?.is_some() {
             return Ok(false);
         }
@@ -104,7 +105,7 @@ impl Place {
         })
     }
 
-    /// The file that names the clients: the lock, where a lock does not keep others from reading it.
+    /// Returns the file that names the clients. It is the lock file itself where other programs can read a locked file.
     fn names(&self) -> PathBuf {
         if cfg!(unix) {
             self.lock.clone()
@@ -113,8 +114,8 @@ impl Place {
         }
     }
 
-    /// Locks the lock file, or returns `None` if another program has the lock. A crash frees the lock, so that it tells
-    /// of a program that lives, which the socket does not.
+    /// Locks the lock file, or returns `None` if another program has the lock. The system frees the lock after a crash.
+    /// A held lock therefore shows that a program still runs, which the socket does not show.
     ///
     /// # Errors
     /// A file that cannot be made or locked.
@@ -133,7 +134,7 @@ impl Place {
     }
 }
 
-/// An error for a broker that cannot be had.
+/// Returns the error for a broker that cannot be used.
 pub(super) fn unusable(address: &LinkAddress, reason: &impl ToString) -> LinkError {
     LinkError::Open {
         link: address.to_string(),
@@ -141,9 +142,9 @@ pub(super) fn unusable(address: &LinkAddress, reason: &impl ToString) -> LinkErr
     }
 }
 
-/// The address of a device that all ways of writing it have in common.
+/// Returns the canonical form of a device's address, which all ways of writing it have in common.
 async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
-    // What cannot be resolved is left to the opening, which says why.
+    // A host that cannot be resolved stays as it is. Opening the link will report why.
     let resolved = |host: &str, port: u16| {
         let found = (host, port).to_socket_addrs().ok()?.next()?;
         Some(found.ip().to_string())

@@ -26,29 +26,32 @@ use crate::link::health::Health;
 use crate::link::open::{self, Ends};
 use crate::link::virtual_usb::encode;
 
-/// Time that clients have to take the last messages of a broker that ends.
+/// Time that clients have to read the last messages of a broker that ends.
 const LAST_MESSAGES: Duration = Duration::from_millis(200);
 
-/// Frames of one client on their way to the device. Its further ones wait in its socket, so that a client that sends
-/// more than the link takes keeps the stops and motions of others waiting for no more than these.
+/// Largest number of frames of one client on their way to the device. Further frames wait in the client's socket. A
+/// client that sends more than the link can carry therefore delays the stops and motions of others by no more than
+/// these frames.
 const CLIENT_FRAMES: usize = 2;
 
-/// Messages that wait for a client above which blocks of a recording are left out: more than a second of blocks.
+/// Number of messages waiting for a client from which on blocks of a recording are left out. They amount to more than a
+/// second of blocks.
 const MOST_WITH_BLOCKS: usize = 256;
 
-/// Messages that wait for a client above which it counts as dead.
+/// Number of messages waiting for a client from which on the client counts as dead.
 const MOST_MESSAGES: usize = 4096;
 
-/// End of a broker that did not fail.
+/// How a broker ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Served {
-    /// The broker had clients, and all have left, or its link has ended.
+    /// No client was left, the link has ended, or the system has asked the process to end.
     Ended,
     /// Another broker serves this device.
     Taken,
 }
 
-/// Owns the link to a device and shares it, until the last client has left. `ready` is called once clients may come.
+/// Opens the link to a device, and shares it until the last client has left. Calls `ready` as soon as clients can
+/// connect.
 ///
 /// # Errors
 /// A link that cannot be opened, or a socket that cannot be made.
@@ -59,9 +62,9 @@ pub fn serve(address: &LinkAddress, ready: impl FnOnce()) -> Result<Served> {
         .map_err(LinkError::Host)?;
     let mut lock = None;
     let served = runtime.block_on(run(address, &mut lock, ready));
-    // A read of a port may still block a thread.
+    // Threads are not waited for, because a read of a port may still block one.
     runtime.shutdown_background();
-    // Whoever takes the lock finds the device closed.
+    // The lock is freed last, so that its next holder finds the device closed.
     drop(lock);
     served
 }
@@ -79,7 +82,7 @@ async fn run(
     place.name_clients("");
     let failed = |failure: io::Error| unusable(address, &failure);
     let mut terminated = signal(SignalKind::terminate()).map_err(failed)?;
-    // The terminal of the first client may close; the others go on.
+    // A hangup is ignored, because other clients continue when the terminal of the first client closes.
     let mut hung_up = signal(SignalKind::hangup()).map_err(failed)?;
     let (events, mut arrivals) = mpsc::unbounded_channel();
     let health = Arc::new(Health::default());
@@ -127,14 +130,14 @@ async fn run(
     Ok(Served::Ended)
 }
 
-/// A socket that is removed with its broker, also where that fails.
+/// A socket that is removed when its broker ends, also after a failure.
 struct Socket<'a>(&'a Place);
 
 impl<'a> Socket<'a> {
-    /// Listens at the socket of `place`, for this user alone.
+    /// Listens at the socket of `place`, for this user only.
     fn bind(place: &'a Place, address: &LinkAddress) -> Result<(Self, UnixListener)> {
         let failed = |failure: io::Error| unusable(address, &failure);
-        // Nobody listens at a socket whose lock was free: it is that of a broker that has crashed.
+        // The lock was free, so nobody listens at an existing socket: a broker that crashed has left it.
         match fs::remove_file(&place.socket) {
             Err(failure) if failure.kind() != io::ErrorKind::NotFound => {
                 let shown = place.socket.display();
@@ -158,19 +161,19 @@ impl Drop for Socket<'_> {
     }
 }
 
-/// A frame for the device, with the permit of its client, which is free again once the frame is sent.
+/// A frame for the device, with the permit that its client used for it. The permit is freed once the frame is sent.
 type Outgoing = (Vec<u8>, Option<OwnedSemaphorePermit>);
 
-/// An arrival at the broker.
+/// An event that the broker serves.
 enum Event {
-    /// A client that has said its command, with the queue of what it is told.
+    /// A client that has sent its command, with the queue of messages to it and their number.
     Joined(
         ClientId,
         Program,
         UnboundedSender<FromBroker>,
         Arc<AtomicUsize>,
     ),
-    /// A frame of a client, with the permit that bounds its number.
+    /// A frame of a client, with the permit that bounds the number of such frames.
     OfClient(ClientId, Vec<u8>, OwnedSemaphorePermit),
     /// The end of a client.
     Left(ClientId),
@@ -180,7 +183,7 @@ enum Event {
     LinkEnded,
 }
 
-/// The two tasks between the device and the queues.
+/// The two tasks that move frames between the link and the broker's queues.
 struct Pumps {
     outgoing: UnboundedReceiver<Outgoing>,
     events: UnboundedSender<Event>,
@@ -225,7 +228,7 @@ struct Client {
 }
 
 impl Client {
-    /// Appends a message; false if the client counts as dead.
+    /// Queues a message for the client. Returns false if the client counts as dead.
     fn tell(&self, message: FromBroker) -> bool {
         self.waiting.fetch_add(1, Ordering::Relaxed) < MOST_MESSAGES
             && self.messages.send(message).is_ok()
@@ -250,7 +253,7 @@ struct Broker<'a> {
 }
 
 impl Broker<'_> {
-    /// Serves an event; true if the broker is to end.
+    /// Serves an event. Returns true if the broker must end.
     fn serve(&mut self, event: Event) -> bool {
         match event {
             Event::Joined(id, program, messages, waiting) => {
@@ -289,7 +292,7 @@ impl Broker<'_> {
     fn accept(&mut self, stream: UnixStream) {
         self.idle_since = Instant::now();
         let Ok(peer) = stream.peer_cred() else { return };
-        // The folder keeps others out already.
+        // This is a second check: the folder's permissions already keep other users out.
         if !is_own(&peer) {
             return;
         }
@@ -336,7 +339,7 @@ impl Broker<'_> {
         for action in actions {
             match action {
                 Action::ToDevice(frame) => {
-                    // An end of the link is an event of its own.
+                    // A failure is ignored, because the end of the link is an event of its own.
                     let _ = self.to_device.send((frame, permit.take()));
                 }
                 Action::ToClient(to, message) => {
@@ -361,7 +364,7 @@ impl Broker<'_> {
         }
     }
 
-    /// Gives the clients time to take what was said last.
+    /// Gives the clients time to read their last messages.
     async fn flush(&self) {
         let is_waiting = |client: &Client| {
             !client.messages.is_closed() && client.waiting.load(Ordering::Relaxed) > 0

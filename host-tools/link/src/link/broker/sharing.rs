@@ -1,4 +1,4 @@
-//! The command that is a broker, and a program that starts it.
+//! The command that runs as a broker, and the program that starts it.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -11,20 +11,20 @@ pub const BROKER_READY: &str = "ready";
 /// Line that a broker prints if another program has the device.
 pub const BROKER_TAKEN: &str = "taken";
 
-/// Name of the command that is a broker.
+/// Name of the command that runs as a broker.
 pub const BROKER_COMMAND: &str = "share-link";
 
 /// A program that shares the links that it opens.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sharing {
-    /// The `stylus` program, which is started as a broker where there is none.
+    /// The `stylus` program, which is started as a broker if none is running.
     pub program: PathBuf,
-    /// The command that opens the link, for others that want to know who does.
+    /// The command that opens the link. Other programs name it in their messages.
     pub command: String,
 }
 
 impl Sharing {
-    /// The arguments with which the program is a broker of `address`.
+    /// Returns the arguments that make the program a broker of `address`.
     pub fn arguments(&self, address: &LinkAddress) -> [OsString; 3] {
         [
             BROKER_COMMAND.into(),

@@ -1,4 +1,5 @@
-//! The rules of a broker, without input and output: each event gives the frames and messages that follow from it.
+//! The rules of a broker, without input and output. The function for each event returns the frames and messages that
+//! follow from the event.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::time::{Duration, Instant};
@@ -25,32 +26,33 @@ pub(super) enum Action {
     ToDevice(Vec<u8>),
     /// A message for a client.
     ToClient(ClientId, FromBroker),
-    /// A block of a recording, for every client that does not read too slowly. Its number shows what is missing.
+    /// A block of a recording, for every client that does not read too slowly. The block's number shows a client which
+    /// blocks it has missed.
     Block(Vec<u8>),
 }
 
-/// An activity that others would disturb.
+/// An activity of a client that activities of other clients would disturb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Activity {
-    /// Until the stop.
+    /// Lasts until the stop.
     Play,
-    /// Until the commit or the abort.
+    /// Lasts until the commit or the abort.
     Upload,
-    /// Measurement of the actuator, until a response is stored or its client leaves: between two probes there is a
-    /// pause, in which the coil must stay as cool as it is.
+    /// Measurement of the actuator. Lasts until a response is stored or its client leaves, because nothing may heat the
+    /// coil in the pause between two probes.
     Measurement,
-    /// Until its client leaves.
+    /// Lasts until its client leaves.
     SelfTest,
-    /// Until its client leaves.
+    /// Lasts until its client leaves.
     Update,
-    /// A change of settings, one request long.
+    /// A change of settings. Lasts for one request.
     Settings,
-    /// One request long.
+    /// Lasts for one request.
     Activation,
 }
 
 impl Activity {
-    /// The activity that a request or message of this key is part of.
+    /// Returns the activity to which a request or message with this key belongs.
     fn of(key: Key) -> Option<Self> {
         Some(match key {
             MotionTopic::TOPIC_KEY
@@ -75,14 +77,14 @@ impl Activity {
         })
     }
 
-    /// Returns true unless two clients may do this and the other one at once.
+    /// Returns true if `self` of one client and `other` of another client exclude each other.
     fn disturbs(self, other: Self) -> bool {
         let beside_upload = |one| matches!(one, Self::Play | Self::Settings);
         !(self == Self::Upload && beside_upload(other)
             || other == Self::Upload && beside_upload(self))
     }
 
-    /// The verb for its client.
+    /// Returns the verb that says what a client in this activity does.
     fn verb(self) -> &'static str {
         match self {
             Self::Play => "plays",
@@ -113,18 +115,18 @@ struct Holder {
 /// A request that the device has not answered.
 #[derive(Debug)]
 struct Asked {
-    /// The client; none if it has left, or if the request is the broker's own.
+    /// The client that asked. None if it has left, or if the broker itself asked.
     client: Option<ClientId>,
     header: VarHeader,
     request: Request,
 }
 
-/// Requests whose answers change what the broker knows.
+/// Kind of a request: what its answer changes in the broker's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Request {
-    /// The begin of an activity; true if its client was not in it before.
+    /// The begin of an activity. True if its client was not in it before.
     Begin(Activity, bool),
-    /// The end of one.
+    /// The end of an activity.
     End(Activity),
     RecordStart,
     Other,
@@ -136,7 +138,7 @@ struct Recording {
     clients: BTreeSet<ClientId>,
     /// Body of the device's answer to the start.
     answer: Vec<u8>,
-    /// The device's answer if it were stopped now, by the last block.
+    /// The answer that the device would give to a stop at this moment, according to the last block.
     so_far: RecordStopped,
 }
 
@@ -151,7 +153,7 @@ pub(super) struct Switchboard {
 }
 
 impl Switchboard {
-    /// A client has come.
+    /// Adds a client that has connected.
     pub(super) fn joined(&mut self, client: ClientId, program: Program) {
         self.clients.insert(client, program);
     }
@@ -162,9 +164,9 @@ impl Switchboard {
         words.join(", ")
     }
 
-    /// A client has left, in the middle of whatever it did.
+    /// Removes a client that has left, whatever it was doing.
     ///
-    /// The client's play ends as that of a host that is gone: nobody sends the keep-alives that the device waits for.
+    /// The client's play then ends by itself, because nobody sends the keep-alives that the device waits for.
     pub(super) fn left(&mut self, client: ClientId) -> Vec<Action> {
         self.clients.remove(&client);
         for asked in self.asked.values_mut() {
@@ -179,9 +181,9 @@ impl Switchboard {
         self.end_unwanted_recording()
     }
 
-    /// A frame of a client.
+    /// Handles a frame that a client has sent.
     pub(super) fn frame_of(&mut self, client: ClientId, frame: &[u8]) -> Vec<Action> {
-        // The device would refuse it, after the others had waited for its time on the wire.
+        // The device would refuse a longer frame, but only after the other clients had waited for its transmission.
         if frame.len() > MAX_HOST_FRAME_BYTES {
             let bytes = frame.len();
             let reason =
@@ -199,7 +201,7 @@ impl Switchboard {
             return self.refuse(client, header, key, holder);
         }
         let request = match key {
-            // Topics are not answered, and keep their number.
+            // Topics are not answered, so they keep the client's number.
             MotionTopic::TOPIC_KEY | KeepAliveTopic::TOPIC_KEY => {
                 return vec![Action::ToDevice(frame.to_vec())];
             }
@@ -207,7 +209,8 @@ impl Switchboard {
                 Request::End(Activity::Upload)
             }
             ResponseSetEndpoint::REQ_KEY => Request::End(Activity::Measurement),
-            // The device refuses the start of a recording that is under way, and its answer is changed.
+            // While a recording is under way, the device refuses to start another one. The broker then replaces this
+            // refusal.
             RecordStartEndpoint::REQ_KEY => Request::RecordStart,
             StopEndpoint::REQ_KEY => {
                 let moves = [Activity::Play, Activity::Measurement];
@@ -232,7 +235,7 @@ impl Switchboard {
         vec![self.ask(Some(client), header, request, body)]
     }
 
-    /// A frame of the device.
+    /// Handles a frame that the device has sent.
     pub(super) fn frame_of_device(&mut self, frame: &[u8]) -> Vec<Action> {
         let Some((header, body)) = VarHeader::take_from_slice(frame) else {
             return Vec::new();
@@ -253,21 +256,21 @@ impl Switchboard {
             VarSeq::Seq2(number) => number,
             VarSeq::Seq4(number) => number as u16,
         };
-        // The answer to a request that a later one of its number has replaced goes to nobody.
+        // A frame that answers no waiting request goes to nobody.
         let Some(asked) = self.asked.remove(&number) else {
             return Vec::new();
         };
         self.answer(&asked, header, body)
     }
 
-    /// The client whose activity keeps `client` from this one.
+    /// Returns the other client whose activity keeps `client` from `activity`, if there is one.
     fn in_the_way(&self, client: ClientId, activity: Activity) -> Option<Holder> {
         let mut others = self.held.iter().filter(|holder| holder.client != client);
         let holder = others.find(|holder| activity.disturbs(holder.activity))?;
         Some(*holder)
     }
 
-    /// A request of `client` that begins an activity.
+    /// Notes that `client` begins an activity, and returns the kind of its request.
     fn begin(&mut self, client: ClientId, activity: Option<Activity>) -> Request {
         let Some(activity) = activity else {
             return Request::Other;
@@ -319,7 +322,7 @@ impl Switchboard {
         program.map_or_else(|| "another program".to_owned(), Program::to_string)
     }
 
-    /// Asks the device, under a number of the broker's own.
+    /// Sends a request to the device under the broker's own number.
     fn ask(
         &mut self,
         client: Option<ClientId>,
@@ -327,7 +330,7 @@ impl Switchboard {
         request: Request,
         body: &[u8],
     ) -> Action {
-        // A number that comes again is that of the oldest request, whose answer was lost.
+        // When the numbers wrap around, a reused number belonged to the oldest request, whose answer was lost.
         self.last_number = self.last_number.wrapping_add(1);
         let asked = Asked {
             client,
@@ -342,7 +345,8 @@ impl Switchboard {
         Action::ToDevice(frame(header, body))
     }
 
-    /// A stop, which any client may send. It tells the other `clients`, whose activity or recording it ends.
+    /// Passes on a stop, which any client may send. Informs the other `clients`, whose activity or recording the stop
+    /// ends.
     fn stop(
         &mut self,
         client: ClientId,
@@ -362,7 +366,8 @@ impl Switchboard {
         actions
     }
 
-    /// The end of a client's recording, which the device goes on with for others; or of all, by a client that has none.
+    /// Ends a client's recording. The device continues to record while other clients need it. A client that does not
+    /// record itself ends the recording of all.
     fn stop_recording(&mut self, client: ClientId, header: VarHeader, body: &[u8]) -> Vec<Action> {
         if let Some(recording) = &mut self.recording
             && recording.clients.remove(&client)
@@ -378,7 +383,7 @@ impl Switchboard {
         self.stop(client, header, body, clients)
     }
 
-    /// Stops a recording that no client wants any more.
+    /// Stops a recording that no client needs any more.
     fn end_unwanted_recording(&mut self) -> Vec<Action> {
         if (self.recording)
             .take_if(|recording| recording.clients.is_empty())
@@ -393,10 +398,10 @@ impl Switchboard {
         vec![self.ask(None, header, Request::Other, &[])]
     }
 
-    /// An answer of the device, for the client that has asked.
+    /// Passes an answer of the device to the client that asked, and updates the broker's state.
     fn answer(&mut self, asked: &Asked, header: VarHeader, body: &[u8]) -> Vec<Action> {
         let is_error = header.key == VarKey::Key8(ERROR_KEY);
-        // The first byte of a result in postcard is 0 if it is none of the device's refusals.
+        // The first byte of a result in postcard is 0 if the device has not refused.
         let is_done = !is_error && body.first() == Some(&0);
         let mut body = body.to_vec();
         let mut actions = Vec::new();
@@ -454,7 +459,7 @@ fn frame(header: VarHeader, body: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// An answer under the number that the client has given its request.
+/// Returns an answer under the number that the client gave its request.
 fn answer_frame(key: VarKey, asked: VarHeader, body: &[u8]) -> FromBroker {
     let seq_no = asked.seq_no;
     FromBroker::Frame(frame(VarHeader { key, seq_no }, body))

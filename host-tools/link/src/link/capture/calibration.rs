@@ -19,7 +19,8 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The calibration of the device's settings, with `m_s2_per_volt` in place of their acceleration scales if given.
+    /// Returns the calibration that the device's settings hold. `m_s2_per_volt` replaces their acceleration scales if
+    /// given.
     pub fn new(settings: &Settings, m_s2_per_volt: Option<[f64; 3]>) -> Self {
         let volt_per_code = f64::from(AdcCode::STEP.0);
         let of_settings = settings.acceleration_per_volt().map(f64::from);
@@ -57,7 +58,8 @@ const MID_SCALE: u16 = 1 << 15;
 pub struct Level {
     /// RMS about the mean, summed over the axes in quadrature, m/s².
     pub rms_m_s2: f64,
-    /// Largest distance of a code from mid-scale on any axis, as a share of half the range: 1 is the converter's limit.
+    /// Largest distance of a code from mid-scale on any axis, as a fraction of half the range; 1 is the converter's
+    /// limit.
     pub peak_of_range: f64,
     /// Magnitude of the mean tangential speed, mm/s.
     pub speed_mm_s: f64,

@@ -8,7 +8,7 @@ use super::stream::Stream;
 use crate::link::device::Device;
 use crate::link::error::{LinkError, Result};
 
-/// Longest search for a stretch without a hole, in lengths of that stretch.
+/// Longest search for a stretch without a hole, as a multiple of the stretch's length.
 const MAX_LENGTHS: u64 = 4;
 
 /// Samples of successive ticks, without a hole.
@@ -22,19 +22,20 @@ pub struct Capture {
     pub first_tick: u64,
     /// Losses before this stretch and after it.
     pub loss: Loss,
-    /// Number of holes, each of which made the capture begin anew.
+    /// Number of holes. After each hole the capture began again.
     pub holes: u32,
     /// Number of samples of this stretch that were torn. Their codes are interpolated between their whole neighbours.
     pub interpolated: u32,
 }
 
-/// Share of torn samples above which a stretch is no recording.
+/// Fraction of torn samples above which a stretch is rejected.
 const MOST_TORN: f64 = 0.01;
 
-/// Records `seconds` without a hole, after `settle_s` that are left out. Returns `None` as soon as `goes_on` returns
-/// false.
+/// Records `seconds` without a hole, after `settle_s` seconds that are left out. Returns `None` as soon as `goes_on`
+/// returns false.
 ///
-/// After each block `heard` gets all samples of the stretch so far, their number at its end, and the sample rate in Hz.
+/// After each block, `heard` is called with all samples of the stretch so far, the number of samples that the stretch
+/// will have at its end, and the sample rate in Hz.
 ///
 /// # Errors
 /// A lost link, more samples than a recording can have, or no stretch without a hole in four times its length.
@@ -50,7 +51,7 @@ pub fn capture(
     let settle = stream.samples_in(settle_s)?;
     let wanted = stream.samples_in(seconds)?.max(1);
     let most_ticks = (settle + wanted + BLOCK_SAMPLES) as u64 * MAX_LENGTHS;
-    // Samples come in blocks, so the last one may go beyond what is wanted by nearly its length.
+    // Samples come in blocks, so the last block may exceed the wanted number by nearly its length.
     let mut samples: Vec<RecordSample> = Vec::with_capacity(settle + wanted + BLOCK_SAMPLES);
     let mut whole: Vec<bool> = Vec::with_capacity(samples.capacity());
     let (mut begin, mut first_tick, mut holes) = (None, 0, 0);
@@ -67,7 +68,8 @@ pub fn capture(
         if samples.is_empty() {
             first_tick = arrival.first_tick;
         }
-        // The search's first tick, not the stretch's: a link that always loses would otherwise never end it.
+        // The first tick of the whole search, not of this stretch. Otherwise the search would never end on a link that
+        // keeps losing blocks.
         let start = *begin.get_or_insert(arrival.first_tick);
         samples.extend(arrival.samples);
         whole.extend(arrival.whole);
@@ -100,7 +102,7 @@ pub fn capture(
     }))
 }
 
-/// Interpolates the samples that are not `whole`; gives their number, or an error if they are too many.
+/// Interpolates the samples that are not `whole`; returns their number, or an error if there are too many.
 fn mend(device: &Device, samples: &mut [RecordSample], whole: &[bool]) -> Result<u32> {
     let interpolated = whole.iter().filter(|&&whole| !whole).count() as u32;
     if f64::from(interpolated) > MOST_TORN * whole.len() as f64 {
@@ -117,8 +119,8 @@ fn mend(device: &Device, samples: &mut [RecordSample], whole: &[bool]) -> Result
     Ok(interpolated)
 }
 
-/// Replaces the codes of samples that are not `whole` by those on the line between their whole neighbours, or by the
-/// nearest whole sample's at an end. The encoder's steps stay.
+/// Replaces the codes of samples that are not `whole` by codes on the straight line between the neighbouring whole
+/// samples, or, at an end, by the codes of the nearest whole sample. The encoder's steps stay.
 fn interpolate(samples: &mut [RecordSample], whole: &[bool]) {
     let mut before: Option<usize> = None;
     let mut at = 0;
@@ -135,7 +137,8 @@ fn interpolate(samples: &mut [RecordSample], whole: &[bool]) {
         let end = after.unwrap_or(samples.len());
         let (from, to) = (samples[first], samples[last]);
         for (n, sample) in (at..end).zip(&mut samples[at..end]) {
-            // At an end both neighbours are one sample: this would divide by zero, and `n` may precede `first`.
+            // At an end both neighbours are the same sample. The fraction would divide by zero, and `n` may precede
+            // `first`.
             let share = if last > first {
                 (n - first) as f64 / (last - first) as f64
             } else {
@@ -143,7 +146,7 @@ fn interpolate(samples: &mut [RecordSample], whole: &[bool]) {
             };
             let between = |from: AdcCode, to: AdcCode| {
                 let (from, to) = (f64::from(from.0), f64::from(to.0));
-                // Between two codes lies a code, so the cast loses nothing.
+                // The value lies between two codes, so the cast loses nothing.
                 AdcCode((from + (to - from) * share).round() as u16)
             };
             for axis in 0..3 {

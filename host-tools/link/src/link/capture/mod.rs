@@ -1,5 +1,5 @@
-//! The record stream: the codes of the device's converters at each tick, what of it was lost, and the physical values
-//! that the codes stand for.
+//! The record stream: the codes of the device's converters at each tick, which of them were lost, and the physical
+//! values that the codes stand for.
 
 mod calibration;
 mod contiguous;

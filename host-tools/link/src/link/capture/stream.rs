@@ -12,7 +12,7 @@ use crate::recording::{MAX_FRAMES, RATES_HZ};
 /// Longest interval between the blocks that arrive after the answer that ends a recording.
 const LATE_BLOCKS: Duration = Duration::from_millis(100);
 
-/// A recording in progress, which is stopped when this is dropped.
+/// A recording in progress. Dropping it stops the recording.
 pub struct Stream<'a> {
     device: &'a Device,
     blocks: Blocks,
@@ -30,7 +30,8 @@ pub struct Stream<'a> {
 pub struct Arrival {
     /// Samples of successive ticks.
     pub samples: [RecordSample; BLOCK_SAMPLES],
-    /// False for each sample whose conversions are of more than one tick: only its encoder step is data.
+    /// Whether each sample is whole. Otherwise its conversions are from more than one tick, and only its encoder step
+    /// is valid.
     pub whole: [bool; BLOCK_SAMPLES],
     /// Tick of the first sample.
     pub first_tick: u64,
@@ -74,7 +75,7 @@ impl<'a> Stream<'a> {
         self.rate_hz
     }
 
-    /// Number of samples in `seconds`, which must be those of a recording that can be read again.
+    /// Returns the number of samples in `seconds`. A recording with so many samples must be readable as a file.
     ///
     /// # Errors
     /// More than [`MAX_FRAMES`].
@@ -141,7 +142,7 @@ impl<'a> Stream<'a> {
     /// A lost link, or a recording that another program has stopped.
     pub fn stop(mut self) -> Result<Loss> {
         self.is_running = false;
-        // A request to stop would end what yet another program may record by now.
+        // A request to stop could end a recording that yet another program has begun since.
         if let Some(by) = self.device.stopped_by() {
             return Err(self.stopped(&by));
         }
@@ -176,7 +177,7 @@ impl<'a> Stream<'a> {
 impl Drop for Stream<'_> {
     fn drop(&mut self) {
         if self.is_running && self.device.stopped_by().is_none() {
-            // The failure that led here says more than a failure to stop would.
+            // A failure to stop is ignored, because the failure that led here says more.
             let _ = self.device.record_stop();
         }
     }

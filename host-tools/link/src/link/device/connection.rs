@@ -1,4 +1,5 @@
-//! The connection to a device: opened, identified, opened anew after a loss, and the requests that every subject needs.
+//! The connection to a device: how it is opened, identified and reopened after a loss, and the requests that every
+//! subject needs.
 
 use std::sync::Arc;
 use std::thread;
@@ -31,10 +32,10 @@ const RECONNECT_INTERVAL: Duration = Duration::from_millis(250);
 /// Interval between requests to a device whose flash is busy.
 pub(super) const BUSY_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Interval between readings of the status while the device is waited for.
+/// Interval between readings of the status while this program waits for the device.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
-/// A request of the device, whose types can be sent and received.
+/// A request to the device, whose types can be sent and received.
 pub(super) trait Ask:
     Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema>
 {
@@ -44,17 +45,17 @@ impl<E: Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schem
 
 /// A stylus at the other end of a link.
 ///
-/// Every request blocks the calling thread until the answer is there or its [timeout](Timeouts) has passed.
+/// Every request blocks the calling thread until the answer has arrived or its [timeout](Timeouts) has passed.
 pub struct Device {
-    // Dropped first, which ends the tasks that use the runtime.
+    // This field is dropped first, so that the tasks that use the runtime end.
     pub(super) requester: Requester,
     address: LinkAddress,
     route: Route,
     info: DeviceInfo,
-    /// True if the device may speak another protocol.
+    /// True if a device that speaks another protocol is accepted too.
     is_any: bool,
     runtime: Option<Runtime>,
-    /// Keeps other programs out, also while the link is opened anew.
+    /// Keeps other programs out, also while the link is being reopened.
     _hold: Option<Hold>,
 }
 
@@ -70,16 +71,16 @@ impl Device {
     /// Opens the link by this route and reads the device's identity.
     ///
     /// # Errors
-    /// As [`Device::connect`], and a route that cannot be had.
+    /// Those of [`Device::connect`], or a route that cannot be used.
     pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
         Self::connect_as(address, timeouts, route, false)
     }
 
-    /// Opens the link by this route also to a device that speaks another protocol, as long as both know the request
-    /// that is made: those of an update do not change.
+    /// Opens the link by this route, also to a device that speaks another protocol. Only requests that both sides know
+    /// then work; those of an update do not change.
     ///
     /// # Errors
-    /// As [`Device::connect_by`].
+    /// Those of [`Device::connect_by`].
     pub fn connect_to_any(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
         Self::connect_as(address, timeouts, route, true)
     }
@@ -139,7 +140,7 @@ impl Device {
         }
     }
 
-    /// Opens the link anew, in repeated attempts until [`Timeouts::reconnect`] has passed.
+    /// Reopens the link, in repeated attempts until [`Timeouts::reconnect`] has passed.
     ///
     /// # Errors
     /// The failure of the last attempt, another protocol, or another device that answers.
@@ -187,7 +188,7 @@ impl Device {
             .block_on(self.requester.request::<E>(name, timeout, request))
     }
 
-    /// Sends a message that is not answered, such as one that only the tests' image knows.
+    /// Sends a message that is not answered, such as one that only the test image knows.
     ///
     /// # Errors
     /// A lost link, or one that accepts no more frames.
@@ -200,7 +201,7 @@ impl Device {
             .block_on(self.requester.publish::<T>(message))
     }
 
-    /// Makes a request that does not touch the flash. `name` stands for it in errors.
+    /// Makes a request that does not touch the flash. `name` names the request in errors.
     pub(super) fn request<E: Ask>(
         &self,
         name: &'static str,
@@ -228,7 +229,7 @@ impl Device {
         }
     }
 
-    /// Begins a wait for the device of at most this duration.
+    /// Begins a wait of at most this duration for the device.
     pub(in crate::link) fn limit(&self, longest: Duration) -> Limit {
         Limit::new(&self.address, longest)
     }
@@ -241,7 +242,7 @@ impl Device {
         }
     }
 
-    /// A requester that does not block this device's owner, and the runtime that it needs.
+    /// Returns a requester that does not block this device's owner, and the runtime that the requester needs.
     pub(in crate::link) fn requester(&self) -> (Requester, Handle) {
         (self.requester.clone(), self.runtime().handle().clone())
     }
@@ -266,12 +267,12 @@ impl Device {
         self.requester.broken_frames()
     }
 
-    /// The program that has stopped what this one played or recorded, in words, where the link is shared.
+    /// The program that has stopped what this program played or recorded, in words, if the link is shared.
     pub fn stopped_by(&self) -> Option<String> {
         self.requester.health.stopped_by()
     }
 
-    /// Blocks, and lost blocks, of a recording of other programs before this one joined it.
+    /// Number of blocks, and of lost blocks, that a recording of other programs had before this program joined it.
     pub(in crate::link) fn before_joining(&self) -> (u32, u32) {
         self.requester.health.before_joining()
     }
@@ -303,7 +304,7 @@ impl Drop for Device {
     fn drop(&mut self) {
         self.requester.close();
         if let Some(runtime) = self.runtime.take() {
-            // Without waiting for calls of the operating system that still block.
+            // This does not wait for calls of the operating system that still block.
             runtime.shutdown_background();
         }
     }
@@ -319,7 +320,7 @@ pub(in crate::link) struct Requester {
 }
 
 impl Requester {
-    /// Sends `request` and waits for its answer. `name` stands for the request in errors.
+    /// Sends `request` and waits for its answer. `name` names the request in errors.
     pub(super) async fn request<E: Ask>(
         &self,
         name: &'static str,
@@ -424,7 +425,7 @@ impl Default for Timeouts {
 }
 
 impl Timeouts {
-    /// Timeouts in the proportion of the default ones, with `answer` for a request that does not touch the flash.
+    /// Scales the default timeouts so that the timeout of a request that does not touch the flash is `answer`.
     pub fn scaled_to(answer: Duration) -> Self {
         let default = Self::default();
         let factor = answer.as_secs_f64() / default.answer.as_secs_f64();

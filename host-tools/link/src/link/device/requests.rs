@@ -1,4 +1,4 @@
-//! Requests about the libraries in the device: what its slots hold, and which of them is played.
+//! Requests about the libraries in the device, playing, recordings, the self test and the settings.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -82,7 +82,7 @@ impl Device {
             .collect()
     }
 
-    /// Makes the library in `slot` the active one, and confirms it by the status.
+    /// Activates the library in `slot`, and confirms this by the status.
     ///
     /// # Errors
     /// A refusal, or a status that names another library as active.
@@ -112,8 +112,8 @@ impl Device {
     /// Plays a texture or scene of the active library.
     ///
     /// # Errors
-    /// A refusal, after which the device goes on with what it played before; one of a name that is not there lists
-    /// those that are. An answer that names another request.
+    /// A refusal, after which the device continues to play what it played before, or an answer that names another
+    /// request. If the library lacks the requested name, the error lists the names that it has.
     pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
         self.requester.health.begin();
         let answer = self.request::<PlayEndpoint>("play", request)?;
@@ -128,7 +128,8 @@ impl Device {
         }
     }
 
-    /// `refusal`, with the names of the active library if it lacks the one that was asked for.
+    /// Returns the error for `refusal`. If the active library lacks the requested name, the error lists the names that
+    /// it has.
     fn with_names(&self, refusal: PlayError) -> LinkError {
         let (what, other, name) = match &refusal {
             PlayError::NoSuchTexture { name } => ("texture", "scene", name.to_string()),
@@ -164,7 +165,7 @@ impl Device {
                     hint,
                 }
             }
-            // The refusal is what the user asked about, whatever became of the link since.
+            // The refusal is reported to the user, even if the link has failed since.
             Err(_) => refusal.into(),
         }
     }
@@ -196,7 +197,7 @@ impl Device {
         }
     }
 
-    /// Reads the durations of tick and update since the call before, and begins them anew.
+    /// Reads the durations of tick and update since the previous call, and resets them.
     ///
     /// # Errors
     /// A lost link or a missing answer.
@@ -270,7 +271,7 @@ impl Blocks {
             loop {
                 match self.subscription.recv().await {
                     Ok(block) => return Ok(block),
-                    // The sequence numbers of later blocks show which ones the queue had no room for.
+                    // The sequence numbers of later blocks show which blocks did not fit into the queue.
                     Err(MultiSubRxError::Lagged(_)) => {}
                     Err(MultiSubRxError::IoClosed) => return Err(device.requester.lost()),
                 }
@@ -282,7 +283,7 @@ impl Blocks {
 }
 
 impl Device {
-    /// Has the device make one measurement, which takes up to some seconds.
+    /// Makes the device take one measurement, which takes up to some seconds.
     ///
     /// # Errors
     /// A refusal, a lost link or a missing answer.
@@ -313,7 +314,7 @@ impl Device {
     /// Proposes a change of settings, which [`Device::apply`] applies. Nothing changes yet.
     ///
     /// # Errors
-    /// Values that the device refuses, or something that is played; an answer about another change.
+    /// Values that the device refuses, a texture or scene that is playing, or an answer about another change.
     pub fn propose(&self, change: &SettingsChange) -> Result<SettingsProposal> {
         let proposal = self.request::<SettingsProposeEndpoint>("settings proposal", change)??;
         if proposal.change == *change {
@@ -329,7 +330,7 @@ impl Device {
     /// Applies a change that was proposed over this link, and reads it back.
     ///
     /// # Errors
-    /// A proposal that has ended, a refusal, or other values read back.
+    /// A proposal that is no longer valid, a refusal, or other values read back.
     pub fn apply(&self, proposal: &SettingsProposal) -> Result<Settings> {
         self.request_flash::<SettingsApplyEndpoint>("settings change", &proposal.token)??;
         let settings = self.settings()?;
@@ -352,7 +353,7 @@ impl Device {
         }
     }
 
-    /// Changes a setting by both steps, and reads it back.
+    /// Proposes and applies a change of one setting, and reads it back.
     ///
     /// # Errors
     /// A value that the device refuses, or another value read back.
@@ -360,7 +361,7 @@ impl Device {
         self.set_all(&[change])
     }
 
-    /// Changes settings by both steps, all or none, and reads them back.
+    /// Proposes and applies changes of settings, all or none, and reads them back.
     ///
     /// # Errors
     /// A value that the device refuses, or another value read back.
@@ -368,7 +369,7 @@ impl Device {
         self.apply(&self.propose(&SettingsChange::of(changes)?)?)
     }
 
-    /// Resets every setting to its default by both steps, and reads them back.
+    /// Proposes and applies a reset of every setting to its default, and reads the settings back.
     ///
     /// # Errors
     /// A refusal, or other values read back.

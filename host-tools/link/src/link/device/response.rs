@@ -1,4 +1,4 @@
-//! Requests of probes, and of the actuator's response that they measure.
+//! Requests about probes, and about the actuator's response that probes measure.
 
 use model_format::link::{
     ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, Response,
@@ -38,7 +38,8 @@ impl Device {
         self.request::<ResponseGetEndpoint>("response", &())
     }
 
-    /// Proposes a response, which a probe may then play through. Nothing that is stored changes. Returns its hash.
+    /// Proposes a response, through which a probe may then be played. Stored data does not change. Returns the
+    /// response's hash.
     ///
     /// # Errors
     /// A refusal, a lost link or a missing answer; an answer about another response.

@@ -1,4 +1,4 @@
-//! Requests of an update; [`crate::link::update`] makes an update of them.
+//! Requests of an update. [`crate::link::update`] combines them.
 
 use model_format::link::{
     UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateReport,

@@ -1,4 +1,4 @@
-//! Requests of an upload; [`crate::link::upload`] makes an upload of them.
+//! Requests of an upload. [`crate::link::upload`] combines them.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -17,14 +17,14 @@ use postcard_rpc::standard_icd::WireError;
 use super::connection::{BUSY_INTERVAL, Device};
 use crate::link::error::{LinkError, Result};
 
-/// A chunk on its way: its answer, or the wait for it.
+/// A chunk on its way to the device: the wait for its answer, or the answer.
 enum OnItsWay<'a> {
     Waiting(Pin<Box<dyn Future<Output = Result<UploadProgress>> + 'a>>),
     Answered(Result<UploadProgress>),
 }
 
 impl OnItsWay<'_> {
-    /// Sends the chunk if that was not done, and looks for its answer.
+    /// Sends the chunk if it was not sent yet, and checks whether its answer has arrived.
     fn poll(&mut self, context: &mut Context<'_>) {
         if let Self::Waiting(answer) = self
             && let Poll::Ready(answer) = answer.as_mut().poll(context)
@@ -34,7 +34,8 @@ impl OnItsWay<'_> {
     }
 }
 
-/// Answer to the first of `chunks`, which is taken away; meanwhile all of them are sent, in their order.
+/// Waits for the answer to the first of `chunks`, and removes this chunk. Meanwhile all chunks are sent, in their
+/// order.
 async fn first_answer(chunks: &mut VecDeque<OnItsWay<'_>>) -> Option<Result<UploadProgress>> {
     poll_fn(|context| {
         chunks.iter_mut().for_each(|chunk| chunk.poll(context));
@@ -59,13 +60,13 @@ impl Device {
         Ok(self.request_flash::<UploadBeginEndpoint>("upload begin", &upload)??)
     }
 
-    /// Sends the chunks of `library` from byte `from` on, up to [`UPLOAD_WINDOW`] of them before the answer to the
-    /// first, so that the next ones cross the link while one is programmed. `progress` gets the device's next offset
-    /// after each answer.
+    /// Sends the chunks of `library` from byte `from` on. Up to [`UPLOAD_WINDOW`] chunks are sent before the first one
+    /// is answered, so that chunks cross the link while the device programs an earlier one. Calls `progress` with the
+    /// device's next offset after each answer.
     ///
     /// # Errors
-    /// A refusal, a lost link or a missing answer. Chunks may be on their way then; the device works them off before it
-    /// answers another request about the upload.
+    /// A refusal, a lost link or a missing answer. Chunks may still be on their way then. The device processes them
+    /// before it answers another request about the upload.
     pub fn upload_chunks(
         &self,
         library: &[u8],
@@ -82,7 +83,7 @@ impl Device {
                     progress(next);
                 }));
             match sent {
-                // The other link may have jobs in the device's queue.
+                // Jobs of another link may be in the device's queue.
                 Err(LinkError::Frame {
                     error: WireError::FailedToSpawn,
                     ..
@@ -93,8 +94,8 @@ impl Device {
         Ok(())
     }
 
-    /// As [`Self::upload_chunks`], up to the first failure. All answers that are due have come by then, unless the link
-    /// has failed.
+    /// Sends chunks like [`Self::upload_chunks`], but only up to the first failure. By then all outstanding answers
+    /// have arrived, unless the link has failed.
     async fn send_window(
         &self,
         library: &[u8],
@@ -126,8 +127,8 @@ impl Device {
                 None => return Ok(()),
                 Some(Ok(there)) => progress(there.next_offset),
                 Some(Err(failure)) => {
-                    // A refused chunk makes the device refuse those after it. Their answers are not those of what is
-                    // sent next.
+                    // After a refused chunk the device refuses the chunks that follow. Their answers are awaited here,
+                    // because they would be mistaken for answers to what is sent next.
                     if matches!(failure, LinkError::Frame { .. } | LinkError::Upload(_)) {
                         while first_answer(&mut chunks).await.is_some() {}
                     }

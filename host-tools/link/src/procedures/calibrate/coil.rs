@@ -42,7 +42,7 @@ impl Coil {
         self.peak_volts() * self.peak_amperes()
     }
 
-    /// Hard limit at which a constant output has the power limit, V.
+    /// Hard limit at which a constant output just reaches the power limit, V.
     pub fn hard_limit_of_power(&self) -> f64 {
         (f64::from(self.power_limit) * f64::from(self.resistance)).sqrt()
             / f64::from(self.amplifier_gain)

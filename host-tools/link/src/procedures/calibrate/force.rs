@@ -1,4 +1,4 @@
-//! Scale of the force sensor by known weights, which are laid on the tip one after the other and taken off again.
+//! Scale of the force sensor, from known weights that are laid on the tip one after another and taken off again.
 
 use model_format::AdcCode;
 use model_format::link::{Setting, SettingChange, Settings};
@@ -7,13 +7,15 @@ use super::rest::AtRest;
 use crate::link::capture::Calibration;
 use crate::recording::GRAVITY_M_S2;
 
-/// Fewest codes by which the largest weight must change the force: 25 mV of 3.3 V.
+/// Fewest codes by which the largest weight must change the force. They are 25 mV of 3.3 V.
 const LEAST_CODES: f64 = 500.0;
-/// Largest share of the largest weight by which the force may differ from a line, and on its way down from that up.
+/// Largest deviation of the force from a line, and largest difference between loading and unloading, as a fraction of
+/// the largest weight.
 const MOST_SHARE: f64 = 0.05;
-/// Deviations of the noise beyond which contact begins, so that it ends beyond half of them.
+/// Threshold of contact in standard deviations of the noise. Contact ends at half the threshold, still beyond the
+/// noise.
 const CONTACT_DEVIATIONS: f64 = 6.0;
-/// Lowest threshold of contact, N: the device's own, which is above the weight of a cable.
+/// Lowest threshold of contact, N. It is the lowest that the device uses, and above the weight of a cable.
 const LEAST_CONTACT_N: f64 = 0.02;
 
 /// The sensors with a weight on the tip.
@@ -21,11 +23,12 @@ const LEAST_CONTACT_N: f64 = 0.02;
 pub struct Weighed {
     /// Weight, g; 0 without one.
     pub grams: f64,
-    /// The sensors meanwhile.
+    /// Values of the sensors meanwhile.
     pub at_rest: AtRest,
 }
 
-/// The order in which `grams` are weighed: none, each one, and back, so that hysteresis shows.
+/// Returns the order in which `grams` are weighed: no weight, each weight from the lightest to the heaviest, and back.
+/// This shows hysteresis.
 pub fn order(grams: &[f64]) -> Vec<f64> {
     let mut up = grams.to_vec();
     up.sort_by(f64::total_cmp);
@@ -40,30 +43,30 @@ pub struct ForceScale {
     pub n_per_volt: f64,
     /// Largest difference of a measurement from the line through all of them, N.
     pub residual_n: f64,
-    /// Largest difference of the ways up and down, N.
+    /// Largest difference between loading and unloading, N.
     pub hysteresis_n: f64,
     /// Standard deviation without a weight, N.
     pub noise_n: f64,
-    /// Threshold of contact by noise and hysteresis, N.
+    /// Threshold of contact that follows from noise and hysteresis, N.
     pub contact_threshold_n: f64,
 }
 
-/// Reason for which weights give no scale.
+/// Reason why weighing gives no scale.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ForceFault {
-    /// The largest weight, g, changes the force by so few codes.
+    /// The largest weight, g, changes the force by only this number of codes.
     #[error(
         "{0} g change the force by {1:.0} codes, fewer than {LEAST_CODES}: lay the weight on the tip itself, use a \
          heavier one, and check the sensor's wiring and gain"
     )]
     Insensitive(f64, f64),
-    /// The way down differs from that up by so many N, and per cent of the largest weight.
+    /// Unloading differs from loading by this force, N, and this percentage of the largest weight.
     #[error(
         "on the way down the force differs by {0:.3} N, {1:.0} % of the largest weight: see that the tip moves freely \
          and nothing slips, and lay each weight at the same place"
     )]
     Hysteresis(f64, f64),
-    /// The measurements differ from a line by so many N, and per cent of the largest weight.
+    /// The measurements differ from a line by this force, N, and this percentage of the largest weight.
     #[error(
         "the force differs from a line by {0:.3} N, {1:.0} % of the largest weight: check the values of the weights \
          and their order, and that the sensor is not at the end of its range"
@@ -97,7 +100,7 @@ impl ForceScale {
 
         let grams = measured.iter().map(|one| one.grams).fold(0.0, f64::max);
         let (most_n, change) = (newtons(grams), codes_per_n * newtons(grams));
-        // Without two different weights it is no number.
+        // Without two different weights the change is not a number.
         if change.is_nan() || change.abs() < LEAST_CODES {
             return Err(ForceFault::Insensitive(grams, change.abs()));
         }
@@ -118,7 +121,7 @@ impl ForceScale {
         }
         let unloaded = measured.iter().filter(|one| one.grams == 0.0);
         let noise_n = unloaded.map(|one| one.at_rest.deviation[3]).fold(0.0, most);
-        // Contact ends at half of the threshold, which must be beyond a zero that is off by the hysteresis.
+        // Contact ends at half of the threshold. The half must exceed a zero that is off by the hysteresis.
         let threshold_n = CONTACT_DEVIATIONS * noise_n + 2.0 * hysteresis_n;
         Ok(Self {
             n_per_volt: 1.0 / (codes_per_n * f64::from(AdcCode::STEP.0)),
@@ -129,7 +132,7 @@ impl ForceScale {
         })
     }
 
-    /// The settings of scale and threshold, to four digits, which is more than is known.
+    /// Returns the settings of scale and threshold, rounded to four digits. The measurement is less accurate than that.
     pub fn changes(&self) -> [SettingChange; 2] {
         let digits = |value: f64| {
             let text = format!("{value:.3e}");
@@ -145,7 +148,8 @@ impl ForceScale {
         })
     }
 
-    /// Verifies that the second of two measurements shows the weight that it has beyond the first, by `stored`.
+    /// Verifies that, by the `stored` scale, the force rises from the first to the second measurement as their weights
+    /// do.
     ///
     /// # Errors
     /// A force that is off by more than [`ForceScale::of`] allows.
@@ -166,7 +170,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Measurements of a sensor of `codes_per_n`, with so many codes more on the way down and per square newton.
+    /// Returns measurements of a sensor with `codes_per_n`. It shows `down` more codes during unloading, and `square`
+    /// more codes per square newton.
     fn measured(grams: &[f64], codes_per_n: f64, down: f64, square: f64) -> Vec<Weighed> {
         let order = order(grams);
         let top = order.len() / 2;

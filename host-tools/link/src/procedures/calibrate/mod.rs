@@ -3,7 +3,7 @@
 //! The device cannot measure its coil, because it has no current sense. So resistance, amplifier gain and power limit
 //! are measured by a person, and [`Coil`] says what follows from them. The sensors' codes without force and
 //! acceleration are measured by the device itself, with their noise, and measured again after they were set. The scale
-//! of the force comes from known weights ([`ForceScale`]), that of the path from a known distance ([`PathScale`]).
+//! of the force comes from known weights ([`ForceScale`]), the scale of the path from a known distance ([`PathScale`]).
 
 mod coil;
 mod force;

@@ -1,4 +1,4 @@
-//! Path per count of the encoder by a known distance, there and back.
+//! Path per count of the encoder, from a known distance that the tip moves there and back.
 
 use model_format::link::{BLOCK_SAMPLES, Setting, SettingChange, Settings};
 
@@ -7,31 +7,31 @@ use crate::link::Device;
 use crate::link::Result as LinkResult;
 use crate::link::capture::Stream;
 
-/// Fewest counts of the distance: a resolution of half a per cent.
+/// Fewest counts over the distance, for a resolution of half a per cent.
 const LEAST_COUNTS: i64 = 200;
-/// Largest share by which two ways may differ.
+/// Largest relative difference between the counts there and back.
 const MOST_SHARE: f64 = 0.02;
-/// Largest share of a way by which the tip may go beyond it or shake meanwhile.
+/// Largest fraction of the counted path that may not add to the distance, because the tip overshoots or shakes.
 const MOST_ASTRAY: f64 = 0.1;
 
-/// Longest time until the last counts of a way arrive, s.
+/// Longest time until the last counts of a movement arrive, s.
 const ARRIVAL_S: f64 = 0.2;
 
-/// A way of the tip, in counts.
+/// A movement of the tip, in counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Travel {
     /// Counts from its beginning to its end.
     pub counts: i64,
-    /// Counts in both directions.
+    /// Sum of the counts of both directions.
     pub walked: i64,
 }
 
 impl Travel {
-    /// Records the way, from before it has `begun` until some time after it has `ended`, because counts take a while to
-    /// arrive.
+    /// Records a movement. Calls `begun` once the recording runs, and continues for a short time after `ended` returns
+    /// true, because counts take a while to arrive.
     ///
     /// # Errors
-    /// A lost link, something that is played, or a recording with holes.
+    /// A lost link, a texture or scene that is playing, or a recording with holes.
     pub fn record(
         device: &Device,
         begun: impl FnOnce(),
@@ -70,37 +70,37 @@ pub struct PathScale {
     pub mm_per_count: f64,
     /// Counts there and back.
     pub counts: [i64; 2],
-    /// Difference of the ways there and back, mm.
+    /// Difference of the paths there and back, mm.
     pub difference_mm: f64,
 }
 
-/// Reason for which two ways give no path per count.
+/// Reason why two movements give no path per count.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PathFault {
-    /// So few counts were counted.
+    /// The encoder moved by only this number of counts.
     #[error(
         "the encoder moved by {0} counts, fewer than {LEAST_COUNTS}: move it over a longer distance, see that its \
          wheel turns, and check both of its wires"
     )]
     TooFew(i64),
-    /// Both ways were counted in one direction.
+    /// Both movements were counted in one direction.
     #[error(
         "there and back were counted in the same direction: move back to the beginning the second time"
     )]
     SameDirection,
-    /// For a way of the first number of counts the second number was counted, back and forth.
+    /// Over a distance of the first number of counts, the second number was counted in both directions together.
     #[error(
         "the encoder counted {1} counts for a way of {0}: move straight to the end and stop there; if you did, one of \
          its wires is broken or picks up noise"
     )]
     Astray(i64, i64),
-    /// The counts there and back differ by so many per cent.
+    /// The counts there and back differ by this percentage.
     #[error(
         "{0} counts there and {1} back differ by {2:.1} %: begin and end at the same marks, and press so that the \
          wheel does not slip"
     )]
     Unequal(i64, i64, f64),
-    /// By the setting that was stored the distance, mm, shows as the second one.
+    /// With the stored setting, the known distance, mm, reads as the second one, mm.
     #[error(
         "{0} mm show as {1:.2} mm by the path per count that was just set: go from the same mark to the other as \
          before, and calibrate again"
@@ -109,7 +109,7 @@ pub enum PathFault {
 }
 
 impl PathScale {
-    /// The scale by a way of `mm`, there and back.
+    /// Computes the scale from a distance of `mm`, moved there and back.
     ///
     /// # Errors
     /// Ways that are too short, not straight, or not equal.
@@ -117,7 +117,8 @@ impl PathScale {
         for way in [there, back] {
             let counts = way.counts.abs();
             let astray = (way.walked - counts) as f64 > MOST_ASTRAY * way.walked as f64;
-            // An encoder with one wire shakes between two counts, which are few from one end to the other.
+            // An encoder with only one wire counts back and forth between two values, so few counts remain from end to
+            // end.
             if astray && way.walked >= LEAST_COUNTS {
                 return Err(PathFault::Astray(counts, way.walked));
             }
@@ -141,10 +142,10 @@ impl PathScale {
         })
     }
 
-    /// Verifies that a `way` of `mm` in the first direction shows as that by the `stored` settings.
+    /// Verifies that a movement of `mm` in the first direction reads as `mm` by the `stored` settings.
     ///
     /// # Errors
-    /// A way that differs by more than [`PathScale::of`] allows.
+    /// A reading that differs by more than [`PathScale::of`] allows.
     pub fn verify(mm: f64, way: Travel, stored: &Settings) -> Result<(), PathFault> {
         let shown = way.counts as f64 * f64::from(stored.get(Setting::PathPerCount));
         if (shown - mm).abs() <= MOST_SHARE * mm {
@@ -153,7 +154,7 @@ impl PathScale {
         Err(PathFault::NotVerified(mm, shown))
     }
 
-    /// The setting of the path per count, to five digits, which is more than is known.
+    /// Returns the setting of the path per count, rounded to five digits. The measurement is less accurate than that.
     pub fn change(&self) -> SettingChange {
         let text = format!("{:.4e}", self.mm_per_count);
         SettingChange {

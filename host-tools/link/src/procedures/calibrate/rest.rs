@@ -7,7 +7,7 @@ use crate::link::Result;
 use crate::link::capture::{Calibration, Capture, capture};
 use crate::recording::GRAVITY_M_S2;
 
-/// Largest share by which the gravity that an accelerometer measures may be off, because of its scales.
+/// Largest relative error of the gravity that an accelerometer measures. Errors of its scales cause it.
 const GRAVITY_TOLERANCE: f64 = 0.1;
 /// Largest standard deviation of a sensor at rest, codes: 10 mV of 3.3 V.
 const MOST_NOISE: f64 = 200.0;
@@ -23,7 +23,7 @@ pub struct AtRest {
     pub mean: [f64; 4],
     /// Standard deviations.
     pub deviation: [f64; 4],
-    /// Mean of the second half less that of the first.
+    /// Mean of the second half minus the mean of the first half.
     pub drift: [f64; 4],
     /// Change of the encoder's count.
     pub counts: i64,
@@ -38,10 +38,10 @@ const SENSORS: [&str; 4] = [
 ];
 
 impl AtRest {
-    /// Measures a stylus at rest for `seconds`; none if `goes_on` returned false before.
+    /// Measures a stylus at rest for `seconds`. Returns `None` if `goes_on` returned false before the end.
     ///
     /// # Errors
-    /// A lost link, something that is played, or a recording with holes.
+    /// A lost link, a texture or scene that is playing, or a recording with holes.
     pub fn measure(
         device: &Device,
         seconds: f64,
@@ -52,7 +52,7 @@ impl AtRest {
         Ok(captured.map(|Capture { samples, .. }| Self::of(&samples)))
     }
 
-    /// The means of `samples`, which are two or more.
+    /// Computes the values from `samples`, which must be two or more.
     pub fn of(samples: &[RecordSample]) -> Self {
         let mut at_rest = Self {
             counts: samples.iter().map(|s| i64::from(s.encoder_delta)).sum(),
@@ -77,7 +77,8 @@ impl AtRest {
         at_rest
     }
 
-    /// Reasons for which this is no measurement of the force, or of all sensors, with their remedies.
+    /// Returns the faults that make this measurement unusable, with their remedies. Leaves out those of the
+    /// accelerometer if `is_force_alone`.
     pub fn faults(&self, is_force_alone: bool) -> Vec<String> {
         let mut faults = Vec::new();
         if self.counts.abs() > MOST_COUNTS {
@@ -114,13 +115,13 @@ impl AtRest {
         faults
     }
 
-    /// The setting of the force's zero by this measurement.
+    /// Returns the setting of the force's zero that follows from this measurement.
     pub fn force_zero(&self) -> SettingChange {
         zero(Setting::ForceZero, self.mean[3])
     }
 }
 
-/// Refuses a measurement of a stylus whose output moves it.
+/// Refuses to measure a stylus that is playing, because its output moves it.
 pub(super) fn refuse_if_playing(device: &Device) -> Result<()> {
     if device.status()?.output.activity == Activity::Idle {
         return Ok(());
@@ -129,11 +130,11 @@ pub(super) fn refuse_if_playing(device: &Device) -> Result<()> {
     Err(device.not_verified(what.to_owned()))
 }
 
-/// The settings of the accelerometer's zeros by measurements in a pose and in the opposite one, so that gravity
-/// cancels.
+/// Returns the settings of the accelerometer's zeros. Gravity cancels, because the two measurements are in opposite
+/// poses.
 ///
 /// # Errors
-/// Half the difference of the two is not gravity, so that the poses are not opposite or the scales are wrong; in words.
+/// Half the difference of the two measurements is not gravity: the poses are not opposite, or the scales are wrong.
 pub fn acceleration_zeros(
     pose: &AtRest,
     opposite: &AtRest,

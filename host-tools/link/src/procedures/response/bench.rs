@@ -14,7 +14,7 @@ pub struct Probe<'a> {
     pub peak_m_s2: f64,
     /// Periods to be recorded.
     pub periods: usize,
-    /// The equaliser that it passes.
+    /// The equaliser that the waveform passes.
     pub through: ProbeThrough,
 }
 
@@ -59,7 +59,7 @@ pub trait Bench {
     /// The settings in force.
     fn settings(&self) -> &Settings;
 
-    /// Makes `response` the one that [`ProbeThrough::Proposed`] names.
+    /// Makes `response` the one that [`ProbeThrough::Proposed`] stands for.
     ///
     /// # Errors
     /// A response that is refused, or a lost link.
@@ -75,7 +75,7 @@ pub trait Bench {
     fn seconds(&self) -> f64;
 }
 
-/// The fault of a recording at `volts` of peak that cannot be used.
+/// Returns the recording of a probe with a peak of `volts`, or the fault that makes it unusable.
 pub(super) fn usable(played: Played, volts: f64) -> Result<Played> {
     if played.limited {
         return Err(Verdict::Limited.failure("a limit of the output acted on the probe"));

@@ -1,4 +1,4 @@
-//! A calibration from the first noise to the proof.
+//! A whole calibration, from the noise at rest to the proof.
 
 use model_format::PlayRate;
 use model_format::link::{ProbeThrough, Response, Sections, Setting};
@@ -26,19 +26,19 @@ pub struct Calibrated {
     pub response: Response,
     /// Equaliser and level.
     pub design: Design,
-    /// Response before, with its flatness at the output gain that was set.
+    /// Response without the equaliser, at the output gain that was set, and its flatness.
     pub before: (Vec<(f64, f64)>, Flatness),
-    /// Response through the equaliser, dB re what was asked.
+    /// Response through the equaliser, dB relative to what was asked for, and its flatness.
     pub after: (Vec<(f64, f64)>, Flatness),
     /// Time for which the device has played, s.
     pub seconds: f64,
 }
 
-/// Calibrates: identifies, designs, proposes, proves, and proposes again with the proof's figures. `measured_at` is the
-/// time, s since 1970.
+/// Calibrates an actuator: identifies it, designs the equaliser, proposes the response, proves it by a measurement, and
+/// proposes it again with the proof's figures. `measured_at` is the time, s since 1970.
 ///
 /// # Errors
-/// A fault of the actuator or of the proof, a lost link or an interrupt. Nothing is stored in any case.
+/// A fault of the actuator, a proof that does not pass, a lost link or an interrupt. Nothing is stored in any case.
 pub fn calibrate(
     bench: &mut impl Bench,
     options: &Options,
@@ -95,7 +95,7 @@ pub fn calibrate(
     })
 }
 
-/// The response as the device keeps it, without the proof's figures.
+/// Returns the response in the form that the device stores, without the proof's figures.
 fn record(
     bench: &impl Bench,
     identified: &Identified,
@@ -127,7 +127,7 @@ fn record(
     })
 }
 
-/// The response through the proposed equaliser, and its flatness.
+/// Measures the response through the proposed equaliser, and its flatness.
 fn prove(
     bench: &mut impl Bench,
     bounds: &Bounds,
@@ -135,7 +135,7 @@ fn prove(
     options: &Options,
 ) -> Result<(Vec<(f64, f64)>, Flatness)> {
     let wave = Multisine::new(2, |_| 1.0);
-    // The third period of what the equaliser makes of the waveform is steady.
+    // The equalised waveform is steady in its third period.
     let played = filtered(&design.sections[0], &wave.samples.repeat(3));
     let pin: Vec<f64> = played[2 * PERIOD..]
         .iter()
@@ -166,7 +166,8 @@ fn prove(
     };
     let five = Flatness::of(design.band_hz, |hz| curve.level_db(hz));
     let ten = Flatness::of(design.band_hz, |hz| curve.level_db(hz) + at_ten(hz));
-    // What is not played differs by the design alone, which is known; the worse of the two has to pass.
+    // Only the equaliser for 5 kHz is played. The one for 10 kHz differs from it by its design, which is known. The
+    // worse of the two must pass.
     let worse = if ten.worst_db > five.worst_db {
         ten
     } else {

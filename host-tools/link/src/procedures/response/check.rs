@@ -1,4 +1,4 @@
-//! Two seconds against the stored response.
+//! Check of an actuator against its stored response, within two seconds.
 
 use model_format::link::{ProbeThrough, Response};
 use serde::Serialize;
@@ -11,38 +11,39 @@ use crate::dsp::response::{Bandwidths, Fit, Measured, Spectra};
 /// Periods of the probe; with the soft start it takes two seconds.
 const PERIODS: usize = 3;
 
-/// Peak, as a share of the largest one.
+/// Peak of the probe, as a fraction of the largest peak that is allowed.
 const SHARE: f64 = 0.25;
 
-/// Changes that count: gain, dB; resonance, relative; axis, degrees; a third octave beside the gain, dB.
+/// Smallest changes that count: of the gain, dB; of the resonance, relative; of the axis, degrees; and of a
+/// third-octave band apart from the gain, dB.
 const GAIN_DB: f64 = 1.0;
 const RESONANCE: f64 = 0.06;
 const AXIS_DEG: f64 = 10.0;
 const BAND_DB: f64 = 3.0;
 
-/// Least power of the lines over that of the noise in them if anything moves.
+/// Least ratio of the lines' power to the power of the noise in them at which something moves.
 const MOVES: f64 = 4.0;
 
-/// A response as it is now, against the stored one.
+/// Comparison of the present response with the stored one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Checked {
-    /// True if nothing has moved.
+    /// True if nothing has changed.
     pub ok: bool,
-    /// Changes, in words; empty if nothing has moved.
+    /// Descriptions of the changes; empty if nothing has changed.
     pub moved: Vec<String>,
     /// Change of the gain, dB.
     pub gain_db: f64,
-    /// Resonance now, Hz.
+    /// Present resonance, Hz.
     pub resonance_hz: Option<f64>,
-    /// Angle between the directions of motion, degrees.
+    /// Angle between the present and the stored direction of motion, degrees.
     pub axis_deg: f64,
     /// Time for which the device has played, s.
     pub seconds: f64,
 }
 
 impl Checked {
-    /// The changes that count, in words: from a resonance of `then_hz`, and in the third octave that has changed most
-    /// beside the gain, by an amount in dB.
+    /// Describes the changes that count. `then_hz` is the stored resonance. `worst_band` is the third-octave band that
+    /// has changed most apart from the gain, with the change in dB.
     fn changes(&self, then_hz: f64, worst_band: Option<(usize, f64)>) -> Vec<String> {
         let (gain_db, axis_deg) = (self.gain_db, self.axis_deg);
         let mut moved = Vec::new();

@@ -9,22 +9,22 @@ use super::{Failure, Result, Verdict};
 use crate::dsp::equaliser::{self, Response, cascade_db};
 use crate::dsp::response::{Measured, db, ratio};
 
-/// Band that must be within the limits, Hz. Below and above it, what limits leave uncorrected is told.
+/// Band that must be within the limits, Hz. Outside it, the limits may leave a part uncorrected, which is reported.
 const NEEDED_HZ: [f64; 2] = [60.0, 500.0];
 
-/// Frequencies at which flatness is judged, evenly over their logarithm.
+/// Number of frequencies at which flatness is judged, evenly spaced on a logarithmic scale.
 const POINTS: u32 = 200;
 
-/// Equalisers, and the level that goes with them.
+/// Equalisers, and the output gain that belongs to them.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Design {
     /// Sections at 5 and at 10 kHz.
     pub sections: [Vec<Biquad>; 2],
     /// Voltage at the pin per acceleration, V per m/s².
     pub output_gain: f64,
-    /// Band within 30 to 800 Hz that limits let be corrected, Hz.
+    /// Part of the band from 30 to 800 Hz that can be corrected within the limits, Hz.
     pub band_hz: [f64; 2],
-    /// Largest gain of the equaliser over the response's mean, dB.
+    /// Largest gain of the equaliser relative to the response's mean, dB.
     pub max_gain_db: f64,
 }
 
@@ -56,7 +56,7 @@ impl Flatness {
     }
 }
 
-/// Level over frequency of what was measured.
+/// Returns the measured level over frequency.
 pub(super) fn response(measured: &Measured) -> Result<Response> {
     let points = Response::new(measured.points());
     points.map_err(|fault| Verdict::Noisy.failure(fault.to_string()))
@@ -73,7 +73,8 @@ pub(super) fn design(
     is_positive: bool,
 ) -> Result<Design> {
     let measured = response(measured)?;
-    // A sine of the level of reference takes this voltage at most, which is a response of this level at least.
+    // A sine of the reference level may need no more voltage than the limits allow, so the response must have at least
+    // this level.
     let floor_db = db(options.level_m_s2 / bounds.sine_volts());
     let band_hz = allowed(&measured, floor_db);
     if band_hz[0] > NEEDED_HZ[0] || band_hz[1] < NEEDED_HZ[1] {
@@ -119,7 +120,7 @@ fn beyond(low_hz: f64, high_hz: f64) -> Failure {
     ))
 }
 
-/// The band around its middle in which the response is at least `floor_db`, Hz.
+/// Returns the band around the middle of [`NEEDED_HZ`] in which the response is at least `floor_db`, Hz.
 fn allowed(response: &Response, floor_db: f64) -> [f64; 2] {
     let middle = (NEEDED_HZ[0] * NEEDED_HZ[1]).sqrt();
     let is_low = |point: &&(f64, f64)| point.1 < floor_db;
@@ -136,7 +137,7 @@ fn allowed(response: &Response, floor_db: f64) -> [f64; 2] {
     ]
 }
 
-/// Turns the sign of a cascade, with one section more if there is none.
+/// Inverts the sign of a cascade, and adds a section if it has none.
 fn invert(sections: &mut Vec<Biquad>) {
     if sections.is_empty() {
         sections.push(Biquad::IDENTITY);

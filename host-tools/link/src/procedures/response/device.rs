@@ -1,4 +1,4 @@
-//! A stylus behind a link, as what plays waveforms and records them.
+//! The bench of a stylus behind a link.
 
 use std::time::{Duration, Instant};
 
@@ -13,10 +13,11 @@ use crate::link::Device;
 use crate::link::LinkError;
 use crate::link::capture::Stream;
 
-/// Times that a waveform is played, if the device mutes it because this computer was late.
+/// Largest number of times that a waveform is played. It is repeated if the device mutes it because this computer was
+/// late.
 const TRIES: usize = 4;
 
-/// Periods that are left out before a measurement, besides the ramp of the soft start.
+/// Periods that are left out before a measurement, in addition to the ramp of the soft start.
 const SETTLE: u64 = 1;
 
 /// A stylus behind a link.
@@ -30,7 +31,7 @@ pub struct DeviceBench<'a> {
 }
 
 impl<'a> DeviceBench<'a> {
-    /// The stylus behind `device`, until `goes_on` returns false.
+    /// Creates the bench of `device`. Recording ends as interrupted once `goes_on` returns false.
     ///
     /// # Errors
     /// A lost link.
@@ -44,7 +45,7 @@ impl<'a> DeviceBench<'a> {
         })
     }
 
-    /// Numbers of ticks that each limit has changed, and of mutes because this computer was late.
+    /// Reads the number of ticks that each limit has changed, and the number of mutes because this computer was late.
     fn limits_and_mutes(&self) -> Result<([u32; 3], u32)> {
         let output = self.device.status()?.output;
         let limits = [
@@ -56,7 +57,7 @@ impl<'a> DeviceBench<'a> {
         Ok((limits, lost))
     }
 
-    /// Checks that no other program has stopped what this one plays.
+    /// Checks that no other program has stopped what this program plays.
     fn check_not_stopped(&self) -> Result<()> {
         let Some(by) = self.device.stopped_by() else {
             return Ok(());
@@ -66,7 +67,7 @@ impl<'a> DeviceBench<'a> {
         Err(LinkError::Held { link, what }.into())
     }
 
-    /// Records the samples of these ticks, and keeps the device playing meanwhile.
+    /// Records the samples of the ticks from `first` to before `end`, and keeps the device playing meanwhile.
     fn record(&self, stream: &mut Stream<'_>, first: u64, end: u64) -> Result<Vec<RecordSample>> {
         let mut samples = Vec::new();
         let mut spoken = Instant::now();
@@ -135,7 +136,7 @@ impl Bench for DeviceBench<'_> {
             let started = self.device.start_probe(&start)?;
             let begin = started.first_tick + settle * PERIOD as u64;
             let samples = self.record(&mut stream, begin, started.end_tick);
-            // Whatever came of it, the device is left at rest.
+            // The device is left at rest, even if the recording has failed.
             let stopped = self.device.stop();
             let samples = samples?;
             stopped?;

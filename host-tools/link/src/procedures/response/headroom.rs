@@ -1,4 +1,4 @@
-//! A library times the equaliser against what coil, converter and limits give.
+//! Headroom of a library: what it demands through the equaliser, compared with what coil, converter and limits allow.
 
 use model_format::link::{OutputLimits, Response, Setting, Settings};
 use model_format::scene::Scene;
@@ -13,11 +13,12 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::support::error::{Error, Result};
 
-/// Duration of each node's rendering, s, and what is left out of it until textures and sections are steady.
+/// Duration of each node's rendering, s, and of its beginning, which is left out until textures and sections are
+/// steady.
 const SECONDS: f64 = 0.7;
 const SETTLE_S: f64 = 0.2;
 
-/// A third octave of the loudest node there.
+/// Demand in a third-octave band, of the node that is loudest there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BandHeadroom {
     /// Centre frequency, Hz.
@@ -28,7 +29,8 @@ pub struct BandHeadroom {
     pub tip_m_s2: Option<f64>,
     /// Level at the pin, V RMS.
     pub pin_volts: f64,
-    /// Amount by which this band alone, at the texture's crest, exceeds the tightest limit, dB; negative is room.
+    /// Amount by which this band by itself, with the texture's crest factor, exceeds the tightest limit, dB; negative
+    /// if it stays below.
     pub over_db: f64,
 }
 
@@ -37,13 +39,13 @@ pub struct BandHeadroom {
 pub struct Headroom {
     /// Name of the texture.
     pub texture: String,
-    /// Name of the scene whose gain and equaliser it has; none by itself.
+    /// Name of the scene whose gain and equaliser apply; none if the texture plays by itself.
     pub scene: Option<String>,
-    /// Speed and force of the node that asks most, mm/s and N.
+    /// Speed and force of the node with the largest demand, mm/s and N.
     pub at: [f32; 2],
-    /// Amounts by which that node exceeds the limits of voltage, slew and power, dB; negative is room.
+    /// Amounts by which that node exceeds the limits of voltage, slew and power, dB; negative if it stays below.
     pub over_db: [f64; 3],
-    /// Gain at which the texture fits, 1 if it does as it is.
+    /// Gain at which the texture just stays within the limits; 1 if it does so unchanged.
     pub fitting_gain: f64,
     /// Third octaves from 10 Hz to 1 kHz.
     pub bands: Vec<BandHeadroom>,
@@ -69,7 +71,7 @@ impl Headroom {
         }
     }
 
-    /// The limit that is exceeded, in one line; none if all fits.
+    /// Returns a line about the limit that is exceeded; none if the texture stays within all limits.
     pub fn warning(&self) -> Option<String> {
         let (limit, over_db) = self.tightest();
         let band = self
@@ -88,8 +90,8 @@ impl Headroom {
     }
 }
 
-/// The demand of each texture of `library`, by itself and on every surface of its scenes, on the output with `settings`
-/// and the stored `response`. Taps and what a scene does to the motion are left out.
+/// Computes the demand of each texture of `library`, by itself and on every surface of its scenes, on the output with
+/// `settings` and the stored `response`. Taps and a scene's effects on the motion are left out.
 ///
 /// # Errors
 /// A texture of a rate that no stylus plays.
@@ -119,7 +121,7 @@ pub fn headroom(
     Ok(all)
 }
 
-/// Limits of an output, and the response behind it.
+/// Limits of an output, and the response of its actuator.
 struct Output<'a> {
     limits: OutputLimits,
     /// Voltage at the pin per acceleration, V per m/s².
@@ -131,14 +133,15 @@ struct Output<'a> {
 
 /// The demand of one node on an output.
 struct Demand {
-    /// As [`Headroom::over_db`].
+    /// Excess over the limits, like [`Headroom::over_db`].
     over_db: [f64; 3],
-    /// Of each third octave: m/s² RMS that are asked for, V RMS at the pin, and the share of the tightest limit.
+    /// For each third-octave band: acceleration asked for, m/s² RMS; voltage at the pin, V RMS; and ratio to the
+    /// tightest limit.
     bands: [[f64; 3]; BANDS],
 }
 
 impl Output<'_> {
-    /// The demand of a texture, by itself or on a surface of a scene, with that surface's gain.
+    /// Computes the demand of a texture, by itself or on a surface of a scene, with that surface's gain.
     fn asked_for(&self, texture: Texture<'_>, on: Option<(&Scene, f64)>) -> Result<Headroom> {
         let rate_hz = texture.sample_rate_hz();
         let rate = PlayRate::of(rate_hz)
@@ -190,7 +193,8 @@ impl Output<'_> {
         Ok(worst)
     }
 
-    /// The demand of a node that asks for the acceleration `asked`, m/s², by the voltage `pin`, V.
+    /// Computes the demand of a node that asks for the acceleration `asked`, m/s², and needs the voltage `pin`, V, for
+    /// it.
     fn demand(&self, asked: &[f64], pin: &[f64], rate_hz: f64) -> Demand {
         let dense = between(pin);
         let peak = dense
@@ -227,8 +231,8 @@ impl Output<'_> {
         }
     }
 
-    /// The room in a third octave, by the most that any node has there, as in [`Demand::bands`]. `sections_db` is the
-    /// gain of the response's sections at a frequency.
+    /// Returns the headroom in a third-octave band from the largest values that any node has there, in the order of
+    /// [`Demand::bands`]. `sections_db` is the gain of the response's sections at a frequency.
     fn band(
         &self,
         band: usize,
@@ -256,10 +260,10 @@ impl Output<'_> {
 /// Steps of [`between`] per sample.
 const STEPS: usize = 8;
 
-/// The signal between its samples, as the output interpolates it, in [`STEPS`] per sample.
+/// Interpolates a signal between its samples, like the output, to [`STEPS`] values per sample.
 ///
-/// By a sinc in a Hann window of eight samples to either side. Between samples a signal is higher than they are, and
-/// steeper.
+/// The kernel is a sinc in a Hann window of eight samples to either side. Between its samples a signal may be higher
+/// and steeper than its samples show.
 fn between(samples: &[f64]) -> Vec<f64> {
     const REACH: usize = 8;
     let kernel = |t: f64| {
@@ -313,7 +317,8 @@ mod tests {
                 [(Setting::OutputGain, 0.1), (Setting::SlewLimit, 0.5)],
                 "slew",
             ),
-            // The peak may have 16 times the power limit, so that a crest above 4 meets that first.
+            // The peak may reach 16 times the power limit, so a crest factor above 4 reaches the limit of voltage
+            // first.
             (
                 [(Setting::OutputGain, 0.05), (Setting::PowerLimit, 0.001)],
                 "voltage",
@@ -330,7 +335,7 @@ mod tests {
             assert!(
                 fits.tightest().1.abs() < 1e-3 && fits.bands.iter().all(|band| band.over_db < 1e-3)
             );
-            // Two seconds have higher peaks than the half that is looked at.
+            // Two seconds have higher peaks than the half second that is examined.
             let settings = with(&[(Setting::OutputGain, 0.8 * fitting), changes[1]]);
             let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
             let rendering = Rendering::new(test_helpers::texture(&bytes), &motion, 2.0, 1).unwrap();

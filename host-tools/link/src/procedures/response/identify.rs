@@ -1,4 +1,4 @@
-//! The response at three levels, reached from a very small one upwards, and what is wrong with it.
+//! Identification of an actuator: its response at three levels, approached from a very small level, and its faults.
 
 use model_format::link::{MAX_PROBE_M_S2, ProbeThrough, Setting, Settings};
 use serde::Serialize;
@@ -15,61 +15,62 @@ use crate::link::capture::Calibration;
 /// Band that has to be flat, Hz.
 pub const BAND_HZ: [f64; 2] = [30.0, 800.0];
 
-/// Share of the largest voltage that a probe uses.
+/// Fraction of the largest voltage that a probe uses.
 const SHARE_OF_PEAK: f64 = 0.9;
 
-/// Largest RMS of a probe, as a share of that which gives the power limit. The thermal limiter, which begins at three
-/// quarters of that power as a mean over the coil's time constant, leaves it as it is.
+/// Largest RMS of a probe, as a fraction of the RMS at the power limit. The thermal limiter does not act on it, because
+/// it begins at three quarters of that power as a mean over the coil's time constant.
 pub(super) const SHARE_OF_RMS: f64 = 0.6;
 
-/// Largest RMS of the probe at the highest level, as a share of that which gives the power limit. That level lasts for
-/// two seconds and shows what clips and knocks.
+/// Largest RMS of the probe at the highest level, as a fraction of the RMS at the power limit. That level lasts for
+/// only two seconds, and shows clipping and knocking.
 const SHARE_OF_RMS_AT_TOP: f64 = 1.2;
 
-/// Largest peak at the tip, as a share of the converter's range.
+/// Largest peak at the tip, as a fraction of the converter's range.
 const SHARE_OF_RANGE: f64 = 0.45;
 
-/// First peak as a share of the largest one.
+/// First peak, as a fraction of the largest peak.
 const FIRST: f64 = 1.0 / 64.0;
 
-/// Periods of a measurement at rest, on the way up, and of each of the three levels from the lowest one.
+/// Number of periods of a measurement at rest, and on the way up. Each of the three levels is a fraction of the highest
+/// level and a number of periods, from the lowest level on.
 const REST: usize = 4;
 const UPWARDS: usize = 2;
 const LEVELS: [(f64, usize); 3] = [(0.25, 8), (0.5, 16), (1.0, 2)];
 
-/// Index of the level whose response counts: the loudest one of those that can last.
+/// Index in [`LEVELS`] of the level whose response is used. It is the loudest level that can last.
 const MEASURED: usize = 1;
 
-/// Least noise of an axis that is alive, as a share of the largest one.
+/// Least noise of an axis that works, as a fraction of the noise of the noisiest axis.
 const LEAST_NOISE: f64 = 0.1;
 
-/// Hum: amplitude at rest, m/s², and that over its neighbours in the spectrum.
+/// Thresholds of hum: its amplitude at rest, m/s², and the ratio to the median amplitude in the band of hum.
 const HUM: (f64, f64) = (0.04, 8.0);
 
-/// Frequencies of hum, Hz.
+/// Band in which hum is searched for, Hz.
 const HUM_HZ: [f64; 2] = [40.0, 420.0];
 
-/// Least power of the lines over that of the noise in them if anything moves.
+/// Least ratio of the lines' power to the power of the noise in them at which something moves.
 const MOVES: f64 = 4.0;
 
-/// Power of the lines over that of the noise from which distortion is known.
+/// Ratio of the lines' power to the power of the noise from which on distortion can be judged.
 const CLEAR: f64 = 300.0;
 
-/// Least share of the lines in the band that the noise lets be trusted.
+/// Least fraction of the lines in the band that must stand out enough from the noise to be trusted.
 const TRUSTED: f64 = 0.9;
 
-/// Noise at rest, as a share of the largest peak, that can hide all motion.
+/// Noise at rest, as a fraction of the largest peak, that can hide all motion.
 const NOISY: f64 = 0.1;
 
-/// Distortion on the way up at which the level rises no further.
+/// Distortion on the way up from which on the level is not raised further.
 const TOO_BENT: f64 = 0.2;
 
-/// Distortion, change of the gain in dB and relative move of the resonance from the lowest to the highest level that
-/// a linear actuator stays below.
+/// Bounds for a linear actuator: distortion, change of the gain in dB, and relative shift of the resonance from the
+/// lowest to the highest level.
 const BENT: (f64, f64, f64) = (0.03, 0.4, 0.025);
 
-/// Relative deviation of the resonance at the highest level from which what moves is no resonance that stiffens, which
-/// the model still explains, but knocking.
+/// Relative deviation of the fitted resonance at the highest level above which the fault is knocking. Below it, the
+/// model still explains the motion, as a resonance that stiffens.
 const ROUGH: f64 = 0.02;
 
 /// Choices of a calibration.
@@ -77,11 +78,11 @@ const ROUGH: f64 = 0.02;
 pub struct Options {
     /// Bandwidth of the accelerometer's axes.
     pub bandwidths: Bandwidths,
-    /// Largest gain of the equaliser over the response's mean, dB.
+    /// Largest gain of the equaliser relative to the response's mean, dB.
     pub max_gain_db: f64,
-    /// Sine at the tip that coil and limits have to bear at every frequency that is corrected, m/s² RMS.
+    /// Sine at the tip that coil and limits must sustain at every corrected frequency, m/s² RMS.
     pub level_m_s2: f64,
-    /// True if the equaliser inverts a response of the other sign.
+    /// True if a reversed response is accepted, and inverted by the equaliser.
     pub invert: bool,
 }
 
@@ -101,15 +102,15 @@ impl Default for Options {
 pub struct Level {
     /// Peak at the pin, V.
     pub volts: f64,
-    /// Mean level from 100 to 800 Hz, dB re 1 m/s² per V; none if the noise hides it.
+    /// Mean level from 100 to 800 Hz, dB relative to 1 m/s² per V; none if the noise hides it.
     pub gain_db: Option<f64>,
     /// Resonance.
     pub resonance: Option<Resonance>,
-    /// Distortion of even order, relative to what was asked.
+    /// Distortion of even order, relative to what was asked for.
     pub even: f64,
-    /// Distortion of odd order.
+    /// Distortion of odd order, relative to what was asked for.
     pub odd: f64,
-    /// Noise that comes with the level, relative to what was asked.
+    /// Noise that grows with the level, relative to what was asked for.
     pub restless: f64,
 }
 
@@ -122,7 +123,7 @@ pub struct Identified {
     pub levels: [Level; 3],
     /// Response at the middle level.
     pub measured: Measured,
-    /// The model that explains it.
+    /// The model that was fitted to the response.
     pub fit: Fit,
 }
 
@@ -148,7 +149,7 @@ impl Bounds {
             peak_volts: (SHARE_OF_PEAK * f64::from(limits.peak_volt))
                 .min(f64::from(MAX_PROBE_M_S2) * gain),
             rms_volts: f64::from(limits.mean_square).sqrt(),
-            // Between two samples an interpolated slope is up to half as much steeper than theirs.
+            // Between two samples the interpolated slope is up to 1.5 times the slope of the samples.
             volts_per_sample: f64::from(settings.get(Setting::SlewLimit)) * 0.2 / 1.5,
             output_gain: gain,
             range_m_s2: SHARE_OF_RANGE * narrowest * 32_768.0,
@@ -160,7 +161,7 @@ impl Bounds {
         (self.peak_volts / SHARE_OF_PEAK / std::f64::consts::SQRT_2).min(self.rms_volts)
     }
 
-    /// Largest peak of a waveform at the pin, V, if its samples there are `samples` times that.
+    /// Returns the largest peak, V, of a waveform whose samples at the pin are `samples` times this peak.
     pub(super) fn volts(&self, samples: &[f64], share_of_rms: f64) -> f64 {
         let peak = samples
             .iter()
@@ -178,7 +179,7 @@ impl Bounds {
     }
 }
 
-/// The findings at a level, with its response and the model that explains it.
+/// The findings at a level, with the response and the model that was fitted to it.
 type Found = (Level, Measured, Option<Fit>);
 
 /// The excitation on a bench.
@@ -191,7 +192,7 @@ struct Probing<'a, B> {
 }
 
 impl<B: Bench> Probing<'_, B> {
-    /// Plays `periods` with a peak of `volts`; nothing is measured if nothing moves.
+    /// Plays `periods` with a peak of `volts`. The measurement is `None` if nothing moves.
     fn play(&mut self, volts: f64, periods: usize) -> Result<(Played, Option<Measured>)> {
         (self.heard)(&format!("{:.1} mV of peak", 1e3 * volts));
         let probe = Probe {
@@ -209,7 +210,7 @@ impl<B: Bench> Probing<'_, B> {
         ))
     }
 
-    /// The peak of the highest level, V: raised until the response bends or a bound is reached.
+    /// Finds the peak of the highest level, V. Raises the peak until the response is distorted or a bound is reached.
     fn top(&mut self) -> Result<f64> {
         let most = self.bounds.volts(&self.wave.samples, SHARE_OF_RMS_AT_TOP);
         let mut top = most * FIRST;
@@ -233,7 +234,7 @@ impl<B: Bench> Probing<'_, B> {
         }
     }
 
-    /// The findings at each of [`LEVELS`] below `top`; none where nothing moves.
+    /// Measures at each of [`LEVELS`], as fractions of `top`; none where nothing moves.
     fn levels(&mut self, top: f64) -> Result<Vec<Option<Found>>> {
         let at = |(share, periods)| {
             let volts = share * top;
@@ -251,7 +252,7 @@ impl<B: Bench> Probing<'_, B> {
     }
 }
 
-/// Identifies an actuator, telling each step to `heard`.
+/// Identifies an actuator, and reports each step to `heard`.
 ///
 /// # Errors
 /// A fault of the stylus, a lost link or an interrupt.
@@ -307,7 +308,7 @@ pub fn identify(
     })
 }
 
-/// The excitation: less at high frequencies, so that the slew limit lets it reach the hard limit.
+/// Returns the excitation. It is weaker at high frequencies, so that it reaches the hard limit before the slew limit.
 pub(super) fn excitation() -> Multisine {
     Multisine::new(1, |hz| 1.0 / (hz / 250.0).hypot(1.0))
 }
@@ -328,7 +329,7 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
         through: ProbeThrough::Nothing,
     };
     let played = usable(bench.play(&probe)?, 0.0)?;
-    // What differs between periods, so that a hum, which all axes may show, is no sign of life.
+    // Only differences between periods count. A hum may show on all axes, so it does not prove that an axis works.
     let spectra = Spectra::of(&played.axes);
     let deviations =
         [0, 1, 2].map(|axis| (0.5 * spectra.variance[axis][1..].iter().sum::<f64>()).sqrt());
@@ -384,7 +385,7 @@ fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> 
     }
 }
 
-/// Share of the lines in the band that can be trusted.
+/// Fraction of the lines in the band that can be trusted.
 pub(super) fn trusted(measured: &Measured) -> f64 {
     let within = |line: &&Line| (BAND_HZ[0]..=BAND_HZ[1]).contains(&line.hz);
     let (all, trusted) = measured
@@ -397,7 +398,7 @@ pub(super) fn trusted(measured: &Measured) -> f64 {
     f64::from(trusted) / f64::from(all.max(1))
 }
 
-/// The fault that the levels tell of an actuator that is not linear.
+/// Returns the fault of an actuator that, according to the levels, is not linear.
 fn bent(levels: &[Level]) -> Option<Fault> {
     let (first, last) = (levels.first()?, levels.last()?);
     let distortion = last.even.max(last.odd).max(last.restless - first.restless);

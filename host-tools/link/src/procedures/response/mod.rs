@@ -1,16 +1,16 @@
-//! Calibration of the response: what the tip does for a voltage, the equaliser that makes it what was asked, and the
-//! proof that it does.
+//! Calibration of the response: how the tip responds to a voltage, the equaliser that makes the tip do what is asked
+//! for, and the proof that it does.
 //!
 //! | module | subject |
 //! |---|---|
 //! | `bench`, `device` | what plays waveforms and records them: a device, or in tests a model |
-//! | `identify` | rest, levels upwards, the response at three levels, and what is wrong with it |
+//! | `identify` | noise at rest, rising levels, the response at three levels, and faults |
 //! | `design` | equalisers and absolute level |
-//! | `calibrate` | all of it, proved by a second measurement through the proposed equaliser |
-//! | `check` | two seconds against the stored response |
-//! | `headroom` | a library times the equaliser against what coil and limits give |
+//! | `calibrate` | the whole calibration, proved by a second measurement through the proposed equaliser |
+//! | `check` | a check of two seconds against the stored response |
+//! | `headroom` | what a library demands through the equaliser, and what coil and limits allow |
 //!
-//! Invariant: nothing is stored here, and every way in which a proof does not pass has a [`Verdict`] of its own.
+//! Invariant: nothing is stored here, and every fault has a [`Verdict`] of its own.
 
 mod bench;
 mod calibrate;
@@ -31,13 +31,13 @@ pub use identify::{Identified, Level, Options};
 
 use crate::link::LinkError;
 
-/// Reason for which a calibration did not pass. Nothing was changed.
+/// Reason why a calibration did not pass. Nothing was changed.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// The link.
+    /// A failure of the link.
     #[error("{0}")]
     Link(#[from] LinkError),
-    /// Ctrl-C.
+    /// The user has pressed Ctrl-C.
     #[error("interrupted")]
     Interrupted,
     /// A fault of actuator, accelerometer or mounting.
@@ -62,7 +62,7 @@ pub struct Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Nothing moves, and nobody has measured why.
+    /// Nothing moves, and the cause was not measured.
     #[error(
         "measure the resistance at the amplifier's output: if it is none the wire is open, if it is the coil's own the \
          coil is dead or blocked, or the amplifier off"
@@ -94,7 +94,7 @@ pub enum Verdict {
     /// The resonance depends on the level, so that no equaliser holds at all levels.
     #[error("lower hard-limit, or use an actuator with more travel")]
     MovingResonance,
-    /// A line at rest.
+    /// A spectral line while the output is silent.
     #[error("check grounds, shields and the supply of amplifier and accelerometer")]
     Hum,
     /// Noise hides the response.
@@ -106,7 +106,7 @@ pub enum Verdict {
     /// The output gain would be out of its range.
     #[error("check amplifier and coil")]
     OutputGain,
-    /// The proof.
+    /// The proof shows a deviation that is too large.
     #[error("hold the stylus as in use, unchanged all the time, and calibrate again")]
     NotFlat,
     /// A limit of the output changed the probe.
@@ -118,7 +118,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Name of the verdict, as JSON has it.
+    /// Name of the verdict, as in JSON.
     pub fn name(self) -> String {
         let name = serde_json::to_value(self).ok();
         name.and_then(|name| name.as_str().map(str::to_owned))

@@ -34,7 +34,8 @@ struct PlantBench {
     /// The coil's heat in the device's model.
     kept: Option<Heat>,
     seconds: f64,
-    /// Largest voltage at the pin, largest change of it per code, V, and largest heat of the coil, J in a second.
+    /// Largest voltage at the pin, V, its largest change per code, V, and largest mean power in the coil over ten
+    /// seconds, W.
     most: [f64; 3],
     heat: f64,
 }
@@ -64,7 +65,7 @@ impl PlantBench {
         }
     }
 
-    /// Plays samples in m/s² from rest. Gives what was recorded, pin and tip per code, and whether a limit acted.
+    /// Plays samples in m/s² from rest. Returns the recording, pin and tip per code, and whether a limit acted.
     fn run(
         &mut self,
         samples: &[f64],
@@ -108,7 +109,7 @@ impl PlantBench {
         (recorded, codes, limited)
     }
 
-    /// A texture of `asked` at pin and tip: as it is, and through the equaliser.
+    /// Plays the texture `asked`, through the equaliser of `response` if there is one. Returns pin and tip per code.
     fn texture(&mut self, asked: &[f64], response: Option<&Response>) -> Vec<[f32; 2]> {
         let sections = response.map_or_else(Default::default, |response| {
             response.sections_5khz.biquads()
@@ -208,7 +209,7 @@ fn resonance_hz(parameters: &Parameters) -> f64 {
     pairs.max() / std::f64::consts::TAU
 }
 
-/// Deviation from what was asked, dB, by the exact response of the plant: RMS, worst, and mean from 30 to 800 Hz.
+/// Deviation from what was asked for, dB, with the exact response of the plant: RMS, worst, and mean from 30 to 800 Hz.
 fn deviation(parameters: &Parameters, response: &Response) -> [f64; 3] {
     let plant = Plant::new(parameters, 0);
     let gain_db = db(f64::from(response.output_gain));
@@ -343,7 +344,7 @@ fn a_check_tells_what_has_moved() {
     assert!(checked(&|now| now.faults.push(Broken::OpenWire)).contains("nothing moves"));
 }
 
-/// A fault by chance, of a severity by chance.
+/// Returns a random fault of random severity; none for every tenth seed.
 fn broken(seed: u64) -> Option<Broken> {
     let share = |of: u64| {
         (seed
@@ -384,10 +385,11 @@ fn broken(seed: u64) -> Option<Broken> {
     })
 }
 
-/// Writes what 50 sound plants and 200 with faults by chance did, for `response_figures.py` to judge.
+/// Writes the results of 50 healthy plants and of 200 plants with random faults, which `response_figures.py` judges.
 ///
-/// Per plant NAME.json tells the parameters and the outcome; if it passed, NAME.f32 has 5 s of noise and 5 s of a
-/// texture, each as it was asked at 5 kHz, then pin (V) and tip (m/s²) at 40 kHz before and after.
+/// For each plant, NAME.json has the parameters and the outcome. If the plant passed, NAME.f32 has 5 s of noise and 5 s
+/// of a texture. Each begins with what was asked for, at 5 kHz. Pin (V) and tip (m/s²) at 40 kHz follow, first without
+/// and then with the equaliser.
 #[test]
 #[ignore = "minutes: STYLUS_FIGURES=FOLDER names where its figures go"]
 fn figures_of_many_plants() {

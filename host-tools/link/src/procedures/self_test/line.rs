@@ -27,7 +27,7 @@ impl std::fmt::Display for Verdict {
 /// One line.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Line {
-    /// The subject, which a program may look for.
+    /// What the line is about. A program may search for this name.
     pub name: String,
     /// The value as a number, where it is one.
     pub number: Option<f64>,
@@ -106,7 +106,7 @@ impl Line {
         }
     }
 
-    /// A subject that was not measured, and the way to have it measured.
+    /// Creates a line about something that was not measured. `why` says how to have it measured.
     pub fn not_measured(name: impl Into<String>, why: &str) -> Self {
         Self {
             name: name.into(),

@@ -1,7 +1,7 @@
 //! The self test: measurements of the device, compared with limits.
 //!
-//! The device measures and knows no limit; [`judge`] compares, without a device. [`run`] does one after the other. The
-//! output is moved only where the device knows that the amplifier is off, or a person says that none is connected. A
+//! The device measures without knowing any limit, and [`judge`] compares without a device. [`run`] does both in turn.
+//! The output is moved only if the device knows that the amplifier is off, or a person says that none is connected. A
 //! library is erased only on request.
 
 pub mod judge;
@@ -23,11 +23,11 @@ use crate::link::{LinkError, Result};
 
 pub use self::line::{Line, Verdict};
 
-/// Least number of blocks, of 6.4 ms each, between two looks at the encoder's lines.
+/// Least number of blocks, of 6.4 ms each, between two readings of the encoder's lines.
 const LOOK_BLOCKS: u32 = 8;
 
-/// Waits before successive looks, ms, in turn: without them a motion of so many steps per block that each block ends at
-/// the same levels would show one level of a line that works.
+/// Waits before successive readings of the lines, ms, in turn. Without them a steady motion might bring a line to the
+/// same level at the end of each block, and a line that works would seem stuck.
 const LOOK_WAITS_MS: [u64; 7] = [0, 3, 1, 5, 2, 6, 4];
 
 /// Interval between two requests while a recording streams.
@@ -44,8 +44,8 @@ pub struct Options {
     pub move_s: f64,
     /// True if sensors are connected.
     pub sensors: bool,
-    /// True if a person says, of this run alone, that no amplifier is connected. Otherwise the device moves its output
-    /// only with an enable that is wired.
+    /// True if a person says, for this run only, that no amplifier is connected. Otherwise the device moves its output
+    /// only if an enable is wired.
     pub no_amplifier: bool,
     /// True if the user moves the tool when asked.
     pub moves: bool,
@@ -73,18 +73,18 @@ impl Default for Options {
 pub enum Step {
     /// A measurement of the device.
     Measuring(&'static str),
-    /// The tool is to be left alone.
+    /// The tool must be left alone.
     Rest,
-    /// The tool is to be moved in one direction.
+    /// The tool must be moved in one direction.
     Move,
     /// Traffic on the link.
     Traffic,
 }
 
-/// Runs the whole self test. `told` hears of each step before it begins.
+/// Runs the whole self test. Calls `told` with each step before it begins.
 ///
 /// # Errors
-/// A lost link, something that is played or recorded, or a device that does not answer.
+/// A lost link, a play or a recording in progress, or a device that does not answer.
 pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Result<Vec<Line>> {
     let mut lines = Vec::new();
     for (name, request) in [
@@ -136,12 +136,13 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
 /// Traffic on another link to the same device, for the lines of [`run`].
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn other_link(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     traffic(device, seconds)
 }
 
-/// Lines of one measurement. A part that does not answer is a line, because the rest can be measured.
+/// Returns the lines of one measurement. A part of the hardware that does not answer gives a failed line instead of an
+/// error, because the rest can still be measured.
 fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec<Line>> {
     Ok(match device.self_test(request) {
         Ok(SelfTestValues::Chip(values)) => judge::chip(&values, device.info()),
@@ -189,7 +190,8 @@ fn flash(device: &Device, erasable: Option<SlotId>) -> Result<Vec<Line>> {
     measured(device, "flash", request)
 }
 
-/// Records while the user moves the tool. Returns also, per line of the encoder, whether it was seen low, and high.
+/// Records while the user moves the tool. Also returns for each line of the encoder whether it was seen low and whether
+/// it was seen high.
 fn movement(device: &Device, seconds: f64) -> Result<(Capture, [[bool; 2]; 2])> {
     let mut seen = [[false; 2]; 2];
     let mut failure = None;
@@ -237,7 +239,7 @@ fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
         Err(why) => (false, Line::not_measured(name, &why)),
     };
     let measured = stream(device, seconds);
-    // Also after a failure, so that everything is as before.
+    // The texture is stopped also after a failure, so that the device is as before.
     if is_loaded {
         device.stop()?;
     }
@@ -246,8 +248,8 @@ fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     Ok(lines)
 }
 
-/// Plays the first texture of the active library with a gain of zero, so that the kernel works and the output stays at
-/// mid-scale. Returns its name, or why there is none.
+/// Plays the first texture of the active library with a gain of zero, so that the kernel works while the output stays
+/// at mid-scale. Returns the texture's name, or why none is played.
 fn load(device: &Device) -> Result<std::result::Result<String, String>> {
     let Some(slot) = device.slots()?.active else {
         let why = "to load the kernel, upload and activate a library";
@@ -285,7 +287,7 @@ fn stream(device: &Device, seconds: f64) -> Result<Traffic> {
         stream.next(Duration::from_millis(5))?;
     }
     let loss = stream.stop()?;
-    // The last block's ticks end before the status is read.
+    // By the time the status is read, the ticks of the last block are over.
     thread::sleep(Duration::from_millis(10));
     Ok(Traffic {
         before,

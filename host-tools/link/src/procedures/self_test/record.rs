@@ -13,7 +13,7 @@ use crate::support::{atomic_file, date};
 /// A self test with its device and its date.
 #[derive(Clone, Debug, Serialize)]
 pub struct Record {
-    /// Date and time of its end, UTC, as in 2026-11-22T08:15:00Z.
+    /// Date and time of the test's end, UTC, as in 2026-11-22T08:15:00Z.
     pub date: String,
     /// Version of this program.
     pub host_version: &'static str,
@@ -44,7 +44,8 @@ impl Record {
         }
     }
 
-    /// Writes it to `path`, or into the folder at `path` under a name with serial number and date. Returns its path.
+    /// Writes the record to `path`, or into the folder at `path` under a name with serial number and date. Returns the
+    /// file's path.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -60,7 +61,7 @@ impl Record {
         Ok(path)
     }
 
-    /// Name of its file in a folder.
+    /// Name of the record's file in a folder.
     fn file_name(&self) -> String {
         // No colons, which some file systems refuse.
         format!(

@@ -58,7 +58,8 @@ fn three() -> Switchboard {
     board
 }
 
-/// The words that tell `client` of the refusal of its own request, which is an error under its number.
+/// Returns the words with which a request of `client` is refused. Checks that the answer is an error under the
+/// request's number.
 fn refusal(board: &mut Switchboard, client: ClientId, key: Key) -> String {
     let actions = board.frame_of(client, &request(key, 6, &[]));
     assert!(for_device(&actions).is_empty(), "{actions:?}");
@@ -71,7 +72,7 @@ fn refusal(board: &mut Switchboard, client: ClientId, key: Key) -> String {
     words.clone()
 }
 
-/// Has `client` ask and the device answer, with a result that is a refusal or not.
+/// Sends a request of `client` and the device's answer, which is a refusal if `is_refused`.
 fn done(board: &mut Switchboard, client: ClientId, keys: (Key, Key), is_refused: bool) {
     let frame = for_device(&board.frame_of(client, &request(keys.0, 5, &[]))).remove(0);
     board.frame_of_device(&answer_to(&frame, keys.1, &[is_refused.into()]));
@@ -135,7 +136,7 @@ proptest! {
                     let actions = board.frame_of_device(&answer);
                     let is_there = !left.contains(&client);
                     prop_assert_eq!(actions, Vec::from_iter(is_there.then_some(expected)));
-                    // It comes once.
+                    // A second answer goes to nobody.
                     prop_assert!(board.frame_of_device(&answer).is_empty());
                 }
                 Step::Answer(_) => {}
@@ -195,7 +196,7 @@ proptest! {
     }
 }
 
-/// The first block of each client's recording, and the number of those that it has seen.
+/// First block of each client's recording, and the number of blocks that the client has seen.
 type Seen = [Option<(u32, u32)>; 3];
 
 fn see_block(seen: &mut Seen, frame: &[u8]) -> Result<(), TestCaseError> {
@@ -207,7 +208,7 @@ fn see_block(seen: &mut Seen, frame: &[u8]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Checks the answer to a client that has seen `mine`, and joins a recording of which `before` blocks were.
+/// Checks the answer to a client that has seen `mine`. A start joins a recording that already had `before` blocks.
 fn see_answer(
     mine: &mut Option<(u32, u32)>,
     frame: &[u8],
@@ -318,11 +319,11 @@ fn a_stop_of_any_client_ends_a_play_and_tells_who_played() {
     assert_eq!(for_device(&stopped).len(), 1);
     let by = "`stylus stop` (process 7)".to_owned();
     assert_eq!(for_client(&stopped, 1), [FromBroker::Stopped { by }]);
-    // Another may play now, and the first one's late motions do not reach it.
+    // Another client may play now, and late motions of the first client do not reach the device.
     done(&mut board, 2, PLAY, false);
     let late = request(KeepAliveTopic::TOPIC_KEY, 0, &[]);
     assert!(board.frame_of(1, &late).is_empty());
-    // A player that stops itself is told nothing.
+    // A player that stops itself gets no message about it.
     let stopped = board.frame_of(2, &stop);
     assert!(for_client(&stopped, 2).is_empty() && for_client(&stopped, 1).is_empty());
 }
@@ -335,7 +336,7 @@ fn the_motion_is_free_after_a_refused_play_and_after_its_holder_is_gone() {
     // A refused change of what is played leaves the first play with its holder.
     done(&mut board, 2, PLAY, true);
     refusal(&mut board, 1, PLAY.0);
-    // One that is killed sends no stop; the device mutes by itself.
+    // A client that is killed sends no stop; the device mutes by itself.
     assert!(board.left(2).is_empty());
     done(&mut board, 1, PLAY, false);
 }
@@ -391,7 +392,7 @@ fn of_all_activities_one_goes_on_at_a_time_and_who_asks_for_another_is_told_whic
             let told = refusal(&mut board, 2, second);
             let words = format!("`stylus play` (process 7) {does}, begun 0 s ago: ");
             holds(&told, &[&words]);
-            // Its own client goes on, and once that is gone another may.
+            // The client in the activity may continue. Once it has left, another client may begin.
             let actions = board.frame_of(1, &request(second, 6, &[]));
             assert_eq!(for_device(&actions).len(), 1);
             board.left(1);
@@ -407,7 +408,7 @@ fn a_measurement_goes_on_between_its_probes_until_a_response_is_stored() {
     let store = (ResponseSetEndpoint::REQ_KEY, ResponseSetEndpoint::RESP_KEY);
     let stop = request(StopEndpoint::REQ_KEY, 1, &[]);
     done(&mut board, 1, load, false);
-    // Its client stops each probe; a stop of another client tells it.
+    // The measuring client stops each probe itself. It is informed of a stop by another client.
     assert!(for_client(&board.frame_of(1, &stop), 1).is_empty());
     let told = for_client(&board.frame_of(3, &stop), 1);
     assert!(matches!(&told[..], [FromBroker::Stopped { .. }]));

@@ -1,4 +1,4 @@
-//! Identity of the silicon.
+//! The silicon's identity, its clocks, flash, memories and option bytes.
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{
@@ -57,10 +57,10 @@ const LOW_SPEED_HZ: (f64, f64) = (29_400.0, 33_600.0);
 /// board's crystal, and 200 for the reading.
 const USB_PPM: f64 = 750.0;
 
-/// Deviation of a tick from its period, ppm: both come from the same clock, so this is the reading alone.
+/// Deviation of a tick from its period, ppm: both come from the same clock, so only the reading deviates.
 const TICK_PPM: f64 = 50.0;
 
-/// Frequency of `count`, whose cycles are those of a clock of `hz`.
+/// Returns the frequency of `count`, whose cycles are those of a clock with frequency `hz`.
 fn hertz(count: ClockCount, hz: u32) -> f64 {
     f64::from(count.periods) * f64::from(hz) / count.cycles as f64
 }
@@ -123,8 +123,8 @@ pub fn clocks(values: &ClockValues) -> Vec<Line> {
 /// Longest erasure of a sector of 128 KB, ms (DS12110, flash memory programming, parallelism of 8 bits).
 const ERASE_MS: f64 = 4_000.0;
 
-/// Longest writing of a word, µs: 1 ms of the tasks between two looks at the flash, on top of what DS12110 gives for a
-/// parallelism of 8 bits.
+/// Longest time to write a word, µs. It is 1 ms, which tasks may take between two checks of the flash, in addition to
+/// what DS12110 gives for a parallelism of 8 bits.
 const WRITE_US: f64 = 2_000.0;
 
 const WORN: &str =
@@ -226,7 +226,8 @@ const SET_THEM: &str = "set the option bytes to the factory's values with STM32C
 /// Upper half of the flash's address, where the image begins.
 const BOOT_ADDRESS: u32 = 0x0800;
 
-/// An area from its start to its end, as `FLASH_PRAR` and `FLASH_SCAR` hold it: none if the start lies above the end.
+/// Returns true if `register`, such as `FLASH_PRAR` or `FLASH_SCAR`, defines an area. It does not if the area's start
+/// lies above its end.
 fn is_area(register: u32) -> bool {
     let (start, end) = (register & 0xfff, register >> 16 & 0xfff);
     start <= end

@@ -1,7 +1,9 @@
-//! Limits: each function compares the values of one measurement with them, and says what to do.
+//! Limits of the self test. Each function compares the values of one measurement with their limits, and names the
+//! remedies.
 //!
-//! A limit's source stands beside it. DS12110 is the part's datasheet, RM0433 its manual, ES0392 its errata. A limit
-//! without a source is a choice, wide enough for a good device and narrow enough for the fault that it names.
+//! A limit's source is given with the limit. DS12110 is the part's datasheet, RM0433 its manual, ES0392 its errata. A
+//! limit without a source is a choice, wide enough for a good device and narrow enough for the fault that the limit
+//! detects.
 
 mod board;
 mod output;

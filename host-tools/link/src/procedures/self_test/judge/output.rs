@@ -7,44 +7,46 @@ use model_format::link::{
 
 use crate::procedures::self_test::line::Line;
 
-/// Words of the converter's 16 bits per code of the output's 12.
+/// Words of the 16-bit converter per code of the 12-bit output.
 const WORDS_PER_CODE: f64 = 16.0;
 
-/// Gain of output and converter together: 1 % of the DAC (DS12110, gain error) and as much again.
+/// Limits of the gain of output and converter together. They allow twice the 1 % of the DAC (DS12110, gain error).
 const GAIN: (f64, f64) = (0.98, 1.02);
 
-/// Offset at mid-scale, codes of 12 bits: 12 LSB of the DAC (DS12110, offset error at middle code) and as much again.
+/// Largest offset at mid-scale, codes of 12 bits. It is twice the 12 LSB of the DAC (DS12110, offset error at middle
+/// code).
 const OFFSET_CODES: f64 = 24.0;
 
-/// Largest distance of a code's mean reading from the line through all of them, codes: 4 LSB of the DAC (DS12110,
-/// integral linearity) and as much again.
+/// Largest distance of a code's mean reading from the line through all of them, codes. It is twice the 4 LSB of the DAC
+/// (DS12110, integral linearity).
 const BEND_CODES: f64 = 8.0;
 
 /// Smallest and largest step between two neighbouring codes of the sweep.
 const STEP_OF_CODES: (f64, f64) = (OUTPUT_CODE_STEP as f64 - 8.0, OUTPUT_CODE_STEP as f64 + 8.0);
 
-/// Noise at mid-scale, codes RMS.
+/// Largest noise at mid-scale, codes RMS.
 const NOISE_CODES: f64 = 2.0;
 
-/// Distance of the lowest from the highest word at rest, codes: eight times [`NOISE_CODES`].
+/// Largest distance of the lowest from the highest word at rest, codes: eight times [`NOISE_CODES`].
 const REST_RANGE_CODES: f64 = 8.0 * NOISE_CODES;
 
 /// Code at rest.
 const MID_SCALE: f64 = 2048.0;
 
-/// Delay from the trigger to half of the step, µs: the buffered DAC settles within 3 µs (DS12110, settling time).
+/// Largest delay from the trigger to half of the step, µs. The buffered DAC settles within 3 µs (DS12110, settling
+/// time).
 const DELAY_US: f64 = 3.0;
 
 /// Distance from its end at which a step counts as settled, codes.
 const SETTLED_CODES: f64 = 16.0;
 
-/// Time within which it has settled, µs.
+/// Longest time until a step has settled, µs.
 const SETTLED_US: f64 = 8.0;
 
 const AMPLIFIER: &str = "take the amplifier's input off PA4 and test again, because a load bends the output; if it \
                          stays, the chip's output is damaged";
 
-/// Mean word per code of the sweep, in codes.
+/// Returns the mean word for each code of the sweep, in codes.
 fn means(values: &OutputValues) -> [f64; OUTPUT_CODES] {
     values
         .sums
@@ -70,7 +72,7 @@ fn line_through(means: &[f64; OUTPUT_CODES]) -> (f64, f64) {
     (slope, mean + slope * (MID_SCALE - code))
 }
 
-/// Delay until half of the step, and until it has settled, µs; none if that does not come.
+/// Returns the delays until half of the step and until the step has settled, µs; none if that does not happen.
 fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [Option<f64>; 2] {
     let ends = STEP_CODES.map(|code| middle + slope * (f64::from(code) - MID_SCALE));
     let words = values
@@ -82,7 +84,7 @@ fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [
     };
     let half = f64::midpoint(ends[0], ends[1]);
     let first = |has: &dyn Fn(f64) -> bool| {
-        // All later words too, so that one disturbed word is not taken for the end.
+        // All later words must satisfy it too, so that one disturbed word does not count as the end.
         let away = words.iter().rposition(|&word| !has(word));
         let index = away.map_or(0, |last| last + 1);
         (index < STEP_INSTANTS).then(|| instant_us(index))

@@ -11,23 +11,24 @@ use crate::procedures::self_test::line::Line;
 /// Longest tick, per cent of its period.
 const TICK_PERCENT: f64 = 80.0;
 
-/// Share of the stack that was ever used, per cent.
+/// Largest part of the stack that was ever used, per cent.
 const STACK_PERCENT: f64 = 75.0;
 
-/// Longest delay from the timer's trigger to the tick, µs: the tick has 29 µs to read its row, less its own reading.
+/// Longest delay from the timer's trigger to the tick, µs. The tick must finish reading its row within 29 µs of the
+/// trigger.
 const TICK_DELAY_US: f64 = 20.0;
 
-/// Longest critical section, µs: it delays a tick as long.
+/// Longest critical section, µs. It delays a tick by its own duration.
 const MASKED_US: f64 = 15.0;
 
-/// Longest time between two feeds of the watchdog, ms, of the 100 after which it bites.
+/// Longest time between two feeds of the watchdog, ms. The watchdog resets the device after 100 ms.
 const WATCHDOG_GAP_MS: f64 = 50.0;
 
-/// Longest round trip of a request while a recording streams, ms, and the median of all.
+/// Largest round trip of a request while a recording streams, ms, and largest median of all round trips, ms.
 const ROUND_TRIP_MS: [f64; 2] = [500.0, 100.0];
 
-/// Blocks received of those that were due between the two statuses, per cent. The recording begins after the first and
-/// ends before the second.
+/// Least part of the blocks due between the two statuses that must be received, per cent. Not all of them can be,
+/// because the recording begins after the first status and ends before the second.
 const RECEIVED_PERCENT: f64 = 50.0;
 
 /// Traffic of the link for some time.

@@ -7,29 +7,29 @@ use model_format::link::{RAIL_CODES, RecordSample};
 use crate::link::capture::{Calibration, Capture};
 use crate::procedures::self_test::line::Line;
 
-/// Codes that lie this near to an end of the range count as the end: 1 % of it for an axis, which rests in the middle,
-/// and the device's own limit for the force, whose zero may lie low.
+/// Distance from an end of the range, in codes, within which a code counts as at the end. For an axis, which rests in
+/// the middle, it is 1 % of the range. For the force, whose zero may lie low, it is the device's own limit.
 const RAILS: [f64; 2] = [655.0, RAIL_CODES as f64];
 
 /// Highest code of a converter.
 const HIGHEST: f64 = 65_535.0;
 
-/// Least noise of a converter that converts, codes RMS. One that never changes is stuck.
+/// Least noise of a working converter, codes RMS. A converter whose code never changes is stuck.
 const LEAST_NOISE_CODES: f64 = 0.1;
 
-/// Noise at rest: m/s² RMS of an axis, N RMS of the force.
+/// Largest noise at rest: m/s² RMS of an axis, N RMS of the force.
 const NOISE: [f64; 2] = [1.0, 0.05];
 
-/// Hum at rest of either mains, in the same units.
+/// Largest hum at rest, of mains of 50 Hz or of 60 Hz, in the units of [`NOISE`].
 const HUM: [f64; 2] = [0.2, 0.02];
 
 /// Number of harmonics of a hum, its fundamental among them.
 const HARMONICS: u32 = 5;
 
-/// Counts of the encoder at rest, where a track may rest on an edge.
+/// Most counts of the encoder at rest, where one of its tracks may stand on an edge.
 const REST_COUNTS: u64 = 4;
 
-/// Counts of the encoder of a tool that was moved.
+/// Fewest counts of the encoder of a tool that was moved.
 const MOVED_COUNTS: f64 = 100.0;
 
 /// Amplitude RMS at `hz` of `signal`, taken at `rate_hz`, over whole periods.
@@ -49,7 +49,7 @@ fn hum(signal: &[f64], hz: f64, rate_hz: f64) -> f64 {
     powers.sum::<f64>().sqrt()
 }
 
-/// Judges one sensor: its codes, their scale in `unit`, and the place of its limits.
+/// Judges one sensor by its codes. The last argument has their scale, its unit, and the index of the sensor's limits.
 fn sensor(
     name: &str,
     codes: &[f64],
@@ -138,8 +138,8 @@ pub fn at_rest(capture: &Capture, calibration: &Calibration) -> Vec<Line> {
     lines
 }
 
-/// Judges the encoder by a recording during which the tool was moved in one direction, and by the levels that its lines
-/// were seen at.
+/// Judges the encoder by a recording during which the tool was moved in one direction, and by the levels that were seen
+/// on its lines.
 pub fn moved(capture: &Capture, seen: [[bool; 2]; 2]) -> Vec<Line> {
     let deltas = || {
         capture
