@@ -32,7 +32,7 @@ pub fn with_short_outputs(command: Command) -> Command {
     command.mut_subcommands(|inner| {
         let has_output = inner
             .get_arguments()
-            .any(|argument| argument.get_id() == "out");
+            .any(|argument| argument.get_long() == Some("out"));
         let inner = if has_output {
             inner.mut_arg("out", |out| out.short('o').alias("output"))
         } else {
