@@ -33,8 +33,8 @@ use crate::storage::{Stage, Storage};
 /// Buffer of a frame to the host.
 pub type Frame = [u8; MAX_DEVICE_FRAME_BYTES];
 
-/// Most jobs that can wait: the chunks of an upload's window except the one that is being written, and two jobs of the
-/// other link.
+/// Largest number of jobs that can wait: the chunks of an upload's window except the one that is being written, and two
+/// jobs of the other link.
 pub const QUEUED_JOBS: usize = UPLOAD_WINDOW + 1;
 
 /// The link that a request came by.

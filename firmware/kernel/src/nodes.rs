@@ -1,4 +1,4 @@
-//! The four nodes of a lattice around a motion, cut into runs of stages that all four nodes store in the same form.
+//! The four nodes of the grid around a motion. Their lattices are cut into runs of stages that all four store alike.
 
 use model_format::{Coefficients, Tail, Texture};
 

@@ -30,12 +30,12 @@ pub const fn update_interval_samples(sample_rate_hz: u32) -> u32 {
     }
 }
 
-/// Most samples of a fed texture's frame.
+/// Largest number of samples of a fed texture's frame.
 ///
 /// A device's frames take [`update_interval_samples`], and none of the host's programs more than 50.
 pub const MAX_FED_SAMPLES: usize = 64;
 
-/// Most samples that a playback passes through its filter at once, in [`Playback::next_block`].
+/// Largest number of samples that a playback passes through its filter at once, in [`Playback::next_block`].
 const BLOCK_SAMPLES: usize = 64;
 
 /// Coefficients and levels of a motion, and the excitation of a fed texture.

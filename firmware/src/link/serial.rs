@@ -128,7 +128,7 @@ impl SendFrame for Sender {
     }
 }
 
-/// Most bytes that are taken from the port's buffer at a time.
+/// Largest number of bytes that are taken from the port's buffer at a time.
 const CHUNK_BYTES: usize = 64;
 
 /// Receiver of frames.

@@ -191,7 +191,7 @@ exports! {
         asked(Session::block_samples)
     }
 
-    /// Most blocks of a run.
+    /// Largest number of blocks of a run.
     fn most_blocks() -> usize {
         MOST_BLOCKS
     }

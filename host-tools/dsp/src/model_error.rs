@@ -129,7 +129,8 @@ impl Polynomial {
         self.error_power / (tail + 1.0).norm_sqr()
     }
 
-    /// Enough for 10⁻⁷ of the interval, far less than the width of any line.
+    /// Returns the frequency of the highest density between `low` and `high`, where the density has one peak, by
+    /// golden-section search.
     fn peak(&self, mut low: f64, mut high: f64) -> f64 {
         /// Enough for 10⁻⁷ of the interval, far less than the width of any line.
         const STEPS: usize = 34;

@@ -24,7 +24,7 @@ const FIRST_BAND: usize = 2;
 /// Number of parts of the time. Each part is ranked by a classifier that was fitted to the other parts.
 const FOLDS: usize = 4;
 
-/// Fewest windows of the recordings: two of each part.
+/// Least number of windows of the recordings: two of each part.
 const FEWEST: usize = 2 * FOLDS;
 
 /// Weight of the squared coefficients relative to the mean loss of a window.

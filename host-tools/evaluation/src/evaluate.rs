@@ -104,8 +104,8 @@ pub struct Evaluation {
     without_noise: HashMap<usize, Signal>,
 }
 
-/// Excerpts of a trial for listening: the middle of the longest judged block and the middle of the synthesis, at the
-/// models' rate, m/s².
+/// Excerpts to listen to, at the models' rate, m/s²: the middle of the longest block that judges a trial, and the
+/// middle of the synthesis.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Excerpt {
     /// Excerpt of the recording.

@@ -110,10 +110,10 @@ pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResul
     Ok(flat.reshape([rows, columns])?.unbind())
 }
 
-/// Most numbers of an array that are copied: 1 GiB.
+/// Largest number of numbers of an array that are copied: 1 GiB.
 const MOST_NUMBERS: usize = 1 << 27;
 
-/// Most values of a list of names, files or scenes.
+/// Largest number of values of a list of names, files or scenes.
 const MOST_LISTED: usize = 1 << 20;
 
 /// The numbers of an array-like of one dimension, the argument `name`.

@@ -1,13 +1,13 @@
-//! The Python package `stylus_haptics`: the library of the command `stylus`, with NumPy arrays in and out.
+//! The Python package `stylus_haptics`: what the command `stylus` does, with NumPy arrays in and out.
 //!
-//! **Invariant: thin.** A function takes its arguments apart, calls `host-tools`, and puts the results together. What a
-//! result is, the library alone decides, so that it is bit for bit that of the command. Results are plain Python, of
-//! the classes in `_results.py`, which shows them and makes tables of them.
+//! **Invariant: thin.** A function takes its arguments apart, calls the crate `host-tools`, and puts the results
+//! together. All results are computed there, so they are bit for bit those of the command. Results are plain Python
+//! objects; their classes in `_results.py` display them and make tables of them.
 //!
 //! | module | subject |
 //! |---|---|
 //! | `error` | exceptions and warnings |
-//! | `work` | long work without the interpreter's lock, with progress, that Ctrl-C ends |
+//! | `work` | long work: releases the interpreter's lock, shows progress, stops at Ctrl-C |
 //! | `convert` | arrays, paths and choices |
 //! | `recording` | recordings from arrays and files, and sets of them; simulated ones |
 //! | `fitting`, `evaluating` | fits, their evaluation, and the pages that show both |
@@ -19,7 +19,7 @@
 //! | `hatt` | HaTT's models |
 //! | `device` | a stylus on a link |
 //!
-//! There is no unsafe code here: what the bindings need of it, PyO3 and rust-numpy have.
+//! There is no unsafe code here. PyO3 and rust-numpy contain all that the bindings need.
 
 #![expect(
     clippy::needless_pass_by_value,

@@ -154,10 +154,10 @@ pub struct Along {
 }
 
 impl Asked<'_> {
-    /// The motion that is asked for; none if nothing is said of one.
+    /// Returns the requested motion; `None` if no motion was given.
     ///
-    /// # Errors
-    /// A motion that cannot be used, or two of them.
+    /// # Errors A motion that cannot be used; a motion together with a speed or a force; a speed without a force, or
+    /// the reverse; a duration that is not positive.
     pub fn along(self) -> PyResult<Option<Along>> {
         if let Some(seconds) = self.seconds {
             crate::convert::positive("seconds", seconds)?;

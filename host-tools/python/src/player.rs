@@ -16,7 +16,7 @@ use crate::error::{raised, refused};
 use crate::library::Library;
 use crate::playing::LibraryLike;
 
-/// Most samples of a block: a second at 192 kHz.
+/// Largest number of samples of a block: a second at 192 kHz.
 const MOST_SAMPLES: usize = 192_000;
 
 /// A texture or a scene in real time: one thread moves, another fills the buffers of a sound card or a DAQ.

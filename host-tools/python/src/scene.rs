@@ -44,7 +44,8 @@ impl Scene {
         CostReport::new(&self.compiled.scene, names, &self.decoded()?, cost::BUDGET)
     }
 
-    /// Speed, mm/s, and force, N, of a scene with a constant motion of its own; none of a scene that follows the hand.
+    /// Returns the constant speed, mm/s, and force, N, of a scene that has them; `None` for both if the scene follows
+    /// the hand.
     fn own_motion(&self) -> (Option<f64>, Option<f64>) {
         match self.compiled.scene.motion {
             MotionOfScene::Constant {

@@ -15,10 +15,10 @@ pub struct Library<'a> {
     pub(super) scene_count: usize,
 }
 
-/// Offsets of a decoded library's content in its bytes.
+/// Where the textures and scenes of a decoded library begin in its bytes, and how many there are.
 ///
-/// An outline serves an owner of bytes that cannot stay borrowed, such as a store in flash. The owner decodes the bytes
-/// once, keeps the outline, and can later view the bytes again without decoding them again.
+/// An outline serves an owner whose bytes cannot stay borrowed, such as a store in flash. The owner decodes the bytes
+/// once, keeps the outline, and can later view the library again without decoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outline {
     textures: u32,

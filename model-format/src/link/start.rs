@@ -79,10 +79,11 @@ impl core::fmt::Display for StartStage {
 
 /// Lowest level of the brown-out reset that a board should have. Levels are 0 to 3, and 0 is off.
 ///
-/// If the brown-out reset is off, the processor runs until its supply falls below 1.58 to 1.68 V (DS12110, reset and
-/// power control block, falling threshold of the power-down reset). But the core and the flash need 1.62 V (DS12110,
-/// general operating conditions). [`FLASH_SUPPLY_MV`] does not replace the brown-out reset, because it is checked only
-/// before an operation, and an erasure takes up to 4 s. Each level from 1 on lies above 1.62 V.
+/// If the brown-out reset is off, the processor runs until its supply falls below a threshold between 1.58 and 1.68 V
+/// (DS12110, reset and power control block, falling threshold of the power-down reset). But the core and the flash need
+/// 1.62 V (DS12110, general operating conditions). A comparison with [`FLASH_SUPPLY_MV`] does not replace the brown-out
+/// reset, because it comes only before a flash operation, and an erasure takes up to 4 s. Each level from 1 on lies
+/// above 1.62 V.
 pub const LEAST_BROWN_OUT_LEVEL: u8 = 1;
 
 /// Revision of the silicon: REV_ID of DBGMCU_IDC (RM0433 section 60.5.8).

@@ -134,8 +134,8 @@ impl Kept {
         })
     }
 
-    /// Returns true if the suite may play. It may not if the amplifier is always on and nobody has set its coil's
-    /// settings.
+    /// Returns true if the suite is allowed to play: all settings of [`SettingSet::REQUIRED`] were set, or the
+    /// amplifier can be switched off, or the user states that there is no amplifier.
     fn may_play(&self, bench: &Bench) -> bool {
         let mut required = SettingSet::REQUIRED.iter();
         required.all(|setting| self.set.contains(setting))

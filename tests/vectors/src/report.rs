@@ -33,8 +33,8 @@ pub const SAMPLE_COST: &str = "sample-cost";
 /// First word of the line with the instructions of an update of coefficients: fewest, most, number of calls, name.
 pub const FOLLOW_COST: &str = "follow-cost";
 
-/// First word of the line with a library's instructions: its bytes, the whole decoding, number of steps, longest step,
-/// longest plan.
+/// First word of the line with the cost of a library: its size in bytes, the instructions of the whole decoding, the
+/// number of steps, and the most instructions of a step and of making a plan.
 pub const LIBRARY_COST: &str = "library-cost";
 
 /// First word of the line with the digest of a texture's first words: the digest, arithmetic.

@@ -76,7 +76,7 @@ const OTHER_BANK: u8 = 2;
 const LOOK: u32 = 256;
 /// The status of a bank of the flash: FLASH_SR1 and FLASH_SR2 (section 4.9.5).
 const FLASH_STATUS: [u64; 2] = [0x5200_2010, 0x5200_2110];
-/// Instructions between two checks of the MPU while the bank with the code is busy: about a microsecond.
+/// Addresses of the control registers of ADC1 and ADC2, whose models end a calibration by an event (section 25.6.3).
 const CONVERTER_CONTROL: [u64; 2] = [0x4002_2008, 0x4002_2108];
 /// Time for which a bank's reads stay on the bus after it was busy. An upload, or an exchange of images, thus reroutes
 /// the bank's pages only once. For the bank with the code this applies only while the MPU is off: then the bootloader

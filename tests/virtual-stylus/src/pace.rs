@@ -21,8 +21,9 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Returns the ratio of virtual to real time over the last interval, if that is slow and no slow interval was
-    /// reported within the last minute. `real` and `of_stylus` are the real and the virtual time since the run began.
+    /// Returns the ratio of virtual to real time over the last interval, if the ratio is below [`SLOW`]. After such a
+    /// report, the next `QUIET_INTERVALS - 1` slow intervals are not reported. `real` and `of_stylus` are the real and
+    /// the virtual time since the run began.
     pub fn slow(&mut self, real: Duration, of_stylus: Duration) -> Option<f64> {
         let (since, before) = self.since;
         let passed = real.saturating_sub(since);

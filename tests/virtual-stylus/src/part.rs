@@ -1,7 +1,7 @@
-//! The part: the emulator's STM32H743, where models of this board replace or wrap some of the emulator's models.
+//! The microcontroller: the emulator's STM32H743, in which models of this board replace or wrap some of the emulator's.
 //!
-//! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as in
-//! section 8.4.4 and table 56. Only a power cut, which ends the run, loses RAM.
+//! A reset keeps RAM, the backup SRAM, the flash and the flags in `RCC_RSR`, to which it adds those of its cause
+//! (RM0433 section 8.4.4 and table 56). RAM is lost only when the power is cut.
 
 use rigless::device::{Device, DeviceContext, ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};

@@ -22,11 +22,11 @@ pub struct Tick {
 pub struct TickStatistics {
     /// Number of ticks.
     pub ticks: usize,
-    /// Fewest instructions.
+    /// Least number of instructions.
     pub min: u32,
     /// The lower median.
     pub median: u32,
-    /// Most instructions.
+    /// Largest number of instructions.
     pub max: u32,
 }
 

@@ -326,8 +326,8 @@ impl Follower {
         Self { tracker, ..self }
     }
 
-    /// Interaction of the hand, from the chosen motion and the encoder, both at tick `now`. The origin is the count at
-    /// the first call.
+    /// Returns the interaction of the hand at tick `now`, from the chosen motion and the encoder. If the position is
+    /// used, its origin is the encoder's count at the first call.
     pub fn follow(
         &mut self,
         chosen: Timed,

@@ -116,8 +116,8 @@ impl Config {
         self.limits.slew
     }
 
-    /// Most ticks from any output to exactly mid-scale after a mute: the ramp, the interpolator's length, and the slew
-    /// limit's lag.
+    /// Largest number of ticks from any output to exactly mid-scale after a mute: the ramp, the interpolator's length,
+    /// and the slew limit's lag.
     pub fn mute_ticks(&self) -> u32 {
         let ramp = (self.ramp.down_samples()).div_ceil(self.rate.samples_per_tick());
         let apart = shaper::LARGEST_DEVIATION;

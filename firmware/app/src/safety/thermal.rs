@@ -50,8 +50,8 @@ const WARMING_BITS: u32 = SHARE_BITS - HEAT_BITS + OVERSAMPLING.ilog2();
 /// Largest sum of the squared offsets of a tick's codes and of the codes in missed ticks before it.
 const MOST_ENERGY: i64 = (1 + MOST_HELD_TICKS as i64) * OVERSAMPLING as i64 * (1 << 22);
 
-/// Most ticks for which the output holds or fades a code if no further tick follows. After these `ring` is at
-/// mid-scale.
+/// Largest number of ticks for which the output holds or fades a code if no further tick follows. After these `ring` is
+/// at mid-scale.
 pub const MOST_HELD_TICKS: u32 = 3;
 
 /// Shortest time constant, s.

@@ -87,7 +87,8 @@ impl Copy {
         }
     }
 
-    /// Writes `record` after the others and reads it back; false if the flash does not take it or the copy is full.
+    /// Writes `record` to the next place that reads back right, of at most [`TRIES`]. Returns false if none does, or if
+    /// the copy is full.
     pub async fn append<F: NorFlash>(
         &mut self,
         flash: &mut F,

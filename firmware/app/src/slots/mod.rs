@@ -243,7 +243,8 @@ impl<F: MappedFlash> SlotStore<F> {
             })
     }
 
-    /// Returns the library in `slot`. Its bytes are still those that were decoded, because the checksum is the same.
+    /// Returns the library in `slot`, after reading its bytes again. They are not decoded again: their checksum shows
+    /// that they have not changed.
     async fn listed(&mut self, slot: SlotId) -> Result<Library<'_>, ListError> {
         match &self.states[slot.index()] {
             SlotState::Valid(_) => {}

@@ -33,7 +33,7 @@ fn told(
     Timed::from_host(sample, tick)
 }
 
-/// Motion of a tool about which nothing is known except what `sensors` have read last.
+/// Motion that a new estimator finds in `sensors`.
 fn motion_of(sensors: &Sensors, config: &InputConfig) -> Timed {
     Estimator::new().motion(sensors, config)
 }

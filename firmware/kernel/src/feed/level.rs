@@ -8,7 +8,7 @@ use model_format::{Modulation, level_amplitude};
 
 use super::draws::{Draws, share};
 
-/// Most pieces per second. The longest piece takes one second.
+/// Largest number of pieces per second. The longest piece takes one second.
 const SHORTEST_PER_S: u32 = 5;
 
 /// The state of the level.

@@ -20,7 +20,7 @@ use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
 use crate::rotation::{Rotation, THETA_QUARTER_TURN};
 
-/// Most pieces per second, for the shortest piece of 20 ms, and length of the longest piece, ms.
+/// Largest number of pieces per second, for the shortest piece of 20 ms, and length of the longest piece, ms.
 const SHORTEST_PER_S: u32 = 50;
 const LONGEST_MS: u32 = 80;
 

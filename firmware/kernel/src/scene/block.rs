@@ -12,7 +12,8 @@ use crate::lines::LinesFrame;
 /// Number of voices that can sound at a time: two, while one surface fades into another.
 pub const SLOTS: usize = 2;
 
-/// Most stages of a block: two voices with their lines, a tap, the equaliser, and the fade while scenes change.
+/// Largest number of stages of a block: two voices with their lines, a tap, the equaliser, and the fade while scenes
+/// change.
 pub const MAX_STAGES: usize = 2 * SLOTS + 3;
 
 /// A voice that sounds.

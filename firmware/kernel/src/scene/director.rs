@@ -71,8 +71,8 @@ impl<'a> Director<'a> {
         }
     }
 
-    /// Changes to `plan` from the next block on, as soon as everything audible has faded. That takes one block, and one
-    /// more if a voice needs a slot that was played until then.
+    /// Changes to `plan` at the first block boundary after everything audible has faded. The fade takes one block, or
+    /// two if a voice of the new plan needs a slot that is still played.
     pub fn switch(&mut self, plan: Plan<'a>) {
         self.next_plan = Some(plan);
     }

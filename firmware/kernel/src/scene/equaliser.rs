@@ -29,7 +29,7 @@ const HEADROOM_BITS: u32 = 5;
 /// of its impulse response: the sums of squares are equal, so that no tap is above the largest gain, 16.
 const TAP_FRACTION_BITS: u32 = 26;
 
-/// Most sections of a cascade: those of a scene, and those of the device's response.
+/// Largest number of sections of a cascade: those of a scene, and those of the device's response.
 const ROOM: usize = MAX_SECTIONS + MAX_RESPONSE_SECTIONS;
 
 /// A section as it is played.

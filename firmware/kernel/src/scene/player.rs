@@ -14,7 +14,7 @@ use crate::arithmetic::{Arithmetic, Portable};
 use crate::level::Levels;
 use crate::synthesis::{Frame, Playback};
 
-/// Most samples that voices play ahead, in [`ScenePlayer::next_block`].
+/// Largest number of samples that voices play ahead, in [`ScenePlayer::next_block`].
 const BLOCK_SAMPLES: usize = 64;
 
 /// A scene being played: director, voices and playback in one.

@@ -13,8 +13,8 @@ use crate::fixed::shift_toward_zero;
 use crate::grid::{Motion, ONE};
 use crate::level::Ramp;
 
-/// Fewest samples per slip; on a faster path the phase lags. The envelope changes by at most a fifth of the amount from
-/// sample to sample, because the window's slope is at most 3.08.
+/// Least number of samples per slip; on a faster path the phase lags. The envelope changes by at most a fifth of the
+/// amount from sample to sample, because the window's slope is at most 3.08.
 const FEWEST_SAMPLES_PER_SLIP: f32 = 16.0;
 
 /// A whole turn of the phase, in steps of the phase.

@@ -1,4 +1,4 @@
-//! Fed textures: excitation from codebooks of a residual, from a level track, or both.
+//! Fed textures: excitation that comes from codebooks of the residual, or follows a level track, or both.
 
 use std::f64::consts::{FRAC_PI_2, LN_2, LN_10};
 

@@ -95,7 +95,7 @@ impl Spectra {
 pub struct Bandwidths(pub [Option<f64>; 3]);
 
 impl Bandwidths {
-    /// Returns the fraction of an acceleration at `hz` that the axis shows, as a complex factor.
+    /// Returns the response of the accelerometer's `axis` at `hz`, as a complex factor on the true acceleration.
     fn passed(&self, axis: usize, hz: f64) -> Complex<f64> {
         let one = Complex::new(1.0, 0.0);
         self.0[axis].map_or(one, |edge_hz| one / Complex::new(1.0, hz / edge_hz))

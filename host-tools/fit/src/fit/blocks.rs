@@ -26,9 +26,8 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Divides a recording of `samples` samples at 5 kHz into blocks of at most 1 s, at least four of them. If four
-    /// blocks would be shorter than 0.4 s each, it is divided into halves. Fewer samples than there are blocks are left
-    /// over at the end.
+    /// Divides a recording of `samples` samples at 5 kHz into an even number of equal blocks of at most 1 s: four or
+    /// more, or two if four would be shorter than 0.4 s each. The remainder of the division is not used.
     pub fn of(samples: usize) -> Self {
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let duration_s = samples as f64 / rate_hz;

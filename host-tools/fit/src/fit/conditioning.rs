@@ -1,4 +1,4 @@
-//! Conditioning of a recording before it is fitted: a high-pass filter, and the reduction to one axis.
+//! Choices for the conditioning of a recording before it is used: a high-pass filter, then a reduction to one axis.
 
 use std::fmt;
 use std::str::FromStr;

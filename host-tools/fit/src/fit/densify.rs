@@ -309,7 +309,7 @@ pub const ECONOMY_DB: f64 = 0.5;
 /// Least gain of C for which a line is added. A smaller one cannot be distinguished from the scatter of a recording.
 const LEAST_GAIN: f64 = 0.003;
 
-/// Most divisions of a gap: into halves, and each of these again.
+/// Largest number of divisions of a gap: into halves, and each of these again.
 const DIVISIONS: u32 = 2;
 
 /// The axis whose value the nodes of a line share.

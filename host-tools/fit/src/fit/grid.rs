@@ -23,7 +23,7 @@ const NOTABLE_MISS_DB: f64 = 3.0;
 /// 6 dB. Otherwise this trial would dominate the mean.
 const LOUD: f64 = 4.0;
 
-/// Fewest trials of a node for which a loud trial can be recognised by the median.
+/// Least number of trials of a node for which a loud trial can be recognised by the median.
 const FEWEST_FOR_MEDIAN: usize = 3;
 
 /// Least number of samples for each coefficient of a model.

@@ -2,36 +2,40 @@
 //!
 //! 1. **Recordings** (`recordings`; `trial` does the work on each trial, `estimate` its lags), a texture at a time.
 //!    Each trial is read, checked and cut by triage, high-passed if it holds slow motion, reduced to one axis, and
-//!    correlated. The rig's own noise (`floor`) is measured, and subtracted if the user asks for it. Then the texture's
-//!    lines are removed from its trials, except from trials that are silent, idle, cut by triage, or dropped by
-//!    `--drop`. After each of these changes a trial's lags and third-octave bands are estimated again; its power
-//!    remains that of the recording. Triage always sees 5 kHz; for another rate the trial is read a second time, and
-//!    has neither lines nor excitation.
+//!    correlated. The rig's own noise (`floor`) is measured in the texture's trials at 0 N, and subtracted if the user
+//!    asks for it. Then the texture's lines are removed from its trials, except from trials that are silent, idle, cut
+//!    by triage, or dropped by `--drop`. A trial's lags and third-octave bands are estimated again after its noise was
+//!    subtracted, and after lines were removed from it. Only the power in its report remains that of the recording.
+//!    Triage always sees 5 kHz; for another rate the trial is read a second time, and has neither lines nor excitation.
 //! 2. **Reports** (`reports`). Copies are sought in the whole set. Within a texture, trials are compared by mains line,
-//!    level and bands, which shows hum, wrong scales and trials unlike the others. No model is made of a trial if its
-//!    speed or force is 0, or if `--drop` names one of its verdicts. A verdict of this step comes too late for the
-//!    lines: such a trial has already taken part in the search for them.
+//!    level and bands, which shows hum, wrong scales and trials unlike their neighbours. No model is made of a trial if
+//!    its speed or force is 0, or if `--drop` names one of its verdicts. A verdict of this step comes too late for the
+//!    noise and the lines: such a trial has already taken part in the search for them.
 //! 3. **Models** (`grid` fits them, `fitted` holds what a texture has), a texture at a time. The lags of a node's
-//!    trials are pooled, and give one linear predictor. A trial 6 dB above the median of three or more counts at the
-//!    median. Under `auto` the order of each node is chosen by AIC, then lowered as far as the bands allow. Holes of
-//!    the grid are filled, the lines join it, and all is quantised (`texture`).
-//! 4. **Room** (`fitted`). The bytes that the models leave of a library are divided equally among the textures.
-//! 5. **Excitation** ([`excitation`]), a texture at a time: a codebook with a level track, or recorded snippets
-//!    (moments), from the residuals of its trials by the quantised models. A node that would play louder than its
-//!    recordings is made softer. Steps 4 and 5 are left out if the user asks for noise of steady level.
+//!    trials that are not silent are pooled, and give one linear predictor. A trial 6 dB above the median of three or
+//!    more counts at the median. Under `auto` the order of each node is chosen by AIC, then lowered as far as the bands
+//!    allow. Holes of the grid are filled, the nodes are quantised (`texture`), and the lines join them.
+//! 4. **Room** (`fitted`). The bytes that the models and lines leave of a library are divided equally among the
+//!    textures, up to a bound for each.
+//! 5. **Excitation** ([`excitation`]), a texture at a time, from the residuals of its trials by the quantised models. A
+//!    texture gets what tests find that it needs: nothing more than Gaussian noise, a codebook, a level track, both, or
+//!    recorded snippets (moments). A node that would play louder than its recordings is made softer. Steps 4 and 5 are
+//!    left out if the user asks for noise of steady level.
 //!
-//! **Memory.** Step 1 needs the signals of one texture, several times over while lines are sought. For step 5 the
-//! signals of textures are kept, first come first served, up to `HELD_SIGNALS`; a set of one texture keeps all of
-//! them. The others are read again: all trials of the texture, by the whole of step 1, if lines or the rig's noise were
-//! removed, and otherwise the used trials without triage. Trials and nodes are computed in parallel, textures in turn.
+//! **Memory.** Lags and bands of all trials are kept from step 1 to step 3, about 4 KB per trial. Step 1 needs the
+//! signals of one texture, several times over while lines are sought. For step 5 the signals of a texture are kept if
+//! they fit into what is left of `HELD_SIGNALS`; a set of one texture keeps all of them. The others are read again: all
+//! trials of the texture, by the whole of step 1, if lines or the rig's noise were removed, and otherwise the used
+//! trials, cut as before. Trials and nodes are computed in parallel, textures in turn.
 //!
-//! [`encoded`] writes the result as a library's bytes. The command snaps speeds and forces before step 1, densifies
-//! after step 5, and keeps a [`record`] of the fit beside the library.
+//! [`Fit::library`] encodes the result. The command snaps speeds and forces before step 1, adds nodes after step 5 if
+//! `--densify` asks for it, for which it reads the recordings again, and writes a [`record`] of the fit beside the
+//! library.
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
 //! ([`parts`]) write the results of step 1 to files; a last run merges them, and reads the recordings again for step 5.
-//! [`densify`] adds nodes to a grid. A fit to a free hand ([`fit_strokes`]) cuts its own trials, and sets the nodes'
-//! levels before and after step 5.
+//! [`densify`] adds nodes to a grid. A fit to a free hand ([`fit_strokes`]) makes trials of its strokes, without
+//! noise and lines, and sets the nodes' levels before and after step 5.
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file, except that
 //! `parts` and `record` write their own.
@@ -77,7 +81,7 @@ use fitted::Source;
 const HELD_SIGNALS: usize = 128 << 20;
 
 /// Fits `set` with the excitation that its recordings have. Calls `progress` with the number of trials whenever some
-/// are done, and with 0 between the later steps.
+/// are done, and with 0 before step 5 and after each trial of it.
 ///
 /// The result does not depend on the number of threads.
 ///

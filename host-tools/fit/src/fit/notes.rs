@@ -32,7 +32,7 @@ const LARGE_FLOOR: f32 = 0.5;
 /// Relative difference of two values of an axis below which they may be one nominal value that was measured twice.
 const CLOSE_SHARE: f32 = 0.01;
 
-/// Fewest nodes of a grid for which there is a note that most of them are filled in.
+/// Least number of nodes of a grid for which there is a note that most of them are filled in.
 const SPARSE_NODES: usize = 12;
 
 /// Least missing duration of a trial for which there is a note, s, and as a fraction of the duration.

@@ -111,8 +111,9 @@ impl<'s> Recordings<'s> {
         Ok(())
     }
 
-    /// Returns the rig's noise: from the recordings that the user named, or else from the trials without a surface,
-    /// except those that the user drops. Moves the axes of these trials out of `axes`.
+    /// Returns the rig's noise; `None` if no usable recording of it exists. The noise comes from the recordings that
+    /// the user named. Without them it comes from the trials at 0 N that have no dropped verdict, and the axes of these
+    /// trials are moved out of `axes`.
     fn floor(&self, axes: &mut [Axes], options: &Options) -> Result<Option<Floor>> {
         let takes =
             if let (Some(path), Some(first)) = (&options.floor_recording, self.trials.first()) {

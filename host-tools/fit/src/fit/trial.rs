@@ -185,8 +185,8 @@ fn filtered(
     axes
 }
 
-/// Returns the axes of `trial` at `rate_hz`, a multiple of 5 kHz, without what triage cut at 5 kHz, and filtered at
-/// `cut_hz`.
+/// Returns the axes of `trial` at `rate_hz`, a multiple of 5 kHz, without the stretches that triage removed (it judges
+/// at 5 kHz), and high-passed at `cut_hz` if that is given.
 fn kept_at(
     trial: &Trial,
     rate_hz: u32,

@@ -203,7 +203,7 @@ impl<'a> Driver<'a> {
     }
 }
 
-/// Fewest statuses from which a play is judged. One status may fall into the change at the play's begin.
+/// Least number of statuses from which a play is judged. One status may fall into the change at the play's begin.
 const FEWEST_STATUSES: u32 = 2;
 
 /// Summary of the statuses during a play.

@@ -30,8 +30,8 @@ const LEVEL_FROM_HZ: f64 = 30.0;
 pub struct TipData {
     name: String,
     step_hz: f64,
-    /// The plant's response at multiples of `step_hz`, with a mean level of 0 dB: real and imaginary parts as `f32` in
-    /// little endian, in Base64.
+    /// The plant's response at multiples of `step_hz`, with 0 at 0 Hz and a mean level of 0 dB. Real and imaginary
+    /// parts alternate, as little-endian `f32` in Base64.
     tip: String,
     /// The response through a calibration's equaliser, in the same form as `tip`.
     calibrated: String,

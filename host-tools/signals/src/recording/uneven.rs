@@ -60,8 +60,8 @@ impl Steps {
         step_s > 0.0 && (step_s / self.usual_s - 1.0).abs() <= LARGEST_DEVIATION
     }
 
-    /// Returns whether `step_s` is one of these steps: not a gap, not a step back, and not a short step if all steps
-    /// are even.
+    /// Returns whether `step_s` can be an ordinary step of these times. It is then neither a gap nor a step back, nor,
+    /// if the times are even, much shorter than the usual step.
     pub fn hold(&self, step_s: f64) -> bool {
         if self.unevenness < EVEN {
             return self.hold_even(step_s);

@@ -155,7 +155,8 @@ impl<'a> Parts<'a> {
         Ok(parts)
     }
 
-    /// Checks the contents of all parts of a texture of `nodes` nodes, as far as they can be checked without its nodes.
+    /// Checks the parts of a texture with `nodes` nodes, and the rules between parts. Codes, entries of tracks,
+    /// amplitudes of lines and values per node are checked later, in steps.
     pub fn check(&self, nodes: usize) -> Result<(), Problem> {
         if let Some(levels) = self.levels {
             levels.check()?;

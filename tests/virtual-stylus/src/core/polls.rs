@@ -13,7 +13,7 @@ const OSCILLATORS: u64 = 0x5802_4400;
 /// Number of reads in a row after which a waiting loop is shortened. Shorter loops run in full, so that they see the
 /// edges of a tick to the cycle.
 const WAITS: u32 = 4096;
-/// Most instructions between two reads of a waiting loop.
+/// Largest number of instructions between two reads of a waiting loop.
 const WAIT_LOOP: u64 = 64;
 /// Instructions left out between two reads of a loop that is shortened: 1.3 µs at 480 MHz.
 pub(super) const WAIT_INSTRUCTIONS: u32 = 640;

@@ -23,8 +23,8 @@ const HURRIED: Timing = Timing {
     recovery_ns: 2 * MS,
 };
 
-/// The points of a test that are chosen at random, each with its mishap and the host's times. At most points the host
-/// is in a hurry.
+/// The points of a test that this run includes (see [`is_drawn`]), each with its mishap and the host's times. The host
+/// is hurried at two of three points.
 fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
     (0..count).filter(|&point| is_drawn(point)).map(|point| {
         let timing = if point % 3 == 0 {

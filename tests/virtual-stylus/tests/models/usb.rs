@@ -302,8 +302,8 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     );
 }
 
-/// Returns how many packets endpoint 1 receives in `frames` frames from a host that always has another packet, and the
-/// number that each of these packets holds.
+/// Returns how many packets endpoint 1 receives in `frames` frames, and the serial number read from each. The host
+/// always has another packet, and breaks `per_million` of a million.
 fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     let mut bench = part(0);
     connect(&mut bench);

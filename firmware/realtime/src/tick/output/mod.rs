@@ -58,8 +58,8 @@ const PERIOD_TICK: u32 = PERIOD_TIMER * OVERSAMPLING as u32;
 /// the converter. [`Slot::ahead_of`] relies on it.
 const TICK_IN_SLOT: u32 = PERIOD_TIMER + PERIOD_TIMER / 2;
 
-/// Most reads of a stream's enable bit until it must be clear, because a transfer under way ends within a few bus
-/// cycles.
+/// Largest number of reads of a stream's enable bit until it must be clear, because a transfer under way ends within a
+/// few bus cycles.
 const LAST_TRANSFER_READS: usize = 100;
 
 /// The peripherals and pins of the output.

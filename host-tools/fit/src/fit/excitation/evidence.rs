@@ -23,7 +23,7 @@ const KURTOSIS_MARGIN: f64 = 0.3;
 /// is less than half of the smallest change of level that is felt.
 const SPREAD_MARGIN_DB: f64 = 1.0;
 
-/// Fewest windows with which a test can be significant.
+/// Least number of windows with which a test can be significant.
 pub(super) const LEAST_WINDOWS: usize = 20;
 
 /// Result of a test.

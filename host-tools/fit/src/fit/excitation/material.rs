@@ -15,13 +15,13 @@ use crate::dsp::sums::mean_square;
 /// Length of a stretch, samples: 0.2 s. A player takes pieces of 20 to 80 ms from it.
 pub(super) const STRETCH_SAMPLES: usize = 1000;
 
-/// Fewest stretches of a codebook: 0.8 s.
+/// Least number of stretches of a codebook: 0.8 s.
 pub(super) const LEAST_STRETCHES: usize = 4;
 
-/// Most stretches of a codebook by the mu-law: 2 s. Longer codebooks come no closer to another take.
+/// Largest number of stretches of a codebook by the mu-law: 2 s. Longer codebooks come no closer to another take.
 pub(super) const MOST_STRETCHES: usize = 10;
 
-/// Most stretches of a codebook in blocks: 5 s, which take about as many bytes.
+/// Largest number of stretches of a codebook in blocks: 5 s, which take about as many bytes.
 pub(super) const MOST_STRETCHES_OF_MOMENTS: usize = 25;
 
 /// Number of stretches that stay together if there is enough material to choose recorded snippets from: 1 s.

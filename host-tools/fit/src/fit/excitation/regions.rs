@@ -10,7 +10,7 @@ use super::trace::Trace;
 /// uniform grids of any size is then divided.
 const DEVIATIONS: f64 = 3.9;
 
-/// Fewest trials on either side of a division. Their scatter is used to judge the sides.
+/// Least number of trials on either side of a division. Their scatter is used to judge the sides.
 const LEAST_TRIALS: usize = 5;
 
 /// Least ratio of the two sides' kurtosis: half an octave.

@@ -27,8 +27,8 @@ const HIGHEST_PEAK: f64 = 45.0;
 /// raises it to at most 40.
 const HIGHEST_PEAK_OF_MOMENTS: f64 = 36.0;
 
-/// Least gain for which recorded snippets are divided by speed, dB. A smaller one is chance, and each region has less
-/// material.
+/// Least improvement, dB, for which each range of speeds gets recorded snippets of its own. A smaller improvement may
+/// be chance, and does not outweigh that each region has less material.
 const LEAST_HEARD_GAIN_DB: f64 = 0.05;
 
 /// Upper bound of the bytes of a part in addition to its codes, entries and nodes, and of a codebook in addition to its
@@ -138,7 +138,7 @@ impl Choice<'_> {
         traces: &[Trace],
         made: impl Fn(&Reach) -> Option<Chosen>,
     ) -> Option<(Chosen, Reach)> {
-        /// Most times that the reach is lowered.
+        /// Largest number of times that the reach is lowered.
         const ROUNDS: usize = 4;
         let mut reach = Reach::FIRST;
         let mut chosen = made(&reach)?;

@@ -39,7 +39,7 @@ const NARROWEST_GAP: f64 = 0.02;
 /// preserved.
 const MOST_DB: f64 = 6.0;
 
-/// Most third octaves of a file: from 20 Hz to 4 kHz.
+/// Largest number of third octaves of a file: from 20 Hz to 4 kHz.
 pub(super) const MOST_BANDS: usize = 24;
 
 /// Number of frequencies per third octave at which the cost is computed.
@@ -51,11 +51,11 @@ const NODE_RECORD_BYTES: usize = 16;
 /// Bounds of a grid.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    /// Most speeds.
+    /// Largest number of speeds.
     pub speeds: usize,
-    /// Most forces.
+    /// Largest number of forces.
     pub forces: usize,
-    /// Most bytes of nodes, coefficients and axes.
+    /// Largest number of bytes of nodes, coefficients and axes.
     pub bytes: usize,
 }
 

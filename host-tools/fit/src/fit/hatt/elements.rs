@@ -13,14 +13,14 @@ pub const MODEL_FILE: Limit = Limit {
     bytes: 16 * MIB,
 };
 
-/// Most attributes of an element, and most declarations of namespaces in a file, because the parser compares each with
-/// all others.
+/// Largest number of attributes of an element, and most declarations of namespaces in a file, because the parser
+/// compares each with all others.
 const MOST_ATTRIBUTES: usize = 16;
 
 /// Deepest nesting of elements, because the numbers of each are searched in all elements around them.
 const MOST_DEPTH: usize = 32;
 
-/// Most elements, texts and comments.
+/// Largest number of elements, texts and comments.
 const MOST_NODES: u32 = 1_000_000;
 
 /// Parses `text`; `path` is only named in errors.

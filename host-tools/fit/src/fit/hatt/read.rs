@@ -10,11 +10,11 @@ use super::toolkit::{ArmaModel, Toolkit, found};
 use crate::recording::RATES_HZ;
 use crate::support::error::{Error, Result};
 
-/// Most models of a file. The published files have some hundred. The choice of a grid visits all of them for each
-/// position.
+/// Largest number of models of a file. The published files have some hundred. The choice of a grid visits all of them
+/// for each position.
 const MOST_MODELS: usize = 1000;
 
-/// Most triangles per model. Triangles in a plane that do not overlap are fewer than two per corner.
+/// Largest number of triangles per model. Triangles in a plane that do not overlap are fewer than two per corner.
 const TRIANGLES_PER_MODEL: usize = 2;
 
 /// Reads `text`; `path` is only named in errors.

@@ -142,7 +142,7 @@ impl Toolkit {
     }
 }
 
-/// Most coefficients of AR and of MA, without those of lag 0. The published models have some ten.
+/// Largest number of coefficients of AR and of MA, without those of lag 0. The published models have some ten.
 const MOST_COEFFICIENTS: usize = 100;
 
 /// A model, or the reason why it cannot be used.

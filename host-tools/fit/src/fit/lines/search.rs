@@ -46,7 +46,7 @@ const LN_HYPOTHESIS_CHANCE: f64 = -14.0;
 /// is judged by how many speeds show it, not by one very strong peak.
 const MOST_EVIDENCE: f64 = 60.0;
 
-/// Most lines that a search removes, counting both those tied to position and those of constant frequency.
+/// Largest number of lines that a search removes, counting both those tied to position and those of constant frequency.
 const MOST_REMOVED: usize = 40;
 
 /// Number of the highest harmonic of a known line that is tested.

@@ -27,7 +27,7 @@ const TOLD_APART_CELLS: f64 = 1.5;
 /// Ratio of the power of the wandering lines to that of the narrow lines above which the wandering ones are used.
 const WANDERING_OVER_NARROW: f64 = 1.1;
 
-/// Most corrections of a trial's course of positions.
+/// Largest number of corrections of a trial's course of positions.
 const FOLLOWED_TIMES: usize = 3;
 
 /// Largest relative deviation of a ratio of wavelengths from a whole number for a line to count as a harmonic.

@@ -36,7 +36,7 @@ use crate::support::error::{Error, Result};
 pub use merge::Merged;
 use unit::{MOST_TRIALS, Unit, units};
 
-/// Most shards of a fit.
+/// Largest number of shards of a fit.
 const MOST_SHARDS: u32 = 100_000;
 
 /// One of the shards of a fit.

@@ -26,7 +26,7 @@ use crate::support::fnv::Fnv;
 /// what the map computes.
 const MAGIC: [u8; 8] = *b"stylusP5";
 
-/// Most trials of a unit if no lines are sought and no trial has the rig's noise.
+/// Largest number of trials of a unit if no lines are sought and no trial has the rig's noise.
 pub(super) const MOST_TRIALS: usize = 64;
 
 /// Largest partial file that is read: some 4 KB for each trial of a unit.

@@ -20,16 +20,16 @@ const SMOOTHNESS: f64 = 1.0;
 /// Cost of a distance of 1 dB between a node and the line, in the unit of [`SMOOTHNESS`].
 const NEARNESS: f64 = 0.2;
 
-/// Most speeds and most forces of a grid. Between 20 and 400 mm/s, a mean in dB is then within 0.2 dB of a power law of
-/// 10 dB per decade. More of them predict simulated strokes of 25 s no better, and fewer nodes then have enough
-/// windows.
+/// Largest number of speeds and most forces of a grid. Between 20 and 400 mm/s, a mean in dB is then within 0.2 dB of a
+/// power law of 10 dB per decade. More of them predict simulated strokes of 25 s no better, and fewer nodes then have
+/// enough windows.
 const MOST: (usize, usize) = (6, 4);
 
 /// Least ratio of neighbouring speeds or forces of a grid.
 const LEAST_FACTOR: f64 = 1.3;
 
-/// Least number of windows per node of a grid, 0.5 s in total. Short strokes then have few nodes, but at least one of
-/// them has enough windows.
+/// Least mean number of windows per node of a grid. Five windows are 0.5 s, and a node needs 0.4 s to be fitted. A few
+/// windows therefore give few nodes, down to one.
 const LEAST_WINDOWS: usize = 5;
 
 /// Fraction of the windows that may lie beyond the grid at either end of an axis.

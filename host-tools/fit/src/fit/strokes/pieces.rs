@@ -11,7 +11,7 @@ use crate::recording::triage::{LEAST_KEPT, kept};
 use crate::recording::{HeldSamples, Trial};
 use crate::support::error::Result;
 
-/// Fewest samples of a stretch at a node that is used: 40 ms, four times the length of a joint.
+/// Least number of samples of a stretch at a node that is used: 40 ms, four times the length of a joint.
 const LEAST_STRETCH: usize = 200;
 
 /// Stretches of strokes at one node, scaled to the node's level.

@@ -25,8 +25,8 @@ const ROUNDS: usize = 8;
 /// A third octave in base ten, as a difference of natural logarithms.
 const THIRD_OCTAVE: f64 = 0.1 * std::f64::consts::LN_10;
 
-/// Fewest speeds whose spectra can be separated. Two do not show what moves and what stays; their whole spectra are
-/// warped.
+/// Least number of speeds whose spectra can be separated. Two do not show what moves and what stays; their whole
+/// spectra are warped.
 pub const FEWEST_SPEEDS: usize = 3;
 
 /// A curve over ln f, [`POINTS`] values.

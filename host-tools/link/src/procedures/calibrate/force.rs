@@ -7,7 +7,7 @@ use super::rest::AtRest;
 use crate::link::capture::Calibration;
 use crate::recording::GRAVITY_M_S2;
 
-/// Fewest codes by which the largest weight must change the force. They are 25 mV of 3.3 V.
+/// Least number of codes by which the largest weight must change the force. They are 25 mV of 3.3 V.
 const LEAST_CODES: f64 = 500.0;
 /// Largest deviation of the force from a line, and largest difference between loading and unloading, as a fraction of
 /// the largest weight.

@@ -7,7 +7,7 @@ use crate::link::Device;
 use crate::link::Result as LinkResult;
 use crate::link::capture::Stream;
 
-/// Fewest counts over the distance, for a resolution of half a per cent.
+/// Least number of counts over the distance, for a resolution of half a per cent.
 const LEAST_COUNTS: i64 = 200;
 /// Largest relative difference between the counts there and back.
 const MOST_SHARE: f64 = 0.02;

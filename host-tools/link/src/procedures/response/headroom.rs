@@ -260,10 +260,10 @@ impl Output<'_> {
 /// Steps of [`between`] per sample.
 const STEPS: usize = 8;
 
-/// Interpolates a signal between its samples, like the output, to [`STEPS`] values per sample.
+/// Interpolates a signal between its samples, like the device's output stage, to [`STEPS`] values per sample.
 ///
-/// The kernel is a sinc in a Hann window of eight samples to either side. Between its samples a signal may be higher
-/// and steeper than its samples show.
+/// The interpolating function is a sinc in a Hann window of eight samples to either side. Between its samples a signal
+/// may be higher and steeper than its samples show.
 fn between(samples: &[f64]) -> Vec<f64> {
     const REACH: usize = 8;
     let kernel = |t: f64| {

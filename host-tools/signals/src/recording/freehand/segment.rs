@@ -311,8 +311,8 @@ fn jump_times_s(blocks: &[Block]) -> impl Iterator<Item = f64> {
     starts.map(|(block, _)| block as f64 * BLOCK_S)
 }
 
-/// Returns the stretches of `recording`, each of at least `least_s`, in which the tool moves in contact, in one
-/// direction, and without outliers or jumps of the speed.
+/// Returns the stretches of `recording`, each at least `least_s` long, in which the tool moves in contact and in one
+/// direction, without outliers or jumps in speed.
 pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
     let length = block_length(recording);
     let direction = |block: &Block| match *block {

@@ -26,10 +26,11 @@ const HUM: [f64; 2] = [0.2, 0.02];
 /// Number of harmonics of a hum, its fundamental among them.
 const HARMONICS: u32 = 5;
 
-/// Most counts of the encoder at rest, where one of its tracks may stand on an edge.
+/// Largest number of encoder counts in a recording at rest. A few are allowed, because a track of the encoder may stand
+/// on an edge.
 const REST_COUNTS: u64 = 4;
 
-/// Fewest counts of the encoder of a tool that was moved.
+/// Least number of counts of the encoder of a tool that was moved.
 const MOVED_COUNTS: f64 = 100.0;
 
 /// Amplitude RMS at `hz` of `signal`, taken at `rate_hz`, over whole periods.
