@@ -21,7 +21,7 @@ use super::error::{Error, Result};
 
 mod first_lines;
 
-use first_lines::{FirstLines, MOST_LINES, split};
+use first_lines::{FirstLines, MOST_BYTES, MOST_LINES, split};
 
 /// Size limit of a table of samples, of trials or of a motion.
 pub const TABLE: Limit = Limit {
@@ -89,11 +89,13 @@ impl CsvTable {
             first_lines: FirstLines::default(),
             decimal_sign: Cell::new(None),
         };
-        let (mut first, mut rows) = (Vec::new(), 0);
+        let (mut first, mut rows, mut bytes) = (Vec::new(), 0, 0);
         let mut lines = table.lines()?;
-        while rows < MOST_LINES && lines.advance()? {
+        // Two rows show the separator, however long they are.
+        while (rows < 2 || rows < MOST_LINES && bytes < MOST_BYTES) && lines.advance()? {
             first.push((lines.number, lines.line.clone()));
             rows += usize::from(lines.is_content());
+            bytes += lines.line.len();
         }
         drop(lines);
         table.first_lines = FirstLines::of(&first);

@@ -9,6 +9,9 @@ const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 /// Largest number of lines, without comments, among which the first row of numbers is sought.
 pub(super) const MOST_LINES: usize = 64;
 
+/// Bytes after which no further line is read for that, so that wide tables take little memory.
+pub(super) const MOST_BYTES: usize = 1 << 16;
+
 /// What the first lines of a table determine.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct FirstLines {
