@@ -93,8 +93,15 @@ impl CsvTable {
         let mut lines = table.lines()?;
         // Two rows show the separator, however long they are.
         while (rows < 2 || rows < MOST_LINES && bytes < MOST_BYTES) && lines.advance()? {
-            first.push((lines.number, lines.line.clone()));
-            rows += usize::from(lines.is_content());
+            let is_row = lines.is_content();
+            if rows == 0 && !is_row {
+                // Of the comments, only the last one above the first row may name the columns.
+                first.clear();
+            }
+            if rows == 0 || is_row {
+                first.push((lines.number, lines.line.clone()));
+            }
+            rows += usize::from(is_row);
             bytes += lines.line.len();
         }
         drop(lines);
