@@ -794,6 +794,25 @@ mod tests {
     }
 
     #[test]
+    fn a_preamble_is_left_out_and_a_header_above_rows_with_empty_ends_is_none() {
+        for (text, line) in [
+            (
+                "Logger 3\nRate: 1000 Hz, 16 bits\n\nt,x,y\n0,1,2\n1,2,3\n",
+                4,
+            ),
+            ("Rig A;;\nt;x;y\ns;g;g\n0,5;1;2\n1,5;2;3\n", 2),
+            ("t,x,p\n0,1,5\n1,2,\n2,3,\n3,4,6\n", 1),
+            ("t,x,p\n0,1,\n1,2,\n", 1),
+            ("t,x\n0,1,5\n1,2,6\n", 1),
+            ("Logger 3\n0,1,5\n1,2,6\n", 2),
+            ("Sheet of May\nfile,texture\na.wav,silk\n", 1),
+        ] {
+            let table = table(text);
+            assert_eq!(table.header().unwrap().line, line, "{text:?}");
+        }
+    }
+
+    #[test]
     fn signs_of_units_are_read_in_an_older_code_page() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");

@@ -247,7 +247,10 @@ fn check_format(path: &Path, format: &[u8]) -> Result<()> {
     let rate_hz = u32::from_le_bytes([r0, r1, r2, r3]);
     let frame_bytes = usize::from(u16::from_le_bytes([b0, b1]));
     if channels == 0 || channels > MAX_CHANNELS {
-        let problem = format!("{channels} channels: give 1 to {MAX_CHANNELS}, one per axis");
+        let problem = format!(
+            "{channels} channels: give 1 to {MAX_CHANNELS}, one per axis; `sox FILE.wav OUT.wav remix 1 2 3` keeps the \
+             first three"
+        );
         return Err(Error::file(path, problem));
     }
     if frame_bytes > channels * MOST_SAMPLE_BYTES {

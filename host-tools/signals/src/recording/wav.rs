@@ -105,10 +105,7 @@ fn decoded(
         let decoded = decoder.decode(&packet).map_err(|e| unusable(path, &e))?;
         let (frames, planes) = (decoded.frames(), decoded.num_planes());
         if planes > MAX_CHANNELS {
-            let problem = format!(
-                "{planes} channels: give 1 to {MAX_CHANNELS}, one per axis; `sox FILE.wav OUT.wav remix 1 2 3` keeps \
-                 the first three"
-            );
+            let problem = format!("{planes} channels: give 1 to {MAX_CHANNELS}, one per axis");
             return Err(Error::file(path, problem));
         }
         decoded.copy_to_vecs_planar(&mut packet_channels);

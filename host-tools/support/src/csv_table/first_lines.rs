@@ -74,7 +74,14 @@ fn after_preamble(rows: &[&(u64, String)]) -> Option<(u64, char)> {
     let above = rows[..index].iter().rev();
     let of_table = above.take_while(|row| fields(&row.1, separator) == count);
     let begin = index - of_table.count();
-    (begin > 0).then(|| (rows[begin].0, separator))
+    let last_above = rows[..begin].last()?;
+    if begin == index && fields(&last_above.1, separator) > 1 {
+        // It may be a header that lacks a name.
+        return None;
+    }
+    // A line with more fields is the header of a table whose rows end with empty fields.
+    let are_shorter = (rows[..begin].iter()).all(|row| fields(&row.1, separator) < count);
+    are_shorter.then(|| (rows[begin].0, separator))
 }
 
 /// Returns the separator of a table, determined from its header and the row below, or from two rows.
