@@ -40,6 +40,7 @@ pub fn clopper_pearson(successes: u32, trials: u32, confidence: f64) -> (f64, f6
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
     use test_helpers::near;
 
     /// SciPy 1.17: `stats.binomtest(k, n).proportion_ci(c, 'exact')`.
@@ -77,5 +78,18 @@ mod tests {
             near(found.1, high, 1e-12);
         }
         assert_eq!(clopper_pearson(0, 0, 0.95), (0.0, 1.0));
+    }
+
+    proptest! {
+        #[test]
+        fn an_interval_holds_its_proportion_and_mirrors_that_of_failures(trials in 1u32..400, share in 0.0..=1.0f64) {
+            let successes = (share * f64::from(trials)).round() as u32;
+            let (low, high) = clopper_pearson(successes, trials, 0.95);
+            let proportion = f64::from(successes) / f64::from(trials);
+            prop_assert!(low <= proportion && proportion <= high);
+            let (mirrored_low, mirrored_high) = clopper_pearson(trials - successes, trials, 0.95);
+            prop_assert!((low + mirrored_high - 1.0).abs() < 1e-9);
+            prop_assert!((high + mirrored_low - 1.0).abs() < 1e-9);
+        }
     }
 }

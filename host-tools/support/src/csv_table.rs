@@ -7,7 +7,7 @@
 //! numbers, as NumPy's `savetxt` writes it: it is the header. Empty lines are ignored, and so are spaces around a
 //! field. An error states the line, the column and the separator.
 //!
-//! A file is read row by row, so that memory does not grow with its size.
+//! A file is read row by row, so that memory does not grow with its size, unless it is in UTF-16.
 
 use std::borrow::Cow;
 use std::cell::Cell;

@@ -71,9 +71,11 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
         .iter()
         .map(|&index| std::mem::take(&mut columns.values[index]));
     let channels = channels.collect();
-    let source = match (time, stamps) {
-        (Some(time), Some(stamps)) => by_times(table, trial, cut, channels, time, &stamps)?,
-        _ => without_times(trial, channels, cut)?,
+    let source = if let (Some(time), Some(stamps)) = (time, stamps) {
+        by_times(table, trial, cut, channels, time, &stamps)?
+    } else {
+        columns.refuse_jumps(table)?;
+        without_times(trial, channels, cut)?
     };
     let kept = source.channels.first().map_or(0, Vec::len);
     if let Some(fault) = length_fault(kept as f64, source.channels.len()) {
@@ -230,6 +232,31 @@ impl<'a> Columns<'a> {
         }
     }
 
+    /// Refuses a counter that does not count every row. Without times, only the counter shows that samples are missing.
+    fn refuse_jumps(&self, table: &CsvTable) -> Result<()> {
+        let names = self.names.iter().flat_map(Header::names).enumerate();
+        for (index, name) in names.filter(|(_, name)| COUNTER_NAMES.contains(&stem(name).as_str()))
+        {
+            let jumps = |pair: &[f64]| (pair[1] - pair[0] - 1.0).abs() > 0.0;
+            let Some(row) = self.values[index].windows(2).position(jumps) else {
+                continue;
+            };
+            let (before, count) = (self.values[index][row], self.values[index][row + 1]);
+            let problem = format!(
+                "{name} is {count} after {before}, so samples may be missing: add a column '{TIME_COLUMN}', or remove \
+                 column {} if none are",
+                index + 1
+            );
+            // The header is a row, too.
+            return Err(Error::line(
+                table.path(),
+                table.line_of_row(row + 2),
+                problem,
+            ));
+        }
+        Ok(())
+    }
+
     /// Returns true if the column with this index contains an axis.
     fn is_sample(&self, index: usize) -> bool {
         !self.left_out.contains(index) && self.times.iter().all(|time| time.index != index)
@@ -316,19 +343,18 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
             times.push(time);
             continue;
         }
-        let lower = name.to_lowercase();
-        let stem = lower.split(['_', ' ', '[', '(']).next().unwrap_or_default();
+        let (lower, stem) = (name.to_lowercase(), stem(name));
         let problem = if MOTION_COLUMNS.contains(&name) && (motions > 1 || !are_named) {
             format!(
                 "has a column '{name}': a free hand's recordings are for 'stylus fit' or 'stylus page' with --strokes, \
                  or for 'stylus segment', which cuts their steady pieces"
             )
-        } else if TIME_WORDS.contains(&stem) && lower != stem {
+        } else if TIME_WORDS.contains(&stem.as_str()) && lower != stem {
             format!(
                 "has a column '{name}': name it 'time' or, with its unit, such as '{TIME_COLUMN}' or 'time_ms' if it \
                  is the time, or remove it"
             )
-        } else if COUNTER_NAMES.contains(&stem) && names.width() > 1 && !are_named {
+        } else if COUNTER_NAMES.contains(&stem.as_str()) && names.width() > 1 && !are_named {
             format!(
                 "has a column '{name}', which is no acceleration: remove column {}",
                 index + 1
@@ -343,6 +369,13 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
         return Err(names.error(problem));
     }
     Ok(times)
+}
+
+/// Returns the first word of a column's name, in lower case.
+fn stem(name: &str) -> String {
+    let lower = name.to_lowercase();
+    let word = lower.split(['_', ' ', '[', '(']).next();
+    word.unwrap_or_default().to_owned()
 }
 
 /// Refuses a header that contains numbers, or a field that begins like a number.
