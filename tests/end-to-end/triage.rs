@@ -583,6 +583,7 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
         ("x;y\n1;2\n1\n", &["line 3", "semicolon"]),
         ("1.5,2.x\n1,2\n", &["line 1", "'2.x'", "column 2"]),
         ("x,y\n1,\n1,NA\n", &["column 2", "no numbers"]),
+        ("t,x,y\n0,1,\n1,2,#N/A\n", &["column 3", "no numbers"]),
         (
             "sample,x\n7,1\n8,2\n11,3\n",
             &["line 4", "11 after 8", "column 1"],

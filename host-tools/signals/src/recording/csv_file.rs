@@ -29,7 +29,7 @@ const COUNTER_NAMES: [&str; 3] = ["index", "sample", "frame"];
 const LEAST_TIMES: usize = 8;
 
 /// Fields that stand for a missing value, in lower case: of spreadsheets, pandas, R and SQL.
-const NO_VALUE: [&str; 3] = ["", "na", "null"];
+const NO_VALUE: [&str; 5] = ["", "na", "n/a", "#n/a", "null"];
 
 /// Reads the part of the CSV file of `trial` within `cut`.
 ///
@@ -181,10 +181,6 @@ impl<'a> Columns<'a> {
         Ok(())
     }
 
-    fn has_rows(&self) -> bool {
-        self.values.first().is_some_and(|column| !column.is_empty())
-    }
-
     /// If the columns have no names and the first one rises in every row, uses the first as times, because no
     /// acceleration rises like this.
     ///
@@ -222,14 +218,15 @@ impl<'a> Columns<'a> {
 
     /// Refuses a column among `axes` that contains no number.
     fn refuse_empty(&self, table: &CsvTable, axes: &[usize]) -> Result<()> {
-        let is_empty = |index: &&usize| self.values[**index].iter().all(|value| value.is_nan());
-        match axes.iter().find(is_empty) {
-            Some(index) if self.has_rows() => {
-                let problem = format!("column {} holds no numbers: remove it", index + 1);
-                Err(Error::file(table.path(), problem))
-            }
-            _ => Ok(()),
-        }
+        let is_empty = |index: &&usize| {
+            let column = &self.values[**index];
+            !column.is_empty() && column.iter().all(|value| value.is_nan())
+        };
+        let Some(index) = axes.iter().find(is_empty) else {
+            return Ok(());
+        };
+        let problem = format!("column {} holds no numbers: remove it", index + 1);
+        Err(Error::file(table.path(), problem))
     }
 
     /// Refuses a counter that does not count every row. Without times, only the counter shows that samples are missing.
