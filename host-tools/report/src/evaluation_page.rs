@@ -79,7 +79,7 @@ struct Report<'a> {
     stems: Stems,
     /// Colour scale of C, %, in all maps of the page.
     cost_scale: Scale,
-    /// Size of the sounds, bytes: the excerpts of all trials, counted in advance, and the other sounds added so far.
+    /// Size of the sounds, bytes. It includes the excerpts of all trials in advance, and the other sounds added so far.
     sound_bytes: usize,
     page: Page,
 }

@@ -9,7 +9,7 @@ const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 /// Largest number of lines, without comments, among which the first row of numbers is sought.
 pub(super) const MOST_LINES: usize = 64;
 
-/// Bytes after which no further line is read for that, so that wide tables take little memory.
+/// Bytes of first lines after which no further one is read, so that wide tables take little memory.
 pub(super) const MOST_BYTES: usize = 1 << 16;
 
 /// What the first lines of a table determine.
