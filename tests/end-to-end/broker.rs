@@ -147,7 +147,8 @@ fn all_at_once(desk: &Desk) {
         desk.spawn("status --watch --json --seconds 1.5"),
         desk.spawn("status --watch --json --seconds 1.2 --interval 0.3"),
     ];
-    let strokes = desk.spawn("record strokes.csv --strokes --seconds 1 --json");
+    // On a busy computer the first block may take longer than the second for which a recording waits by default.
+    let strokes = desk.spawn("record strokes.csv --strokes --seconds 1 --json --timeout 5");
     for arguments in ["status", "slots", "settings", "settings get hard-limit"] {
         desk.succeed(arguments);
     }
