@@ -423,6 +423,15 @@ fn shown(field: &str) -> Cow<'_, str> {
     }
 }
 
+/// Returns whether a column's name is `known`, which is in lower case with `_` between its words and unit. Capital
+/// letters and other signs between them are accepted, because people write tables by hand: `Speed (mm/s)` is
+/// `speed_mm_s`.
+pub fn is_named(name: &str, known: &str) -> bool {
+    let lower = name.to_lowercase().replace('²', "2").replace('^', "");
+    let words = lower.split(|sign: char| !sign.is_alphanumeric());
+    words.filter(|word| !word.is_empty()).eq(known.split('_'))
+}
+
 /// Names of a table's columns.
 #[derive(Clone, Debug)]
 pub struct Header<'a> {
@@ -443,13 +452,29 @@ impl Header<'_> {
         self.names.len()
     }
 
-    /// Returns the index of the column `name`, if there is one.
+    /// Returns the index of the column `name`, or of one with [this name in other signs](is_named), if there is one.
     ///
     /// # Errors
     /// Two columns of this name.
     pub fn column(&self, name: &str) -> Result<Option<usize>> {
-        let mut found = (0..self.names.len()).filter(|&index| self.names.get(index) == Some(name));
-        match (found.next(), found.next()) {
+        match self.exact_column(name)? {
+            None => self.single(name, |column| is_named(column, name)),
+            index => Ok(index),
+        }
+    }
+
+    /// Returns the index of the column with exactly this name, if there is one.
+    ///
+    /// # Errors
+    /// Two columns of this name.
+    pub fn exact_column(&self, name: &str) -> Result<Option<usize>> {
+        self.single(name, |column| column == name)
+    }
+
+    fn single(&self, name: &str, is_meant: impl Fn(&str) -> bool) -> Result<Option<usize>> {
+        let names = self.names.iter().enumerate();
+        let mut found = names.filter(|(_, column)| is_meant(column));
+        match (found.next().map(|(index, _)| index), found.next()) {
             (index, None) => Ok(index),
             (_, Some(_)) => Err(self.error(format!("more than one column '{name}'"))),
         }
@@ -525,15 +550,10 @@ impl<'a> Rows<'a> {
             }
         };
         let count = self.fields.len();
-        let ends_empty = count > 1 && self.fields.is_empty_at(count - 1);
-        let width = match self.width {
-            None if ends_empty => count - 1,
-            None => count,
-            Some(width) => width,
-        };
+        let width = self.width.unwrap_or_else(|| self.first_width());
         self.width = Some(width);
-        // The line ends with a separator, as spreadsheets write it.
-        if count == width + 1 && ends_empty {
+        // The line ends with separators, as spreadsheets write it.
+        if count > width && (width..count).all(|index| self.fields.is_empty_at(index)) {
             self.fields.ends.truncate(width);
         } else if count != width {
             let is_short = count < width && self.lines.bytes.last() != Some(&b'\n');
@@ -548,6 +568,16 @@ impl<'a> Rows<'a> {
             line,
             fields: &self.fields,
         }))
+    }
+
+    /// Returns the number of fields of the first row without empty ones at its end: all of them after names, one after
+    /// numbers, because more may be samples that are missing.
+    fn first_width(&self) -> usize {
+        let count = self.fields.len();
+        let are_names = (self.fields.iter()).all(|field| self.table.number(field).is_none());
+        let fewest = if are_names { 1 } else { count.max(2) - 1 };
+        let is_used = |&width: &usize| width == fewest || !self.fields.is_empty_at(width - 1);
+        (fewest..=count).rev().find(is_used).unwrap_or(count)
     }
 
     /// Lets the rows end before a last line that is cut off, for example because a logger lost its power.
@@ -601,8 +631,9 @@ impl<'a> Rows<'a> {
     /// Returns the error that the number of fields differs from that of the first row.
     fn unequal(&self, line: u64, width: usize) -> Error {
         let (table, count) = (self.table, self.fields.len());
-        let remedy = match self.fields.get(width) {
-            Some(first) => {
+        let mut further = self.fields.iter().enumerate().skip(width);
+        let remedy = match further.find(|(_, field)| !field.is_empty()) {
+            Some((index, first)) => {
                 let commas = if table.first_lines.separator == ',' {
                     ", and decimal commas need another separator"
                 } else {
@@ -611,7 +642,7 @@ impl<'a> Rows<'a> {
                 format!(
                     "'{}' in column {} is of no column{commas}",
                     shown(first),
-                    width + 1
+                    index + 1
                 )
             }
             None => format!("column {} is missing", count + 1),

@@ -327,7 +327,7 @@ fn refuse_other_widths(table: &CsvTable, width: usize, others: usize) -> Result<
 /// Returns the columns of times, after a check that every other column can be an axis.
 fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
     // Checks that there is only one column of this name.
-    names.column(TIME_COLUMN)?;
+    names.exact_column(TIME_COLUMN)?;
     // If accelerations are named, a counter or a single quantity of the motion is left out, like other columns.
     let are_named = names.names().any(axes::is_acceleration);
     let motions = names

@@ -96,7 +96,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
 fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = trial.file.as_path();
     if let Some(other) = named_alike(path) {
-        let problem = format!("is not there, and '{other}' is: mend the letters' case in the list");
+        let problem = format!("is not there, and '{other}' is: mend the name in the list");
         return Err(Error::file(path, problem));
     }
     match Kind::of(path) {
@@ -130,7 +130,8 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
     }
 }
 
-/// Returns the name of an existing file in the same folder that differs from the missing file `path` only in capitals.
+/// Returns the name of an existing file in the same folder that differs from the missing file `path` only in capitals
+/// or in its extension, which many file browsers hide.
 fn named_alike(path: &Path) -> Option<String> {
     if path.exists() {
         return None;
@@ -140,7 +141,14 @@ fn named_alike(path: &Path) -> Option<String> {
     let beside = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
     let names =
         beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
-    names.into_iter().find(|name| name.to_lowercase() == wanted)
+    names.into_iter().find(|name| {
+        let name = name.to_lowercase();
+        let is_cut = Kind::of(Path::new(&name)).is_some()
+            && name
+                .rsplit_once('.')
+                .is_some_and(|(stem, _)| stem == wanted);
+        name == wanted || is_cut
+    })
 }
 
 fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Result<()> {

@@ -12,7 +12,7 @@ use super::time_unit::TimeUnit;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
 use crate::support::bounded_file::absent;
-use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
+use crate::support::csv_table::{CsvTable, Header, Row, TABLE, is_named};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::number::{positive, recorded_force, recorded_speed};
@@ -244,7 +244,7 @@ pub fn is_list(path: &Path) -> bool {
     };
     ["file", "texture"]
         .iter()
-        .all(|name| header.names().any(|known| known == *name))
+        .all(|known| header.names().any(|name| is_named(name, known)))
 }
 
 /// Reads a list of trials, whose files are relative to the list's folder.
@@ -332,12 +332,12 @@ impl Columns {
         for name in REQUIRED {
             columns.insert(name, header.needed(name, &expected)?);
         }
-        for name in header.names().filter(|name| !REMARKS.contains(name)) {
-            let known = REQUIRED.iter().chain(&OPTIONAL).find(|&&k| k == name);
-            let Some(&known) = known else {
+        for name in header.names() {
+            let mut known = REQUIRED.iter().chain(&OPTIONAL).chain(&REMARKS);
+            let Some(&known) = known.find(|known| is_named(name, known)) else {
                 return Err(header.error(format!("unknown column '{name}': {expected}")));
             };
-            columns.extend(header.column(name)?.map(|index| (known, index)));
+            columns.extend(header.column(known)?.map(|index| (known, index)));
         }
         Ok(Self(columns))
     }
@@ -426,6 +426,44 @@ mod tests {
         assert_eq!((trial.speed_mm_s, trial.force_n), (120.0, 0.5));
         assert_eq!(trial.provenance, Provenance::Recorded);
         assert!(trial.file.ends_with("a.wav"));
+    }
+
+    #[test]
+    fn columns_may_be_named_as_people_write_them_and_nameless_ones_may_be_empty() {
+        let plain =
+            parse("file,texture,speed_mm_s,force_n,scale_m_s2,notes\na.wav,a b,120,0.5,9.8,good\n");
+        let plain = plain.unwrap();
+        for text in [
+            "File,Texture,Speed (mm/s),Force (N),Scale (m/s²),Notes\na.wav,a b,120,0.5,9.8,good\n",
+            "FILE;TEXTURE;SPEED_mm/s;Force [N];scale m/s^2;note;;\na.wav;a b;120,0;0,5;9,8;;;\n",
+        ] {
+            let trials = parse(text).unwrap();
+            assert_eq!(trials.len(), 1);
+            let with_folder = |trial: &Trial| Trial {
+                file: trial.file.file_name().unwrap().into(),
+                ..trial.clone()
+            };
+            assert_eq!(
+                format!("{:?}", with_folder(&trials[0])),
+                format!("{:?}", with_folder(&plain[0]))
+            );
+        }
+        for (text, words) in [
+            (
+                "file,texture,Speed (cm/s),force_n\n",
+                ["no column 'speed_mm_s'", "Speed (cm/s)"],
+            ),
+            (
+                "file,texture,Force (N),force [N],speed_mm_s\n",
+                ["more than one", "force_n"],
+            ),
+            (
+                "file,texture,speed_mm_s,force_n,,\na.wav,a,1,1,,good\n",
+                ["line 2", "'good' in column 6"],
+            ),
+        ] {
+            holds(&parse(text).unwrap_err(), &words);
+        }
     }
 
     #[test]

@@ -304,5 +304,5 @@ fn has_force(path: &Path) -> Result<bool> {
         .map_err(Error::io("read", path))?;
     let table = CsvTable::of(path, String::from_utf8_lossy(&bytes).into_owned())?;
     let header = table.header()?;
-    Ok(header.names().any(|name| name == "force_n"))
+    Ok(header.exact_column("force_n")?.is_some())
 }

@@ -238,7 +238,7 @@ impl Columns {
             header.needed(FORCE, &expected)?,
         );
         // Checks that there is only one column of this name.
-        header.column(TIME)?;
+        header.exact_column(TIME)?;
         let names = header.names().enumerate();
         let times: Vec<TimeColumn> =
             (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
