@@ -95,9 +95,9 @@ fn named(plain: &str) -> Option<Unit> {
         "uv" => Voltage(1e-6),
         "count" | "counts" | "cts" | "lsb" | "lsbs" | "raw" | "digit" | "digits" | "adc"
         | "adu" | "code" | "codes" => Count,
-        "m/s" | "cm/s" | "mm/s" | "m" | "cm" | "mm" | "um" | "n" | "mn" | "nm" | "rad/s"
-        | "deg/s" | "°/s" | "dps" | "deg" | "°" | "rad" | "°c" | "degc" | "ut" | "gauss" | "pa"
-        | "kpa" | "ma" | "hz" | "db" => Other,
+        "m/s" | "cm/s" | "mm/s" | "um/s" | "nm/s" | "m" | "cm" | "mm" | "um" | "n" | "mn"
+        | "nm" | "rad/s" | "deg/s" | "°/s" | "dps" | "deg" | "°" | "rad" | "°c" | "degc" | "ut"
+        | "gauss" | "pa" | "kpa" | "ma" | "hz" | "db" => Other,
         _ => return None,
     })
 }
@@ -189,6 +189,10 @@ impl Stated {
                 Unit::Voltage(_) => Some(format!(
                     "the header says {units}, and the sensor's sensitivity is missing: at 100 mV/g a volt is 98.0665 \
                      m/s²"
+                )),
+                // As a vibrometer writes it.
+                Unit::Other if plain(units).ends_with("m/s") => Some(format!(
+                    "the header says {units}, a velocity: differentiate it, such as by numpy.gradient(v, t)"
                 )),
                 Unit::Other => Some(format!("the header says {units}, which is no acceleration")),
                 // Integers without a scale have a separate note.
@@ -473,6 +477,10 @@ mod tests {
                 unscaled: Some(unscaled),
             };
             assert_eq!(of(names), expected);
+        }
+        for (name, remedy) in [("v (µm/s)", "differentiate"), ("f (N)", "no acceleration")] {
+            let doubt = of(&[name]).doubt(None).unwrap();
+            assert!(doubt.contains(remedy), "{doubt}");
         }
     }
 
