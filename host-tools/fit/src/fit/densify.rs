@@ -33,7 +33,8 @@ use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::{NodeIndex, RecordedSpectra, TwoWays};
 use crate::texture::theta::{StoredTheta, all_allow_compact, bytes_per_node};
 
-/// Upper bound of the bytes that a library's headers take in addition to its nodes: names, axes and lengths.
+/// Upper bound of the bytes of a texture without its axes, nodes and parts: its name, lengths and other fields. The
+/// library's own header fits in, too.
 const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
 
 /// A line of nodes that was added.
@@ -45,7 +46,8 @@ pub struct AddedLine {
     pub direction: Direction,
     /// The speed, mm/s, or the force, N.
     pub value: f32,
-    /// Expected fall of C, the mean over the removed nodes at both ends of the gap.
+    /// Expected fall of C: the mean over the removed nodes at both ends of the gap, and a quarter of it for a line that
+    /// divides half of a gap.
     pub promised_gain: f64,
 }
 

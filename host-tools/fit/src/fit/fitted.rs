@@ -133,8 +133,8 @@ impl FittedTexture {
         self.lower(&excess);
     }
 
-    /// Lowers the level of the nodes at these indices of speed and force by the factor by which they would be louder
-    /// than their recordings.
+    /// Lowers the level of the nodes at these indices of speed and force by the factor by which their loudest moments
+    /// exceed what is allowed over their recordings.
     fn lower(&mut self, excess: &[((usize, usize), f64)]) {
         for &((speed, force), excess) in excess {
             self.scale(self.grid.index(speed, force), excess.powi(-2));
@@ -163,7 +163,7 @@ impl FittedTexture {
         node.prediction_error_power *= share as f32;
     }
 
-    /// Sets these levels of all nodes that are not silent, dB re 1 m/s².
+    /// Sets the levels of the nodes, one of `levels_db` per node, dB re 1 m/s². Silent nodes stay silent.
     pub(super) fn set_levels(&mut self, levels_db: &[f64]) {
         for (index, level_db) in levels_db.iter().enumerate() {
             let power = self.grid.models[index].output_power;

@@ -25,8 +25,8 @@ use crate::texture::grid::{Grid, is_recorded};
 /// needs no note, or the sensor is not what it is assumed to be.
 const LARGE_MEAN: f64 = 1.0;
 
-/// Fraction of the rig's noise in a third octave above which there is a note: the noise is then as strong as the
-/// texture.
+/// Fraction of the rig's noise in a third octave from which on there is a note: the noise is then at least as strong as
+/// the texture.
 const LARGE_FLOOR: f32 = 0.5;
 
 /// Relative difference of two values of an axis below which they may be one nominal value that was measured twice.
@@ -122,7 +122,7 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
          to {turn_deg:.0}°",
         100.0 * share
     );
-    // If all were filtered, the hand may have been steady, or its motion is already filtered out.
+    // A cut-off that the user gave filters recordings without slow motion, too. Then there is none to describe.
     let what = if HighPass::Auto.cut_hz(share).is_some() {
         what
     } else {

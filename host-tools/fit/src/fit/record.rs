@@ -246,7 +246,8 @@ impl FitRecord {
         serde_json::to_string_pretty(self).map_err(|failure| Error::Request(failure.to_string()))
     }
 
-    /// Writes the library `bytes` to `library` and this record next to it: both or neither.
+    /// Writes the library `bytes` to `library` and this record next to it. Neither gets its name before both are on the
+    /// disk.
     ///
     /// The library gets its final name first, because a record that is missing, or is of an earlier library, is
     /// ignored.

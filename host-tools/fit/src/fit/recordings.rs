@@ -42,7 +42,8 @@ impl<'s> Recordings<'s> {
     /// Holds all of their signals. Calls `progress` for each trial done.
     ///
     /// # Errors
-    /// The first trial that cannot be used.
+    /// The first trial that cannot be used; a recording of the rig's noise that cannot be used; with
+    /// [`FloorChoice::Subtract`] noise that is not known.
     pub fn read(
         set: &'s RecordingSet,
         members: &[usize],

@@ -33,7 +33,7 @@ pub struct SlowMotion {
     /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
     /// Angle by which slow motion turns the principal axis, degrees; 0 if the signal is not the principal one of
-    /// several axes.
+    /// several axes, or if the slow motion is too little for a filter.
     pub turn_deg: f64,
 }
 

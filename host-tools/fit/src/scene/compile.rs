@@ -52,8 +52,8 @@ impl SceneFile {
     /// Looks up the textures in `library`, and checks the whole scene.
     ///
     /// # Errors
-    /// [`Error::Line`] at the line of a value that [`Scene::validate`] refuses, of a name that the library or the scene
-    /// does not have, or of the first item above the allowed number.
+    /// [`Error::Line`] at the line of a value that is out of range or that [`Scene::validate`] refuses, of a name that
+    /// the library or the scene does not have or that two surfaces have, or of the first item above the allowed number.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         let root = Field::default();
         let surface_names = self.surface_names()?;
@@ -119,7 +119,7 @@ impl SceneFile {
             let place = Field::default().key("surface").item(index);
             let name = match surface.name() {
                 Some(name) => name.to_owned(),
-                // No region can refer to a surface without a name, so any name will do.
+                // A smooth surface without a name gets one by its number, which regions may use.
                 None => format!("surface {}", index + 1),
             };
             if let Some(other) = names.iter().position(|other| *other == name) {

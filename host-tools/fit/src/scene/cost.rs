@@ -57,7 +57,7 @@ impl CostReport {
     /// Returns the cost of `scene`, whose surfaces have these `names`, against `budget` instructions per tick.
     ///
     /// # Errors
-    /// See [`Scene::validate`].
+    /// A scene that the kernel cannot play.
     pub fn new(
         scene: &Scene,
         names: &[String],

@@ -85,8 +85,8 @@ impl Method {
         format!("{domain}, {level}{role}")
     }
 
-    /// Returns the model between `neighbours`, of which there is at least one and none is silent; `None` if the mean is
-    /// not stable.
+    /// Returns the model between `neighbours`, of which there is at least one; `None` if the mean is not stable. With
+    /// [`Level::LogPower`] none may be silent, because silence has no logarithm.
     pub fn predict(self, neighbours: &[Neighbour<'_>]) -> Option<Model> {
         let reflection = self.domain.shape(neighbours)?;
         let output_power = self.level.power(neighbours, &reflection);
@@ -130,7 +130,7 @@ impl Domain {
 pub struct Neighbour<'a> {
     /// Weight of the neighbour; the weights of all neighbours add up to one.
     pub weight: f64,
-    /// Model of the neighbour, which is not silent.
+    /// Model of the neighbour.
     pub model: &'a Model,
 }
 

@@ -21,7 +21,7 @@ pub struct TextureSummary {
     pub forces_n: Vec<f32>,
     /// Lowest, median and highest order.
     pub orders: [usize; 3],
-    /// Lowest and highest RMS of nodes that are not silent, m/s².
+    /// Lowest and highest RMS of nodes that are not silent, m/s²; 0 if all are.
     pub rms_m_s2: [f32; 2],
     /// Number of nodes that are silent.
     pub silent_nodes: usize,

@@ -2,7 +2,7 @@
 //!
 //! In all textures, θ of the first 32 stages has 16 bits or more. *Fine* textures have 24 bits there and 16 bits in
 //! later stages. *Compact* textures have 24 bits in fewer of the first stages, and one byte per stage after the 32nd,
-//! with a range per node. Compact θ takes half of the bytes at order 400.
+//! with a range per node. Compact θ takes little more than half of the bytes at order 400.
 
 use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;

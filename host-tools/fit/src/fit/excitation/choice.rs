@@ -36,7 +36,7 @@ const PLAYED: usize = 200_000;
 /// Samples of a window in which the filtered output is compared: 20 ms.
 const HEARD_SAMPLES: usize = 100;
 
-/// About the most trials at whose nodes the filtered output is compared.
+/// Largest number of trials at whose nodes the filtered output is compared.
 const HEARD: usize = 24;
 
 /// Number of quantiles that are compared.

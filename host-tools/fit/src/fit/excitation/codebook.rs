@@ -13,7 +13,7 @@ use crate::dsp::sums::mean_square;
 /// longer, but whitened with the same resolution, which is that of third octaves; a finer one would smear events.
 const PIECE_SAMPLES: std::ops::RangeInclusive<usize> = 100..=400;
 
-/// Passes of whitening. Three leave less than 0.1 dB of any third octave.
+/// Passes of whitening, and of clipping. Three of whitening leave less than 0.1 dB of any third octave.
 const PASSES: usize = 3;
 
 /// Least power density that whitening raises to the mean, relative to the mean: -30 dB.

@@ -72,7 +72,7 @@ impl Loudest {
         Self::of_powers(&powers(&heard), 1.0 / error_share(reflection))
     }
 
-    /// Returns the loudness that seven eighths of `signals` do not exceed (of up to eight signals, all but one), so
+    /// Returns the loudness that seven eighths of `signals` do not exceed (of two to eight signals, all but one), so
     /// that an event in one of them does not count for the others.
     pub fn of_most(signals: &[Self]) -> Option<Self> {
         let few = signals.len().div_ceil(WRONG).min(signals.len() / 2);

@@ -131,8 +131,8 @@ impl Choice<'_> {
         Some(chosen)
     }
 
-    /// Returns the excitation that `made` makes of `traces`. Its reach is lowered from the first one until its nodes
-    /// play no louder than their recordings.
+    /// Returns the excitation that `made` makes of `traces`. Its reach is lowered from the first one, a few times at
+    /// most, until the nodes that are checked play no louder than aimed at.
     fn bounded(
         &self,
         traces: &[Trace],
@@ -494,7 +494,7 @@ fn track_report(spec: &ModulationSpec, trials: usize) -> TrackReport {
     }
 }
 
-/// Returns a test's result as text: `8.91 where 3.4 is significant at 1 %`.
+/// Returns a test's result as text: `8.91 where more than 3.40 is significant at 1 %`.
 fn said(evidence: Evidence, unit: &str) -> String {
     if evidence.windows == 0 {
         return "not known, because no recording has a residual to judge".to_owned();

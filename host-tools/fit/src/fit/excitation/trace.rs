@@ -86,9 +86,9 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Returns the trace of a trial `at` a node with these `codes`. It is limited so that no moment of it is louder at
-    /// the output than the signal. `None` if its residual does not come from the surface according to one of its
-    /// `verdicts`, or if the trial is too short, silent, or predicted down to its round-off.
+    /// Returns the trace of a trial `at` a node with these `codes`. It is limited so that its loudest windows are at
+    /// most [`MOST`] times as loud at the output as the signal's. `None` if its residual does not come from the surface
+    /// according to one of its `verdicts`, or if the trial is too short, silent, or predicted down to its round-off.
     pub fn of(
         signal: &Signal,
         at: (usize, usize),

@@ -504,7 +504,7 @@ fn levels_db(probes: &[Probe], mut density: impl FnMut(&Probe) -> f64) -> [f64; 
 impl Probe {
     /// Returns |A|² of the model with these reflection coefficients, by the recursion over its order.
     fn inverse_gain(&self, reflection: &[f64]) -> f64 {
-        // A of the order so far, and the backward polynomial: e^(-jω) times its reversed conjugate.
+        // A of the order m so far, and the backward polynomial, which is e^(-jωm) times the conjugate of A.
         let (mut a, mut b) = ((1.0, 0.0), (1.0, 0.0));
         for &k in reflection {
             let delayed = (

@@ -16,7 +16,8 @@ type Corners = Vec<(usize, f64)>;
 
 /// The interpolated model at a position between models.
 pub(super) struct Between {
-    /// Spectrum for unit excitation at the stylus's rate; `None` if none of the surrounding models has a shape.
+    /// Spectrum for unit excitation at the stylus's rate; `None` if none of the surrounding models has a shape, or if
+    /// their mean gain is 0.
     pub shape: Option<LogSpectrum>,
     /// Variance of the excitation, (m/s²)².
     pub variance: f64,

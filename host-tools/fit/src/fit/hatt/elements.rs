@@ -93,7 +93,7 @@ impl<'a> File<'a> {
         self.wrong(model, format!("more than {most} models: leave some out"))
     }
 
-    /// Returns the only number of the first element of that name.
+    /// Returns the first number of the first element of that name; `None` if there is none.
     pub fn one(&self, name: &str) -> Result<Option<f64>> {
         match self.element(name) {
             Some(node) => Ok(self.numbers(node)?.first().copied()),
@@ -101,7 +101,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Returns the numbers of the first element of that name.
+    /// Returns the numbers of the first element of that name; empty if there is no such element.
     pub fn list(&self, name: &str) -> Result<Vec<f64>> {
         self.element(name)
             .map_or(Ok(Vec::new()), |node| self.numbers(node))
@@ -195,6 +195,7 @@ impl<'a> File<'a> {
         }
     }
 
+    /// Checks the units that the file states, if any.
     ///
     /// # Errors
     /// Units that are not HaTT's.

@@ -61,7 +61,8 @@ impl Default for Options {
 /// Lists the files of `paths`. A folder is replaced by all XML files in it, sorted by name.
 ///
 /// # Errors
-/// A folder without XML files; the same file twice; more files than a library can hold textures.
+/// A file or folder that does not exist or cannot be read; a folder without XML files; the same file twice; more files
+/// than a library can hold textures.
 pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {

@@ -24,7 +24,7 @@ const TRIANGLES_PER_MODEL: usize = 2;
 /// Every `tri` element is read; each holds one triangle or more.
 ///
 /// # Errors
-/// A fault that makes the file unusable, with its line.
+/// A fault that makes the file unusable, with its line if it is in one.
 pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     let document = elements::document(path, text)?;
     let file = File::new(path, &document);

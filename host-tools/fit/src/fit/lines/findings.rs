@@ -150,7 +150,7 @@ fn fmt_wander(wander: &Wander, longest: f64, f: &mut fmt::Formatter<'_>) -> fmt:
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialLines {
     /// Amplitude of each line in the trial, m/s², without the contribution of noise; `None` if the trial cannot hold
-    /// the line or was not searched.
+    /// the line or was not searched. A line that wanders has 0 then.
     pub amplitudes_m_s2: Vec<Option<f64>>,
     /// Ratio of the trial's actual speed, as the lines give it, to the listed one.
     pub speed_ratio: Option<f64>,

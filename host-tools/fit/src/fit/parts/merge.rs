@@ -36,7 +36,8 @@ impl<'s> Merged<'s> {
     /// number of trials whenever some are read.
     ///
     /// # Errors
-    /// A unit without a file, or with a damaged one; with [`Options::strict`] the first trial with a verdict.
+    /// A recording that does not exist; a unit without a file, or with a damaged one; with [`Options::strict`] the
+    /// first trial with a verdict, or of integers without a scale.
     pub fn of_folder(
         set: &'s RecordingSet,
         options: &Options,

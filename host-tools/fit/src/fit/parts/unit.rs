@@ -80,7 +80,7 @@ impl Unit {
     /// times.
     ///
     /// # Errors
-    /// A recording that does not exist.
+    /// A recording that does not exist, or whose samples are in memory; a list of the rig's noise that cannot be read.
     pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
         let mut hash = Fnv::default()
             .then(&MAGIC)
@@ -150,8 +150,8 @@ impl Unit {
     }
 }
 
-/// Returns everything that a trial's analysis depends on except the options: its line in the list, and the file's size
-/// and time, ns since 1970.
+/// Returns what a trial's analysis depends on except the options: its line in the list, and the file's size and time,
+/// ns since 1970. The speed is the nominal one if it was snapped; the measured one is not included.
 fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
     if trial.held.is_some() {
         let problem = "samples in memory have no partial results: write them to a file, or fit without --parts";

@@ -4,7 +4,7 @@
 //!    for the nodes around its motion with the weights that the device uses.
 //! 2. **Trials** ([`pieces`]): the samples that are nearest to a node are scaled to the node's level and joined into
 //!    one trial at the node. The trials are fitted like any others: triage, order, quantisation, excitation.
-//! 3. **Levels again**: every node gets the level of the first step, even where there is no trial.
+//! 3. **Levels again**: every node of the fitted grid gets a level as in the first step, even where there is no trial.
 //! 4. **Playing**: the texture is played along the strokes, and all levels are shifted by its mean error. The reason is
 //!    that an excitation with impulses or a changing level has a lower mean level in dB than its power suggests.
 //!
@@ -43,8 +43,9 @@ use crate::texture::library::decoded;
 /// stroke that is given twice counts once.
 ///
 /// # Errors
-/// Strokes that give no node 0.4 s in motion and contact; another rate than 5 kHz; a request to subtract the rig's
-/// noise; with [`Options::strict`] the first stroke with a verdict; the errors of [`super::fit`].
+/// Strokes that give no node 0.4 s in motion and contact; a stroke that cannot be reduced to one axis; another rate
+/// than 5 kHz; a request to subtract the rig's noise, or a recording of it; with [`Options::strict`] the first stroke
+/// with a verdict; the errors of [`super::fit`].
 pub fn fit_strokes(
     name: &str,
     strokes: &[(PathBuf, Freehand)],

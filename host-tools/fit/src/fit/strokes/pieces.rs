@@ -27,7 +27,7 @@ struct AtNode {
 /// its node has the largest weight, scaled to the node's level. A node with less than 0.4 s of them has no trial.
 ///
 /// # Errors
-/// None for strokes that could be read.
+/// More samples at a node than a recording may have.
 pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Result<Vec<Trial>> {
     let mut at_nodes = vec![AtNode::default(); levels.levels_db.len()];
     for stroke in strokes {

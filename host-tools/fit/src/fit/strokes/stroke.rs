@@ -197,7 +197,7 @@ fn without(run: &Range<usize>, cut: &[Range<usize>]) -> Vec<Range<usize>> {
     parts
 }
 
-/// Returns the moving mean of `values`; at the ends, over those that exist.
+/// Returns the moving mean of `values`. Beyond their ends, the first and the last value count.
 fn averaged(values: &[f64]) -> Vec<f64> {
     let (Some(first), Some(last)) = (values.first(), values.last()) else {
         return Vec::new();

@@ -112,7 +112,7 @@ pub struct TapFit {
     pub gain_m_s2_per_n_s: Option<f64>,
     /// RMS deviation of the amplitudes from the gain's line, relative to the amplitudes' own RMS.
     pub gain_scatter: Option<f64>,
-    /// Limit on the amplitude, m/s²: a quarter above the loudest impact.
+    /// Limit on the amplitude, m/s²: a quarter above the loudest impact, and at most what a scene can hold.
     pub limit_m_s2: f64,
     /// True if any recording is simulated.
     pub is_simulated: bool,
@@ -124,7 +124,7 @@ impl Taps {
     /// value of 1 means; if not given, the header's, or 1.
     ///
     /// # Errors
-    /// A file that cannot be read, or has no samples.
+    /// A file that cannot be read, has no samples, or lacks the requested axis.
     pub fn read(path: &Path, scale_m_s2: Option<f64>, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
         let unusable =

@@ -274,7 +274,8 @@ impl TwoWays {
     }
 
     /// Returns the weight of the prediction along speed against that along force, by least squares over all recorded
-    /// nodes that share neither speed nor force with `place`. Recordings at these do not take part.
+    /// nodes that share neither speed nor force with `place`, so that no prediction uses the recording at `place`. It
+    /// is 0.5 if there are no such nodes.
     fn weight_of_speed(&self, field: &RecordedSpectra, place: NodeIndex, moving: f64) -> f64 {
         let (mut product, mut square) = (0.0, 0.0);
         for (other, ways) in field.places().zip(&self.ways) {
@@ -299,7 +300,7 @@ impl TwoWays {
     }
 }
 
-/// Bins by which weights are chosen: sixty per decade from 18 to 1100 Hz, so that every band counts equally.
+/// Bins by which weights are chosen: sixty per decade from 18 to 1050 Hz, so that every band counts equally.
 fn judged_bins() -> impl Iterator<Item = usize> {
     const COUNT: i32 = 107;
     (0..COUNT).map(|n| {
