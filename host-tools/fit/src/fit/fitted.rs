@@ -73,6 +73,7 @@ impl FittedTexture {
         if members.is_empty() {
             return Err(nothing_to_fit(&name, idle, all.len()));
         }
+        // One simulated trial is enough, so that no simulation passes for a recording.
         let is_simulated = |member: &Member<'_>| member.trial.provenance == Provenance::Simulated;
         let assembled = assemble(&name, &members, &recordings.findings, options)?;
         let notes = notes::of(&name, &assembled, &members, idle, options);
@@ -126,6 +127,7 @@ impl FittedTexture {
             source.part,
             progress,
         );
+        // The lines among the parts were found before, and stay.
         self.grid.parts.excitation = parts.excitation;
         self.grid.parts.modulation = parts.modulation;
         self.excitation = Some(report);
@@ -137,6 +139,7 @@ impl FittedTexture {
     /// exceed what is allowed over their recordings.
     fn lower(&mut self, excess: &[((usize, usize), f64)]) {
         for &((speed, force), excess) in excess {
+            // An excess is a ratio of amplitudes, the level a power.
             self.scale(self.grid.index(speed, force), excess.powi(-2));
         }
         let Some(most_db) = excess
@@ -159,6 +162,7 @@ impl FittedTexture {
     fn scale(&mut self, index: usize, share: f64) {
         self.grid.models[index].output_power *= share;
         let node = &mut self.nodes[index];
+        // Both powers are scaled, because the coefficients fix their ratio.
         node.output_power *= share as f32;
         node.prediction_error_power *= share as f32;
     }

@@ -64,6 +64,7 @@ impl Floor {
         if is_taken_off {
             *samples = without_noise(samples, &whole, &noise, self.rate_hz);
         }
+        // Of the recording as it was, even if the noise was subtracted.
         shares(&noise, &whole)
     }
 

@@ -44,6 +44,7 @@ pub fn files_behind(inputs: &[Input], output: &Path) -> Vec<PathBuf> {
         if is_of_a_folder {
             add_below(path, &mut all);
         }
+        // A list that is yet to be written names nothing.
         if *is_unlisted {
             continue;
         }

@@ -102,6 +102,7 @@ impl Level {
         };
         match self {
             Self::Excitation => {
+                // σ² is the share Π(1 - k²) of the output's power.
                 let excitation = |m: &Model| m.output_power * error_share(&m.reflection);
                 mean(&excitation) / error_share(reflection)
             }

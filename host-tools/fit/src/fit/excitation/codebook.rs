@@ -76,6 +76,7 @@ fn coded_block(
 ) -> ([u8; BLOCK_BYTES], [f64; BLOCK_SAMPLES]) {
     /// Levels that are tried below and above the block's own peak: 6 dB and 1 dB, in steps of 0.5 dB.
     const TRIED: std::ops::RangeInclusive<i32> = -12..=2;
+    // A silent block gives -∞, which the cast and the clamp turn into the lowest level.
     let own = (40.0 * (peak_of(samples) / peak).log10()).round() as i32;
     let tried = TRIED.map(|step| own.saturating_add(step).clamp(i8::MIN.into(), 0) as i8);
     let coded = tried.map(|level| {
@@ -208,6 +209,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
             0.0
         };
         lags[lag] *= share;
+        // Lags 0 and count/2 are their own mirror images.
         if lag > 0 && count - lag > lag {
             lags[count - lag] *= share;
         }

@@ -123,6 +123,7 @@ impl Trace {
         let judged = match carried_hz {
             Some(carried_hz) => {
                 let (known, level_samples) = known(&residual, carried_hz);
+                // The residual was limited above, so no limit is given.
                 evidence::held_out(&known, order, None, level_samples)
             }
             None => evidence::held_out(samples, order, Some(most), LEVEL_SAMPLES),
@@ -140,6 +141,7 @@ impl Trace {
             event: gains.and_then(|gains| event(&gains, order, &flaws)),
             residual,
             flaws,
+            // Of the whole signal, because the fit divides that into blocks.
             samples: signal.samples.len(),
             order,
             judged,

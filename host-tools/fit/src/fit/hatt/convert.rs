@@ -292,6 +292,7 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
         Newton(force_n as f32),
     )
     .expect("speeds and forces of a file are finite");
+    // The kernel's own filter, so that its fixed-point errors count.
     let mut frame = LatticeFrame::silent(texture.max_order());
     frame.update::<Portable>(
         texture,

@@ -38,6 +38,7 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     }
     let mut remarks = BTreeMap::new();
     let read = models(&file, &mut remarks)?;
+    // First of all checks of the content, because a file of another kind would fail the others with a misleading error.
     let usable = read.iter().flatten().count();
     if usable == 0 {
         let why = warnings(&remarks)
@@ -47,6 +48,7 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
         return Err(Error::file(path, problem));
     }
     file.check_count("numMod", read.len(), "models")?;
+    // Triangles name models by their place in the file, so models that are left out count here.
     let triangles = file.triangles(read.len())?;
     file.check_count("numTri", triangles.len(), "triangles")?;
     if triangles.len() > TRIANGLES_PER_MODEL * read.len() {

@@ -86,6 +86,7 @@ impl Unit {
             .then(&MAGIC)
             .then(env!("CARGO_PKG_VERSION").as_bytes());
         hash = hash.then(&encoded(&(
+            // Lags depend on nothing but the highest order, so that a choice of order may change.
             options.order.highest() as u64,
             options.conditioning,
             options.silence_floor_m_s2,
@@ -171,6 +172,7 @@ fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
     Ok((
         line,
         metadata.len(),
+        // As many nanoseconds fit into 64 bits until the year 2554.
         changed.map(|time| time.as_nanos() as u64),
     ))
 }

@@ -128,6 +128,7 @@ fn distinct(
     progress: &(impl Fn(usize) + Sync),
 ) -> Result<Vec<Stroke>> {
     let is_first = |(number, own): &(usize, &(PathBuf, Freehand))| {
+        // By content, because one stroke may be in two files.
         let mut earlier = strokes[..*number].iter();
         !earlier.any(|(_, earlier)| *earlier == own.1)
     };
@@ -155,6 +156,7 @@ fn of_trials(options: &Options, strokes: &[Stroke]) -> Options {
     Options {
         conditioning: Conditioning {
             reduction: Reduction::Pca,
+            // The highest cut-off: below it, not every stroke has a signal.
             high_pass: cuts_hz
                 .reduce(f64::max)
                 .map_or(HighPass::None, HighPass::At),
@@ -173,6 +175,7 @@ fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<(
     let played = library.textures().next().expect("it has one");
     let off_db = in_order(strokes, |stroke| stroke.over_db(played))?;
     let off_db = mean(&off_db.concat());
+    // The level of a silent node is infinite; `set_levels` skips it.
     let levels: Vec<f64> = (texture.grid.models.iter())
         .map(|model| 10.0 * model.output_power.log10() + off_db)
         .collect();

@@ -79,6 +79,7 @@ impl Stroke {
         };
         let samples = read(&trial)?;
         let mut verdicts = triage::samples(&samples, samples.slow_share());
+        // What is normal for a hand is not reported, but cut all the same.
         let spans = verdicts.iter().flat_map(Verdict::spans);
         let cut: Vec<Range<usize>> = spans.cloned().collect();
         verdicts.retain(|verdict| !BY_HAND.contains(&verdict.kind()));
@@ -140,6 +141,7 @@ impl Stroke {
         let seconds = self.signal.len() as f64 / RATE_HZ;
         let mut played = render(texture, &self.path()?, seconds, SEED)?.accelerations_m_s2();
         played.resize(self.signal.len(), 0.0);
+        // Filtered as the recording was, so that both lack the same band.
         if let Some(cut_hz) = self.cut_hz {
             high_pass(&mut played, RATE_HZ, cut_hz);
         }
@@ -173,6 +175,7 @@ impl Stroke {
 
     fn window_ranges(&self) -> impl Iterator<Item = Range<usize>> {
         self.moving.iter().flat_map(|run| {
+            // No run is shorter than a window; see [`Stroke::of`].
             let last = run.end - WINDOW;
             (run.start..=last)
                 .step_by(WINDOW)

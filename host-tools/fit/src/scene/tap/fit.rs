@@ -135,6 +135,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
     };
     let mut damping = 1e-3;
     for _ in 0..ROUNDS {
+        // In logarithms steps are relative, and neither value becomes negative.
         let (f, d) = (best.frequency_hz.ln(), best.decay_s.ln());
         let by_f = at(f + STEP, d);
         let by_d = at(f, d + STEP);
@@ -148,6 +149,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
             fr += jf * r;
             dr += jd * r;
         }
+        // Damping in proportion to the diagonal does not depend on the scale of the unknowns (Marquardt, 1963).
         let (a, b) = (ff * (1.0 + damping), dd * (1.0 + damping));
         let determinant = a * b - fd * fd;
         if determinant <= 0.0 || determinant.is_nan() {
@@ -155,6 +157,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
         }
         let step_f = -(b * fr - fd * dr) / determinant;
         let step_d = -(a * dr - fd * fr) / determinant;
+        // Far from the minimum the linearisation does not hold, so long steps are cut short.
         let tried = at(f + step_f.clamp(-0.5, 0.5), d + step_d.clamp(-1.0, 1.0));
         if tried.left < best.left {
             let gained = 1.0 - tried.left / best.left;
@@ -180,6 +183,7 @@ fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
     let mut padded = signal.to_vec();
     padded.resize(len, 0.0);
     let spectrum = fourier::forward(&mut padded);
+    // An offset, in the bin at 0 Hz, is no line.
     let loudest = (1..spectrum.len())
         .max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()));
     loudest.unwrap_or(1) as f64 * rate_hz / len as f64
@@ -226,6 +230,7 @@ pub fn onsets(samples: &[f64], rate_hz: f64) -> Vec<usize> {
                 .iter()
                 .fold(0.0f64, |peak, x| peak.max(x.abs()));
             let least = (3.0 * noise).max(SHARE_AT_ONSET * peak);
+            // An onset is after the end of the impact before it, and not earlier than the longest rise.
             let floor = last_loud
                 .map_or(0, |last| last + 1)
                 .max(at.saturating_sub(rise));
