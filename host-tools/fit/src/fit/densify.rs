@@ -156,7 +156,7 @@ impl<'f> Growing<'f> {
     fn grow(&mut self, line: &Candidate, left: usize) -> Option<usize> {
         let Self { grid, told, .. } = self;
         let (direction, value) = (line.direction, line.value);
-        // Such nodes would be what the device plays there anyway, and only take bytes.
+        // Nodes without a spectrum would be what the device plays there anyway, and only take bytes.
         if !fills_any(grid, told, direction, value) {
             return None;
         }

@@ -119,6 +119,7 @@ pub fn read<'s>(
         let mut own = Recordings::read(set, &members, options, part, progress)?;
         match left.checked_sub(own.held_bytes()) {
             Some(rest) => left = rest,
+            // If step 5 needs these, it reads them again. A smaller texture may still fit.
             None => own.let_go(),
         }
         Ok(own)

@@ -117,6 +117,7 @@ impl Domain {
     /// Returns the reflection coefficients between those of `neighbours`; `None` if the mean is not stable.
     fn shape(self, neighbours: &[Neighbour<'_>]) -> Option<Vec<f64>> {
         match self {
+            // A mean of predictors may be unstable, and then has no reflection coefficients.
             Self::Predictor => step_down(&mean(neighbours, step_up)),
             Self::Angle => {
                 let angles = mean(neighbours, |k| k.iter().map(|k| k.asin()).collect());

@@ -39,6 +39,7 @@ pub fn store(grid: &Grid, nodes: Vec<NodeSpec>, sample_rate_hz: u32) -> Vec<Node
     }
     let compacted = (grid.models.par_iter()).map(|model| compacted(model, sample_rate_hz));
     let compacted: Vec<(CodeSpec, Option<ModelError>)> = compacted.collect();
+    // A library has one form of θ per texture, so one node decides for all.
     if !compacted.iter().all(|(_, error)| is_unfelt(*error)) {
         return nodes;
     }

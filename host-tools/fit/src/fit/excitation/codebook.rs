@@ -209,7 +209,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
             0.0
         };
         lags[lag] *= share;
-        // Lags 0 and count/2 are their own mirror images.
+        // Lag 0, and the middle one of an even number, are their own mirror images.
         if lag > 0 && count - lag > lag {
             lags[count - lag] *= share;
         }

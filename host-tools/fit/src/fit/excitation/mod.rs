@@ -94,6 +94,7 @@ pub(super) fn of(
         let (speed, force) = (take.trial.speed_mm_s, take.trial.force_n);
         let at = (place(speeds_mm_s, speed), place(forces_n, force));
         let node = report.used.then(|| nodes.get(at.0 * forces_n.len() + at.1));
+        // Nothing excites a silent node.
         let node = node.flatten().filter(|node| node.output_power > 0.0);
         let trace =
             node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
@@ -109,6 +110,7 @@ pub(super) fn of(
         let note =
             |kind, size, text| Warning::of(kind, ("recording", &reports[number].file), size, text);
         let over = others.map_or(0.0, |others| trace.loudest.over(others));
+        // The trial's spectrum and level stay at its own node, but its moments would sound at others, too.
         if over > LOUDER {
             notes.push(note("loud", over, loud(over)));
             continue;

@@ -2,8 +2,8 @@
 //!
 //! Up to half the lower rate the models' spectrum is preserved. Models at 1 kHz say nothing above 500 Hz. There the
 //! spectrum continues from its mean level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`], which leaves
-//! little power and no edge at which a model would ring. Every node has the lowest order that preserves all third
-//! octaves within [`ORDER_TOLERANCE_DB`].
+//! little power and no edge at which a model would ring. Every node has the lowest of several orders that preserves all
+//! third octaves within [`ORDER_TOLERANCE_DB`], or the highest of them if none does.
 
 use model_format::{
     FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, OutputSample,

@@ -38,7 +38,6 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     }
     let mut remarks = BTreeMap::new();
     let read = models(&file, &mut remarks)?;
-    // First of all checks of the content, because a file of another kind would fail the others with a misleading error.
     let usable = read.iter().flatten().count();
     if usable == 0 {
         let why = warnings(&remarks)

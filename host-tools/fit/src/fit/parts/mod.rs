@@ -112,6 +112,7 @@ pub fn map(
     // Returns the number of trials whose results already existed.
     let map_unit = |unit: &Unit| {
         let path = unit.path(set, options, folder)?;
+        // Read, and not only looked for, so that a damaged file is computed again.
         let is_there = unit.read(&path).is_ok();
         if !is_there {
             unit.compute(set, options, &path)?;

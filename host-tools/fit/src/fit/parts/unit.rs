@@ -86,7 +86,7 @@ impl Unit {
             .then(&MAGIC)
             .then(env!("CARGO_PKG_VERSION").as_bytes());
         hash = hash.then(&encoded(&(
-            // Lags depend on nothing but the highest order, so that a choice of order may change.
+            // Lags are computed up to the highest order alone, so `auto`, `bic` and 400 share results.
             options.order.highest() as u64,
             options.conditioning,
             options.silence_floor_m_s2,
@@ -172,7 +172,7 @@ fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
     Ok((
         line,
         metadata.len(),
-        // As many nanoseconds fit into 64 bits until the year 2554.
+        // 64 bits of nanoseconds since 1970 last until the year 2554.
         changed.map(|time| time.as_nanos() as u64),
     ))
 }

@@ -226,7 +226,7 @@ impl NodeLevels {
             levels_db: prior.collect(),
             axes,
         };
-        // The unknowns are the distances from the line, because these are what costs.
+        // The unknowns are the distances from the line, because these have a cost.
         let mut matrix = levels.axes.penalty();
         let mut right = DVector::zeros(levels.levels_db.len());
         for at in windows {

@@ -43,6 +43,7 @@ pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Res
     let nodes = levels.axes.nodes().zip(at_nodes);
     let enough = nodes.filter(|(_, own)| own.samples.len() >= LEAST_KEPT);
     let trial = |((speed, force), own): ((f64, f64), AtNode)| {
+        // Stretches fade into each other as the parts of a cut trial do, so that no joint clicks.
         let joined = kept(vec![own.samples], &own.stretches);
         let held = HeldSamples::new(f64::from(SAMPLE_RATE_HZ), joined, false)?;
         let file = format!("{name} at {speed} mm/s, {force} N");

@@ -175,7 +175,7 @@ impl Stroke {
 
     fn window_ranges(&self) -> impl Iterator<Item = Range<usize>> {
         self.moving.iter().flat_map(|run| {
-            // No run is shorter than a window; see [`Stroke::of`].
+            // No run is shorter than a window; see `Stroke::of`.
             let last = run.end - WINDOW;
             (run.start..=last)
                 .step_by(WINDOW)

@@ -230,7 +230,8 @@ pub fn onsets(samples: &[f64], rate_hz: f64) -> Vec<usize> {
                 .iter()
                 .fold(0.0f64, |peak, x| peak.max(x.abs()));
             let least = (3.0 * noise).max(SHARE_AT_ONSET * peak);
-            // An onset is after the end of the impact before it, and not earlier than the longest rise.
+            // An onset is after the last loud sample of the impact before it, and at most the longest rise before its
+            // own.
             let floor = last_loud
                 .map_or(0, |last| last + 1)
                 .max(at.saturating_sub(rise));
