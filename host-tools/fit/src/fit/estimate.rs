@@ -94,7 +94,8 @@ pub(super) fn estimate(
     };
     let tapered = filled(tapered);
     let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
-    // A high-pass filter has removed what leaks, so the tapered estimate is used then.
+    // A high-pass filter has removed what leaks most, so leakage is not measured after it: the tapered estimate is
+    // used.
     let plain = known.from_hz.is_none().then(|| filled(plain));
     let plain = plain.filter(|plain| !leaks(&bands, &plain.power, plain.lags[0]));
     Estimate {

@@ -232,6 +232,7 @@ impl<'s> Source<'s> {
         if is_cleaned || !texture.lines.lines.is_empty() {
             let recordings =
                 Recordings::read(self.set, &texture.members, self.options, self.part, &|_| ())?;
+            // Recordings that were just read hold all of their signals.
             return Ok(recordings.into_takes().unwrap_or_default());
         }
         let used = |number: &usize| self.reports[*number].used;

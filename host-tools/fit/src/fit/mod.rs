@@ -2,11 +2,12 @@
 //!
 //! 1. **Recordings** (`recordings`; `trial` does the work on each trial, `estimate` its lags), a texture at a time.
 //!    Each trial is read, checked and cut by triage, high-passed if it holds slow motion, reduced to one axis, and
-//!    correlated. The rig's own noise (`floor`) is measured in the texture's trials at 0 N, and subtracted if the user
-//!    asks for it. Then the texture's lines are removed from its trials, except from trials that are silent, idle, cut
-//!    by triage, or dropped by `--drop`. A trial's lags and third-octave bands are estimated again after its noise was
-//!    subtracted, and after lines were removed from it. Only the power in its report remains that of the recording.
-//!    Triage always sees 5 kHz; for another rate the trial is read a second time, and has neither lines nor excitation.
+//!    correlated. The rig's own noise (`floor`) is measured in the texture's trials at 0 N, or in recordings that the
+//!    user names, and subtracted if the user asks for it. Then the texture's lines are removed from its trials, except
+//!    from trials that are silent, idle, cut by triage, or dropped by `--drop`. A trial's lags and third-octave bands
+//!    are estimated again after its noise was subtracted, and after lines were removed from it. Only the power in its
+//!    report remains that of the recording. Triage always sees 5 kHz; for another rate the trial is read a second time,
+//!    and has neither lines nor excitation.
 //! 2. **Reports** (`reports`). Copies are sought in the whole set. Within a texture, trials are compared by mains line,
 //!    level and bands, which shows hum, wrong scales and trials unlike their neighbours. No model is made of a trial if
 //!    its speed or force is 0, or if `--drop` names one of its verdicts. A verdict of this step comes too late for the

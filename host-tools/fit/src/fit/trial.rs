@@ -50,7 +50,7 @@ pub struct Analysis {
     pub source_rate_hz: f64,
     /// What was found out about the file's samples when it was read.
     pub account: Account,
-    /// Variance of the reduced signal, (m/s²)².
+    /// Variance of the reduced signal with its lines and the rig's noise, (m/s²)².
     pub power: f64,
     /// Largest magnitude of an axis's mean, m/s². The means were removed.
     pub mean_m_s2: f64,

@@ -103,6 +103,7 @@ impl Trace {
         let predictor = step_up(&reflection);
         let order = predictor.len();
         let mut residual = residual(samples, &predictor);
+        // Index 0 of the residual is sample `order` of the signal.
         let moved = |flaw: &Range<usize>| {
             flaw.start.saturating_sub(order)..(flaw.end + AFTER_FLAW).saturating_sub(order)
         };

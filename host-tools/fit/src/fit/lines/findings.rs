@@ -53,7 +53,8 @@ pub struct Line {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoLines {
-    /// The recordings are at one speed, so position cannot be distinguished from time.
+    /// The recordings that can be searched are at one speed, so position cannot be distinguished from time; or there
+    /// are none.
     OneSpeed,
     /// No wavelength stands out.
     NothingStandsOut,

@@ -83,6 +83,7 @@ impl Stroke {
         let spans = verdicts.iter().flat_map(Verdict::spans);
         let cut: Vec<Range<usize>> = spans.cloned().collect();
         verdicts.retain(|verdict| !BY_HAND.contains(&verdict.kind()));
+        // Nothing is cut from the signal, so that its samples keep the times of the motion.
         let Signal {
             samples: signal,
             cut_hz,
