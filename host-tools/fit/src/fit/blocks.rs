@@ -2,9 +2,9 @@
 //!
 //! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
 //! estimated within blocks and averaged, never across the join of two blocks. Only these come from the whole recording:
-//! the direction of the first principal component, the mean, the verdicts of triage, the rig's noise and the signal
-//! without it, the wavelengths of lines with the course of the speed, and whether a residual has impulses and a
-//! changing level.
+//! the direction of the first principal component, the mean, the verdicts of triage, the choice of the high-pass
+//! filter, the rig's noise and the signal without it, the wavelengths of lines with the course of the speed, whether a
+//! residual has impulses and a changing level, and how loud the loudest moments are.
 
 use std::ops::Range;
 

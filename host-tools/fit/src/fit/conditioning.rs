@@ -56,6 +56,7 @@ impl FromStr for HighPass {
         match (text, text.parse::<f64>()) {
             ("auto", _) => Ok(Self::Auto),
             ("none", _) => Ok(Self::None),
+            // No range contains NaN, which parses as a number.
             (_, Ok(hz)) if (least..=most).contains(&hz) => Ok(Self::At(hz)),
             _ => Err(format!("must be 'auto', 'none' or {least} to {most} Hz")),
         }

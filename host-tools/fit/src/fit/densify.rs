@@ -33,7 +33,8 @@ use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::{NodeIndex, RecordedSpectra, TwoWays};
 use crate::texture::theta::{StoredTheta, all_allow_compact, bytes_per_node};
 
-/// Upper bound of the bytes that a library's headers take in addition to its nodes: names, axes and lengths.
+/// Upper bound of the bytes of a texture without its axes, nodes and parts: its name, lengths and other fields. The
+/// library's own header fits in, too.
 const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
 
 /// A line of nodes that was added.
@@ -45,7 +46,8 @@ pub struct AddedLine {
     pub direction: Direction,
     /// The speed, mm/s, or the force, N.
     pub value: f32,
-    /// Expected fall of C, the mean over the removed nodes at both ends of the gap.
+    /// Expected fall of C: the mean over the removed nodes at both ends of the gap, and a quarter of it for a line that
+    /// divides half of a gap.
     pub promised_gain: f64,
 }
 
@@ -95,6 +97,7 @@ pub fn densify(
         .iter_mut()
         .flat_map(|own| std::mem::take(&mut own.told.candidates));
     let mut candidates: Vec<Candidate> = candidates.collect();
+    // The sort is stable, so that equal gains have one order in every run.
     candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let taken: usize = textures
         .iter()
@@ -105,6 +108,7 @@ pub fn densify(
     for candidate in candidates {
         progress();
         let growing = &mut textures[candidate.texture];
+        // A later line may be shorter and still fit, so the search goes on.
         let Some(more) = growing.grow(&candidate, left) else {
             continue;
         };
@@ -131,6 +135,7 @@ impl<'f> Growing<'f> {
     /// recordings.
     fn of(index: usize, texture: &'f FittedTexture, source: &Source<'_>) -> Result<Self> {
         let mut takes = source.takes(texture)?;
+        // `takes` returns all trials if lines or the rig's noise were taken off.
         takes.retain(|take| source.reports[take.number].used);
         let signals = takes
             .iter()
@@ -151,6 +156,7 @@ impl<'f> Growing<'f> {
     fn grow(&mut self, line: &Candidate, left: usize) -> Option<usize> {
         let Self { grid, told, .. } = self;
         let (direction, value) = (line.direction, line.value);
+        // Nodes without a spectrum would be what the device plays there anyway, and only take bytes.
         if !fills_any(grid, told, direction, value) {
             return None;
         }
@@ -191,6 +197,7 @@ fn bytes(grid: &Grid, theta: StoredTheta) -> usize {
     const NODE_BYTES: usize = 16;
     let orders = || grid.models.iter().map(|model| model.reflection.len());
     let highest = orders().max().unwrap_or(0);
+    // Without stages beyond these there are no tails, and all nodes are stored with fine θ.
     let theta = if highest > limits::MAX_FINE_STAGES {
         theta
     } else {
@@ -269,6 +276,7 @@ fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<
     let forces = on_axis(&grid.forces_n, direction == Direction::Force);
     let place = |speed: Between, force: Between| Between {
         nodes: [0, 1].map(|end| grid.index(speed.nodes[end], force.nodes[end])),
+        // A line is added to one axis, so one of the two shares is 0.
         share: speed.share.max(force.share),
     };
     let of_speed = |&speed: &Between| forces.iter().map(move |&force| place(speed, force));
@@ -379,6 +387,7 @@ fn candidates(
             })
             .collect();
         for gap in 1..along.len() {
+            // A gap at the edge of the grid has a gain at its inner end alone.
             let ends: Vec<f64> = gains[gap - 1..=gap].iter().flatten().copied().collect();
             // Next to silence, nothing can be filled in.
             let sounds =
@@ -481,6 +490,7 @@ impl Told {
         let highest_order = highest_order(grid);
         let forces = grid.forces_n.len();
         let hole = |(index, model): (usize, &Model)| {
+            // Beyond the recorded nodes (extrapolated) there is nothing to interpolate between.
             let is_hole = model.flags.contains(NodeFlags::INTERPOLATED)
                 && !model.flags.contains(NodeFlags::SILENT);
             let spectrum = is_hole

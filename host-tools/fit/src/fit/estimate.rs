@@ -59,7 +59,8 @@ impl KnownBand {
 
 /// Statistics of a recording that a model is fitted to and checked against.
 pub(super) struct Estimate {
-    /// Autocorrelation from lag 0 on, (m/s²)²; lag 0 is the recording's power.
+    /// Autocorrelation from lag 0 on, (m/s²)²; lag 0 is the recording's power, with what was filled in outside of the
+    /// known band.
     pub lags: Vec<f64>,
     /// Third-octave bands of the recording with tapered ends.
     pub bands: Bands,
@@ -93,7 +94,8 @@ pub(super) fn estimate(
     };
     let tapered = filled(tapered);
     let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
-    // A high-pass filter has removed what leaks, so the tapered estimate is used then.
+    // A high-pass filter has removed what leaks most, so leakage is not measured after it: the tapered estimate is
+    // used.
     let plain = known.from_hz.is_none().then(|| filled(plain));
     let plain = plain.filter(|plain| !leaks(&bands, &plain.power, plain.lags[0]));
     Estimate {
@@ -147,7 +149,7 @@ pub(super) fn pooled_lags<'a>(terms: impl Iterator<Item = (f64, &'a [f64])>) -> 
 }
 
 /// Number of bands, from 4 Hz to 2 kHz: from those of the hand's motion, into which the tool's lowest mode leaks, up to
-/// the last whole band below half the models' sample rate.
+/// the last whole band below half of 5 kHz.
 pub(super) const COUNT: usize = 28;
 
 /// Exponent of the lowest band's centre, 10^(6/10) Hz: base ten of IEC 61260-1.
@@ -159,8 +161,8 @@ const FELT: usize = 7;
 /// Ratio of a band's power to that of the strongest band below which the band is not felt.
 const AUDIBLE_SHARE: f64 = 1e-5;
 
-/// Least product of a band's width and the recording's length. Below it, the scatter of the band's own power exceeds
-/// 1.5 dB, and the band is not judged.
+/// Least product of a band's width and the recording's length. Below it, the standard deviation of the band's own level
+/// exceeds 1.4 dB, and the band is not judged.
 const LEAST_DEGREES: f64 = 9.0;
 
 /// Least degrees of freedom of a band that is felt if both spectra come from one recording, because they then scatter

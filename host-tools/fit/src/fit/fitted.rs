@@ -73,6 +73,7 @@ impl FittedTexture {
         if members.is_empty() {
             return Err(nothing_to_fit(&name, idle, all.len()));
         }
+        // One simulated trial is enough, so that no simulation passes for a recording.
         let is_simulated = |member: &Member<'_>| member.trial.provenance == Provenance::Simulated;
         let assembled = assemble(&name, &members, &recordings.findings, options)?;
         let notes = notes::of(&name, &assembled, &members, idle, options);
@@ -126,6 +127,7 @@ impl FittedTexture {
             source.part,
             progress,
         );
+        // The lines among the parts were found before, and stay.
         self.grid.parts.excitation = parts.excitation;
         self.grid.parts.modulation = parts.modulation;
         self.excitation = Some(report);
@@ -133,10 +135,11 @@ impl FittedTexture {
         self.lower(&excess);
     }
 
-    /// Lowers the level of the nodes at these indices of speed and force by the factor by which they would be louder
-    /// than their recordings.
+    /// Lowers the level of the nodes at these indices of speed and force by the factor by which their loudest moments
+    /// exceed what is allowed over their recordings.
     fn lower(&mut self, excess: &[((usize, usize), f64)]) {
         for &((speed, force), excess) in excess {
+            // An excess is a ratio of amplitudes, the level a power.
             self.scale(self.grid.index(speed, force), excess.powi(-2));
         }
         let Some(most_db) = excess
@@ -159,11 +162,12 @@ impl FittedTexture {
     fn scale(&mut self, index: usize, share: f64) {
         self.grid.models[index].output_power *= share;
         let node = &mut self.nodes[index];
+        // Both powers are scaled, because the coefficients fix their ratio.
         node.output_power *= share as f32;
         node.prediction_error_power *= share as f32;
     }
 
-    /// Sets these levels of all nodes that are not silent, dB re 1 m/s².
+    /// Sets the levels of the nodes, one of `levels_db` per node, dB re 1 m/s². Silent nodes stay silent.
     pub(super) fn set_levels(&mut self, levels_db: &[f64]) {
         for (index, level_db) in levels_db.iter().enumerate() {
             let power = self.grid.models[index].output_power;
@@ -228,6 +232,7 @@ impl<'s> Source<'s> {
         if is_cleaned || !texture.lines.lines.is_empty() {
             let recordings =
                 Recordings::read(self.set, &texture.members, self.options, self.part, &|_| ())?;
+            // Recordings that were just read hold all of their signals.
             return Ok(recordings.into_takes().unwrap_or_default());
         }
         let used = |number: &usize| self.reports[*number].used;

@@ -64,6 +64,7 @@ impl Floor {
         if is_taken_off {
             *samples = without_noise(samples, &whole, &noise, self.rate_hz);
         }
+        // Of the recording as it was, even if the noise was subtracted.
         shares(&noise, &whole)
     }
 
@@ -78,7 +79,7 @@ impl Floor {
         let share = if low < speed_mm_s && speed_mm_s < high && low > 0.0 {
             (speed_mm_s / low).ln() / (high / low).ln()
         } else {
-            // At a speed of the noise, or beyond all its speeds.
+            // At a speed of the noise, beyond all its speeds, or above a noise at rest, whose speed has no logarithm.
             1.0
         };
         let upper = self.spectrum(high, view, segment);
@@ -94,7 +95,7 @@ impl Floor {
             .takes
             .iter()
             .filter(|take| take.speed_mm_s.total_cmp(&speed_mm_s).is_eq());
-        // The number of axes was checked before, so the reduction does not fail.
+        // Each take was reduced in the same way when it was read, so the reduction does not fail.
         let reduced = at_speed.filter_map(|take| view.reduce(&take.axes).ok());
         let reduced: Vec<Vec<f64>> = reduced.collect();
         let blocks: Vec<&[f64]> = reduced.iter().map(Vec::as_slice).collect();

@@ -149,6 +149,7 @@ fn laws_of(models: &[Model]) -> Laws {
 }
 
 fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec<f32>> {
+    // A library stores axes in 32 bits. Values that are equal there are one node.
     let mut axis: Vec<f32> = values.map(|value| value as f32).collect();
     axis.sort_by(f32::total_cmp);
     axis.dedup();
@@ -171,6 +172,7 @@ pub(super) fn place(axis: &[f32], value: f64) -> usize {
 fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     let doubtful =
         |member: &Member<'_>| !member.analysis.is_silent() && !member.report.verdicts.is_empty();
+    // Silence is a finding, too, but leaves no doubt about the node.
     let mut flags = NodeFlags::NONE;
     if cell.iter().any(doubtful) {
         flags = flags.with(NodeFlags::DOUBTFUL);
@@ -201,6 +203,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     let weighted = || {
         let pairs = heard.iter().zip(&shares);
         pairs.map(|(member, share)| {
+            // Longer trials are known better.
             let weight = member.analysis.samples as f64 / samples as f64;
             (share * weight, member.analysis)
         })
@@ -226,6 +229,7 @@ fn shares(powers: &[f64]) -> Vec<f64> {
 
 /// Returns the model of a recording of `samples` samples with these lags and bands. Its order is chosen by `choice`.
 pub(super) fn model_of(lags: Vec<f64>, recorded: &Bands, samples: usize, choice: Order) -> Model {
+    // The level is that of the recording, before the white-noise correction raises lag 0.
     let output_power = lags[0];
     let max_order = choice.highest().min(samples / SAMPLES_PER_COEFFICIENT);
     let mut prediction = Prediction::levinson_durbin(&corrected(lags), max_order);
@@ -328,6 +332,7 @@ impl Filler {
         let Some(least) = candidates().map(|(distance, _)| distance).min() else {
             return Model::silent();
         };
+        // All nodes at this distance count, so that no direction is preferred.
         let nearest = candidates().filter(|&(distance, _)| distance == least);
         let nearest: Vec<&Model> = nearest.map(|(_, model)| model).collect();
         let weight = 1.0 / nearest.len() as f64;

@@ -37,6 +37,7 @@ pub fn files_behind(inputs: &[Input], output: &Path) -> Vec<PathBuf> {
     if !(is_file || output.is_dir()) {
         return all;
     }
+    // The ending of the file itself counts, not that of a link to it.
     let target = fs::canonicalize(output).unwrap_or_default();
     // A list is no recording. It is made again from the recordings next to it.
     let is_of_a_folder = is_file && has_ending(&target) && !is_list(&target);
@@ -44,6 +45,7 @@ pub fn files_behind(inputs: &[Input], output: &Path) -> Vec<PathBuf> {
         if is_of_a_folder {
             add_below(path, &mut all);
         }
+        // A list that is yet to be written names nothing.
         if *is_unlisted {
             continue;
         }

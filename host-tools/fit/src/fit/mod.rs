@@ -2,25 +2,26 @@
 //!
 //! 1. **Recordings** (`recordings`; `trial` does the work on each trial, `estimate` its lags), a texture at a time.
 //!    Each trial is read, checked and cut by triage, high-passed if it holds slow motion, reduced to one axis, and
-//!    correlated. The rig's own noise (`floor`) is measured in the texture's trials at 0 N, and subtracted if the user
-//!    asks for it. Then the texture's lines are removed from its trials, except from trials that are silent, idle, cut
-//!    by triage, or dropped by `--drop`. A trial's lags and third-octave bands are estimated again after its noise was
-//!    subtracted, and after lines were removed from it. Only the power in its report remains that of the recording.
-//!    Triage always sees 5 kHz; for another rate the trial is read a second time, and has neither lines nor excitation.
+//!    correlated. The rig's own noise (`floor`) is measured in the texture's trials at 0 N, or in recordings that the
+//!    user names, and subtracted if the user asks for it. Then the texture's lines are removed from its trials, except
+//!    from trials that are silent, idle, cut by triage, or dropped by `--drop`. A trial's lags and third-octave bands
+//!    are estimated again after its noise was subtracted, and after lines were removed from it. Only the power in its
+//!    report remains that of the recording. Triage always sees 5 kHz; for another rate the trial is read a second time,
+//!    and has neither lines nor excitation.
 //! 2. **Reports** (`reports`). Copies are sought in the whole set. Within a texture, trials are compared by mains line,
 //!    level and bands, which shows hum, wrong scales and trials unlike their neighbours. No model is made of a trial if
 //!    its speed or force is 0, or if `--drop` names one of its verdicts. A verdict of this step comes too late for the
 //!    noise and the lines: such a trial has already taken part in the search for them.
 //! 3. **Models** (`grid` fits them, `fitted` holds what a texture has), a texture at a time. The lags of a node's
-//!    trials that are not silent are pooled, and give one linear predictor. A trial 6 dB above the median of three or
-//!    more counts at the median. Under `auto` the order of each node is chosen by AIC, then lowered as far as the bands
-//!    allow. Holes of the grid are filled, the nodes are quantised (`texture`), and the lines join them.
+//!    trials that are not silent are pooled, and give one linear predictor. A trial over 6 dB above the median of three
+//!    or more counts at the median. Under `auto` the order of each node is chosen by AIC, then lowered as far as the
+//!    bands allow. Holes of the grid are filled, the nodes are quantised (`texture`), and the lines join them.
 //! 4. **Room** (`fitted`). The bytes that the models and lines leave of a library are divided equally among the
 //!    textures, up to a bound for each.
 //! 5. **Excitation** ([`excitation`]), a texture at a time, from the residuals of its trials by the quantised models. A
 //!    texture gets what tests find that it needs: nothing more than Gaussian noise, a codebook, a level track, both, or
-//!    recorded snippets (moments). A node that would play louder than its recordings is made softer. Steps 4 and 5 are
-//!    left out if the user asks for noise of steady level.
+//!    recorded snippets (moments). A node whose loudest moments would be more than half again as loud as those of its
+//!    recordings is made softer. Steps 4 and 5 are left out if the user asks for noise of steady level.
 //!
 //! **Memory.** Lags and bands of all trials are kept from step 1 to step 3, about 4 KB per trial. Step 1 needs the
 //! signals of one texture, several times over while lines are sought. For step 5 the signals of a texture are kept if
@@ -86,7 +87,8 @@ const HELD_SIGNALS: usize = 128 << 20;
 /// The result does not depend on the number of threads.
 ///
 /// # Errors
-/// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; more models than a library
+/// The first trial that cannot be used; a texture of which no trial is used; with [`FloorChoice::Subtract`] a texture
+/// whose rig's noise is not known; with [`Options::strict`] the first trial with a verdict; more models than a library
 /// holds; options that [`Options::check_rate`] refuses.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn(usize) + Sync) -> Result<Fit> {
     options.check_rate()?;
@@ -105,7 +107,7 @@ pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn(usize) + Syn
 /// after each trial. At most `most_held` bytes of signals are kept, in addition to the texture that is being read.
 ///
 /// # Errors
-/// The first trial that cannot be used.
+/// The first trial that cannot be used; with [`FloorChoice::Subtract`] a texture whose rig's noise is not known.
 pub fn read<'s>(
     set: &'s RecordingSet,
     options: &Options,
@@ -118,6 +120,7 @@ pub fn read<'s>(
         let mut own = Recordings::read(set, &members, options, part, progress)?;
         match left.checked_sub(own.held_bytes()) {
             Some(rest) => left = rest,
+            // If step 5 needs these, it reads them again. A smaller texture may still fit.
             None => own.let_go(),
         }
         Ok(own)

@@ -25,8 +25,8 @@ use crate::texture::grid::{Grid, is_recorded};
 /// needs no note, or the sensor is not what it is assumed to be.
 const LARGE_MEAN: f64 = 1.0;
 
-/// Fraction of the rig's noise in a third octave above which there is a note: the noise is then as strong as the
-/// texture.
+/// Fraction of the rig's noise in a third octave from which on there is a note: the noise is then at least as strong as
+/// the texture.
 const LARGE_FLOOR: f32 = 0.5;
 
 /// Relative difference of two values of an axis below which they may be one nominal value that was measured twice.
@@ -122,7 +122,7 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
          to {turn_deg:.0}°",
         100.0 * share
     );
-    // If all were filtered, the hand may have been steady, or its motion is already filtered out.
+    // A cut-off that the user gave filters recordings without slow motion, too. Then there is none to describe.
     let what = if HighPass::Auto.cut_hz(share).is_some() {
         what
     } else {
@@ -182,6 +182,7 @@ fn rigs_noise(trials: &[&TrialReport], options: &Options) -> Option<Noted> {
 /// Returns a note on trials whose files end before the duration in their list.
 fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
     let short = members.iter().filter_map(|member| {
+        // What triage cut was recorded, too: the file did not end early.
         let held_s = member.analysis.samples as f64 / f64::from(options.sample_rate_hz)
             + member.report.cut_s;
         let asked_s = member.trial.duration_s?;
@@ -202,6 +203,7 @@ fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
 /// Returns a note on a grid in which most nodes have no recording, with the tolerance that would make it dense.
 fn mostly_filled(grid: &Grid, trials: &[&TrialReport]) -> Option<Noted> {
     let recorded = |places: &[(f64, f64)]| {
+        // By their bits, because floating-point numbers have no hash.
         let bits = places.iter().map(|(s, f)| (s.to_bits(), f.to_bits()));
         bits.collect::<HashSet<_>>().len()
     };
@@ -253,6 +255,7 @@ fn missed_bands(misses: &[Miss], options: &Options) -> Option<Noted> {
     let level = |miss: &&Miss| miss.band.level_db.abs();
     let worst = misses.iter().max_by(|a, b| level(a).total_cmp(&level(b)))?;
     let remedy = match options.order {
+        // No higher order exists, so only more data can help.
         Order::Fixed(model_format::limits::MAX_ORDER) => "record for longer",
         _ => "fit with --order 400, or record for longer",
     };
@@ -280,9 +283,11 @@ fn loud_trial(loud: &LoudTrial) -> Warning {
 /// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, and its speed and
 /// force.
 fn lowered_orders(grid: &Grid, options: &Options) -> Option<(usize, usize, f32, f32)> {
+    // Under `auto` and `bic` a low order is what was asked for.
     let Order::Fixed(asked) = options.order else {
         return None;
     };
+    // Filled and silent nodes have the order of their neighbours.
     let is_lowered = |model: &Model| is_recorded(model.flags) && model.reflection.len() < asked;
     let lowered = || grid.nodes().filter(|(.., model)| is_lowered(model));
     let (speed, force, lowest) = lowered().min_by_key(|(.., model)| model.reflection.len())?;
@@ -328,6 +333,7 @@ pub(super) fn of_set(
 
 /// Returns a note on recordings without a list whose names differ in one number only.
 fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
+    // A list states the speeds.
     if set.is_listed {
         return None;
     }
@@ -351,6 +357,7 @@ fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
 
 /// Returns notes on changes that were made to recordings when they were read, one note per kind of change.
 fn remarks(reports: &[TrialReport]) -> Vec<Warning> {
+    // Sorted by remark, so that the notes have one order in every run.
     let mut files: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for report in reports {
         for remark in &report.remarks {
@@ -388,6 +395,7 @@ fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
         let levels: Vec<f64> = own.map(|report| report.rms_m_s2).collect();
         let least = levels.iter().copied().reduce(f64::min)?;
         let largest = levels.iter().copied().fold(0.0, f64::max);
+        // Compared as they are printed: levels that differ only in further digits are one to the reader.
         let [least, largest] = [least, largest].map(|level| format!("{level:.3}"));
         let level = if least == largest {
             format!("a level of {least}")
@@ -416,6 +424,7 @@ fn doubtful_motions(trials: &[Trial]) -> Vec<(&'static str, String)> {
         );
         notes.push(("fast", text));
     }
+    // A set without motion has no speed whose unit could be wrong.
     if speed > 0.0 && speed < SMALL_SPEED_MM_S {
         let text =
             format!("no speed is above {speed} mm/s: are they in m/s? give speed_mm_s in mm/s");

@@ -185,6 +185,7 @@ impl Options {
             return Ok(());
         }
         play_rate(rate_hz)?;
+        // `auto` is not refused but gives way; see `at_their_rate`.
         let asked = [
             (
                 "--excitation residual",

@@ -228,6 +228,7 @@ impl FitRecord {
         let told: HashMap<&str, &FittedTrial> =
             told.map(|own| (own.content.as_str(), own)).collect();
         if !told.is_empty() {
+            // Hashing reads all files, so it is only done if the fit was told something.
             let contents = in_order(&set.trials, content_of)?;
             for (trial, content) in set.trials.iter_mut().zip(contents) {
                 if let Some(fitted) = told.get(digits(content).as_str()) {
@@ -246,7 +247,8 @@ impl FitRecord {
         serde_json::to_string_pretty(self).map_err(|failure| Error::Request(failure.to_string()))
     }
 
-    /// Writes the library `bytes` to `library` and this record next to it: both or neither.
+    /// Writes the library `bytes` to `library` and this record next to it. Neither gets its name before both are on the
+    /// disk.
     ///
     /// The library gets its final name first, because a record that is missing, or is of an earlier library, is
     /// ignored.
@@ -308,6 +310,7 @@ impl FittedTrial {
 
     /// Returns whether two parts of one file overlap.
     fn overlaps(&self, other: &Self) -> bool {
+        // A part without a duration extends to the end of the file.
         let end_s = |part: &Self| part.start_s + part.duration_s.unwrap_or(f64::INFINITY);
         self.start_s < end_s(other) && other.start_s < end_s(self)
     }
@@ -331,6 +334,7 @@ pub(super) fn content_of(trial: &Trial) -> Result<u64> {
         return Ok(held.content());
     }
     let mut file = RECORDING.open(&trial.file)?;
+    // Read in pieces, because a recording may have gigabytes.
     let (mut buffer, mut hash) = (vec![0; PIECE], Fnv::default());
     loop {
         match file.read(&mut buffer) {

@@ -42,7 +42,8 @@ impl<'s> Recordings<'s> {
     /// Holds all of their signals. Calls `progress` for each trial done.
     ///
     /// # Errors
-    /// The first trial that cannot be used.
+    /// The first trial that cannot be used; a recording of the rig's noise that cannot be used; with
+    /// [`FloorChoice::Subtract`] noise that is not known.
     pub fn read(
         set: &'s RecordingSet,
         members: &[usize],
@@ -54,6 +55,7 @@ impl<'s> Recordings<'s> {
             let trial = &set.trials[number];
             let (analysis, signal, axes) = analyse_axes(trial, options, part)?;
             progress(1);
+            // Noise is reduced again in the way of each other trial. Of those, only the way is kept, to save memory.
             let axes = if trial.is_of_the_rig() {
                 Axes::Noise(axes)
             } else {
@@ -87,6 +89,7 @@ impl<'s> Recordings<'s> {
     fn tell_floor(&mut self, mut axes: Vec<Axes>, options: &Options, part: Part) -> Result<()> {
         let is_taken_off = options.floor == FloorChoice::Subtract;
         let Some(floor) = self.floor(&mut axes, options)? else {
+            // A texture of nothing but the rig's noise has no recording that needs the noise taken off.
             let has_surface = |own: &&Recorded<'_>| own.trial.is_in_motion_and_contact();
             return match self.trials.iter().find(has_surface) {
                 Some(own) if is_taken_off => Err(unknown(&own.trial.texture)),
@@ -149,6 +152,7 @@ impl<'s> Recordings<'s> {
             .iter()
             .map(|own| part.of(own.samples().len()))
             .collect();
+        // A trial that is not searched passes no samples, and keeps its own.
         let sought = |own: &mut Recorded<'_>| match &mut own.signal {
             Some(signal) if can_have_lines(own.trial, &own.analysis, options) => {
                 std::mem::take(&mut signal.samples)
@@ -170,6 +174,7 @@ impl<'s> Recordings<'s> {
             if !rest.is_empty() {
                 signal.samples = rest;
             }
+            // Without a line in the trial nothing was subtracted, and its estimate still holds.
             if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
                 own.estimate_again(options, part);
             }
@@ -242,6 +247,7 @@ impl Recorded<'_> {
 /// Returns whether lines are sought in a trial: it is in motion and contact, not silent, not dropped, and has no gap at
 /// which a phase would jump.
 fn can_have_lines(trial: &Trial, analysis: &Analysis, options: &Options) -> bool {
+    // The duration of the cuts is a whole number of samples, but computed in floating point.
     let half_a_sample_s = 0.5 / f64::from(SAMPLE_RATE_HZ);
     trial.is_in_motion_and_contact()
         && !analysis.is_silent()

@@ -64,6 +64,7 @@ pub(super) fn reports(
     options: &Options,
 ) -> Result<Vec<TrialReport>> {
     let mut recorded: Vec<&Recorded> = recordings.iter().flat_map(|own| &own.trials).collect();
+    // In the order of the list, because a copy is reported with its original's number in it.
     recorded.sort_by_key(|own| own.number);
     let is_dropped = |verdict: &Verdict| options.drop.iter().any(|d| d == verdict.name());
     let reports = recorded.iter().zip(all_verdicts(&recorded));

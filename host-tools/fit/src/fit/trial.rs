@@ -33,7 +33,7 @@ pub struct SlowMotion {
     /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
     /// Angle by which slow motion turns the principal axis, degrees; 0 if the signal is not the principal one of
-    /// several axes.
+    /// several axes, or if the slow motion is too little for a filter.
     pub turn_deg: f64,
 }
 
@@ -50,7 +50,7 @@ pub struct Analysis {
     pub source_rate_hz: f64,
     /// What was found out about the file's samples when it was read.
     pub account: Account,
-    /// Variance of the reduced signal, (m/s²)².
+    /// Variance of the reduced signal with its lines and the rig's noise, (m/s²)².
     pub power: f64,
     /// Largest magnitude of an axis's mean, m/s². The means were removed.
     pub mean_m_s2: f64,
@@ -127,11 +127,13 @@ fn without_cuts(
     let before = length(&samples);
     let parts = triage::usable(&verdicts, before);
     let flaws = triage::kept_spans(&triage::flaws(&samples, &verdicts), &parts);
+    // The filter needs the parts before they are joined.
     let whole = samples.axes.clone();
     samples.axes = triage::kept(samples.axes, &parts);
     let mean_of = |axis: &Vec<f64>| mean(axis).abs();
     let mean_m_s2 = samples.axes.iter().map(mean_of).fold(0.0, f64::max);
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    // What was cut must not decide on the filter of the rest.
     let share = if length(&samples) < before {
         samples.slow_share()
     } else {
@@ -147,6 +149,7 @@ fn without_cuts(
     if let Some(cut_hz) = advised {
         let filtered = triage::kept(filtered(whole, &parts, rate_hz, cut_hz), &parts);
         if conditioning.reduction == Reduction::Pca && filtered.len() > 1 {
+            // The filter has removed the means, which would otherwise turn the axis, too.
             samples.axes.iter_mut().for_each(|axis| remove_mean(axis));
             slow.turn_deg = angle_deg(&samples.axes, &filtered);
         }
@@ -203,6 +206,7 @@ fn kept_at(
     }
     let ratio = (rate_hz / SAMPLE_RATE_HZ) as usize;
     let length = samples.axes.first().map_or(0, Vec::len);
+    // The conversions to the two rates may round the length differently.
     let at_rate = |at: usize| (at * ratio).min(length);
     let parts: Vec<_> = (parts.iter())
         .map(|part| at_rate(part.start)..at_rate(part.end))
@@ -324,6 +328,7 @@ pub(super) fn analyse_axes(
     // Silence and hum are judged at 5 kHz, whatever the models' rate.
     let mut plain = spectrum(trial, &samples, max_lag)?;
     let power = plain.mean_square();
+    // With a floor of 0, digital silence is still silent.
     let is_silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
     if is_silent {
         triaged.verdicts.insert(0, Verdict::silent());

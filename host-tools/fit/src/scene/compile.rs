@@ -52,10 +52,11 @@ impl SceneFile {
     /// Looks up the textures in `library`, and checks the whole scene.
     ///
     /// # Errors
-    /// [`Error::Line`] at the line of a value that [`Scene::validate`] refuses, of a name that the library or the scene
-    /// does not have, or of the first item above the allowed number.
+    /// [`Error::Line`] at the line of a value that is out of range or that [`Scene::validate`] refuses, of a name that
+    /// the library or the scene does not have or that two surfaces have, or of the first item above the allowed number.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         let root = Field::default();
+        // Names are resolved first, because `validate` sees only indices and could not name them.
         let surface_names = self.surface_names()?;
         let name = self.name(&root.key("name"))?;
         let surfaces = self.surfaces(&root.key("surface"), library)?;
@@ -102,6 +103,7 @@ impl SceneFile {
 
     fn name(&self, place: &Field) -> Result<SceneName> {
         let name = self.description.name.as_str();
+        // Only the length can fail here. `validate` checks the characters.
         SceneName::try_from(name).map_err(|_| {
             let problem = format!(
                 "has {} bytes; it must have 1 to {}",
@@ -119,7 +121,7 @@ impl SceneFile {
             let place = Field::default().key("surface").item(index);
             let name = match surface.name() {
                 Some(name) => name.to_owned(),
-                // No region can refer to a surface without a name, so any name will do.
+                // A smooth surface without a name gets one by its number, which regions may use.
                 None => format!("surface {}", index + 1),
             };
             if let Some(other) = names.iter().position(|other| *other == name) {
@@ -166,6 +168,7 @@ impl SceneFile {
             let found = library
                 .textures()
                 .position(|texture| texture.name() == name);
+            // A library has at most 256 textures, so the index fits into a byte.
             found.map(|index| index as u8).ok_or_else(|| {
                 let known: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
                 let problem = format!(
@@ -201,6 +204,7 @@ impl SceneFile {
         surface_names: &[String],
     ) -> Result<(heapless::Vec<Region, MAX_REGIONS>, Vec<usize>)> {
         let described = &self.description.regions;
+        // The wire form has regions in the order of the path; the text may have them in any order.
         let mut order: Vec<usize> = (0..described.len()).collect();
         order.sort_by(|&a, &b| described[a].start_mm.total_cmp(&described[b].start_mm));
         let mut regions = heapless_vec();
@@ -268,6 +272,7 @@ impl SceneFile {
             Field::default().key("region").item(index)
         };
         let place = place_of(error, region);
+        // The other region is named by its line, because its index is that of the sorted order.
         if let SceneProblem::RegionOverlap {
             start_mm,
             before,
@@ -301,6 +306,7 @@ pub(super) fn place_of(error: &SceneError, region: impl Fn(usize) -> Field) -> F
         ScenePlace::Region(index) => (region(index), None),
         ScenePlace::Motion => (root.key("constant_motion"), None),
         ScenePlace::Section(index) => {
+            // The wire form has coefficients, which are no keys of the text.
             let sections = root.key("equaliser").key("section");
             return sections.item(index);
         }

@@ -57,7 +57,7 @@ impl CostReport {
     /// Returns the cost of `scene`, whose surfaces have these `names`, against `budget` instructions per tick.
     ///
     /// # Errors
-    /// See [`Scene::validate`].
+    /// A scene that the kernel cannot play.
     pub fn new(
         scene: &Scene,
         names: &[String],
@@ -69,6 +69,7 @@ impl CostReport {
         // The first term is the base of the sample's path, which also runs in silence.
         let silence = &worst.terms()[..1];
         let mut typical = vec![Situation::new("no contact, all rung out", silence, names)];
+        // A surface without a region is never touched, except the first one if there are no regions.
         let occurring = |index: usize| {
             let mut regions = scene.regions.iter();
             let named = regions.any(|region| usize::from(region.surface) == index);

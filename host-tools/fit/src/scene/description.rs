@@ -17,7 +17,7 @@ use crate::support::toml_field::{Field, TEXT, from_toml};
 pub struct SceneDescription {
     /// Name of the scene, unique in its library.
     pub name: String,
-    /// Sample rate, Hz; that of the models if not given.
+    /// Sample rate, Hz; 5000 if not given.
     #[serde(default = "model_rate_hz")]
     pub sample_rate_hz: u32,
     /// Width of the transition between neighbouring regions, mm; 0 if not given.
@@ -170,7 +170,7 @@ impl SceneFile {
         Self::from_toml(path, &text)
     }
 
-    /// Reads a scene from TOML `text`. Relative paths in the text start at the folder of `path`.
+    /// Reads a scene from TOML `text`; `path` is only named in errors.
     ///
     /// # Errors
     /// [`Error::Line`]: text that is not TOML, a key that is unknown, missing, or of the wrong type.

@@ -85,8 +85,8 @@ impl Method {
         format!("{domain}, {level}{role}")
     }
 
-    /// Returns the model between `neighbours`, of which there is at least one and none is silent; `None` if the mean is
-    /// not stable.
+    /// Returns the model between `neighbours`, of which there is at least one; `None` if the mean is not stable. With
+    /// [`Level::LogPower`] none may be silent, because silence has no logarithm.
     pub fn predict(self, neighbours: &[Neighbour<'_>]) -> Option<Model> {
         let reflection = self.domain.shape(neighbours)?;
         let output_power = self.level.power(neighbours, &reflection);
@@ -102,6 +102,7 @@ impl Level {
         };
         match self {
             Self::Excitation => {
+                // σ² is the share Π(1 - k²) of the output's power.
                 let excitation = |m: &Model| m.output_power * error_share(&m.reflection);
                 mean(&excitation) / error_share(reflection)
             }
@@ -116,6 +117,7 @@ impl Domain {
     /// Returns the reflection coefficients between those of `neighbours`; `None` if the mean is not stable.
     fn shape(self, neighbours: &[Neighbour<'_>]) -> Option<Vec<f64>> {
         match self {
+            // A mean of predictors may be unstable, and then has no reflection coefficients.
             Self::Predictor => step_down(&mean(neighbours, step_up)),
             Self::Angle => {
                 let angles = mean(neighbours, |k| k.iter().map(|k| k.asin()).collect());
@@ -130,7 +132,7 @@ impl Domain {
 pub struct Neighbour<'a> {
     /// Weight of the neighbour; the weights of all neighbours add up to one.
     pub weight: f64,
-    /// Model of the neighbour, which is not silent.
+    /// Model of the neighbour.
     pub model: &'a Model,
 }
 

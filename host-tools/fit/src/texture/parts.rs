@@ -48,6 +48,7 @@ pub fn bytes(parts: &PartsSpec) -> usize {
     let modulation = modulation.map(|part| HEADER_BYTES + part.entries.len());
     let lines = parts.lines.iter().map(|part| {
         let line = |line: &LineSpec| HEADER_BYTES + size_of::<f32>() * line.amplitudes.len();
+        // More than enough: the part has a byte per line, and three numbers per wander.
         let wanders = (HEADER_BYTES + part.lines.len()) * (1 + part.wanders.len());
         HEADER_BYTES + wanders + part.lines.iter().map(line).sum::<usize>()
     });

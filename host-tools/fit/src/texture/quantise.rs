@@ -50,6 +50,7 @@ fn node(model: &Model) -> std::result::Result<NodeSpec, String> {
     let prediction_error_power = (f64::from(output_power) * error_share(&reflection)) as f32;
     Ok(NodeSpec {
         output_power,
+        // The format refuses a residual above the output, as rounding to 32 bits might make it.
         prediction_error_power: prediction_error_power.min(output_power),
         flags,
         codes,

@@ -21,7 +21,7 @@ pub struct TextureSummary {
     pub forces_n: Vec<f32>,
     /// Lowest, median and highest order.
     pub orders: [usize; 3],
-    /// Lowest and highest RMS of nodes that are not silent, m/s².
+    /// Lowest and highest RMS of nodes that are not silent, m/s²; 0 if all are.
     pub rms_m_s2: [f32; 2],
     /// Number of nodes that are silent.
     pub silent_nodes: usize,
@@ -151,6 +151,7 @@ impl TextureSummary {
             speeds_mm_s: texture.speed_axis().values().collect(),
             forces_n: texture.force_axis().values().collect(),
             orders: [
+                // A texture has at least one node.
                 orders[0],
                 orders[orders.len() / 2],
                 orders[orders.len() - 1],
@@ -218,6 +219,7 @@ fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
         };
         let codebooks = part.codebooks.iter().enumerate();
         let summary = |(index, codebook): (usize, &CodebookSpec)| CodebookSummary {
+            // Codes in blocks are fewer than their samples, which only the decoded texture counts.
             seconds: texture
                 .excitation()
                 .map_or(0, |own| own.codebooks()[index].samples()) as f64

@@ -2,7 +2,7 @@
 //!
 //! In all textures, θ of the first 32 stages has 16 bits or more. *Fine* textures have 24 bits there and 16 bits in
 //! later stages. *Compact* textures have 24 bits in fewer of the first stages, and one byte per stage after the 32nd,
-//! with a range per node. Compact θ takes half of the bytes at order 400.
+//! with a range per node. Compact θ takes little more than half of the bytes at order 400.
 
 use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
@@ -39,6 +39,7 @@ pub fn store(grid: &Grid, nodes: Vec<NodeSpec>, sample_rate_hz: u32) -> Vec<Node
     }
     let compacted = (grid.models.par_iter()).map(|model| compacted(model, sample_rate_hz));
     let compacted: Vec<(CodeSpec, Option<ModelError>)> = compacted.collect();
+    // A library has one form of θ per texture, so one node decides for all.
     if !compacted.iter().all(|(_, error)| is_unfelt(*error)) {
         return nodes;
     }

@@ -127,7 +127,8 @@ struct SourceNodes<'t> {
 }
 
 impl SourceNodes<'_> {
-    /// Returns the loudness of the source at a node, relative to that of the node's recordings.
+    /// Returns the loudness of the source at a node, relative to that of the node's recordings or, for calmer ones, to
+    /// `least`.
     fn over(&self, (own, trace): &(Loudest, &Trace)) -> f64 {
         let heard = Loudest::behind(&self.played, &trace.reflection);
         heard.over(own.with(self.least, f64::max))

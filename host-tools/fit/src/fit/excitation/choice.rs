@@ -36,7 +36,7 @@ const PLAYED: usize = 200_000;
 /// Samples of a window in which the filtered output is compared: 20 ms.
 const HEARD_SAMPLES: usize = 100;
 
-/// About the most trials at whose nodes the filtered output is compared.
+/// Largest number of trials at whose nodes the filtered output is compared.
 const HEARD: usize = 24;
 
 /// Number of quantiles that are compared.
@@ -72,6 +72,7 @@ pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
     let half = |trace: &Trace| {
         let (mut residual, mut flaws) = (Vec::new(), Vec::new());
         for block in trace.inside(trace.blocks().fitted()) {
+            // A flaw that reaches beyond the block ends with it.
             let moved = |at: usize| residual.len() + at.clamp(block.start, block.end) - block.start;
             let own = trace
                 .flaws
@@ -80,6 +81,7 @@ pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
             flaws.extend(own.filter(|flaw| !flaw.is_empty()));
             residual.extend_from_slice(&trace.residual[block]);
         }
+        // All that is made of traces expects a mean square of 1.
         let scale = 1.0 / mean_square(&residual).sqrt();
         scale.is_normal().then(|| Trace {
             residual: residual.iter().map(|x| x * scale).collect(),
@@ -148,6 +150,7 @@ fn of_node(trace: &Trace, played: &[f64]) -> Option<f64> {
     };
     let recorded = heard(&trace.residual);
     let blocks = trace.inside(trace.blocks().judged());
+    // The filtered signal may lack the residual's last sample, because it has an even length.
     let blocks = blocks.filter(|block| trace.is_clean(block) && block.end <= recorded.len());
     let judged = Levels::heard(blocks.map(|block| &recorded[block]));
     let of_played = Levels::heard(std::iter::once(&heard(played)[..]));
@@ -163,6 +166,7 @@ pub(super) fn source(trace: &Trace, forces: usize, parts: &PartsSpec) -> u8 {
 /// Returns `samples` samples that the device's feed plays of the source `number` of `parts` at their level, standard
 /// deviations.
 pub(super) fn played(number: u8, parts: &PartsSpec, samples: usize) -> Option<Vec<f64>> {
+    // Alone in a texture of one node, the source is all that the feed draws from.
     let codebook = parts
         .excitation
         .as_ref()

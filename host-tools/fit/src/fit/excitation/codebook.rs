@@ -13,7 +13,7 @@ use crate::dsp::sums::mean_square;
 /// longer, but whitened with the same resolution, which is that of third octaves; a finer one would smear events.
 const PIECE_SAMPLES: std::ops::RangeInclusive<usize> = 100..=400;
 
-/// Passes of whitening. Three leave less than 0.1 dB of any third octave.
+/// Passes of whitening, and of clipping. Three of whitening leave less than 0.1 dB of any third octave.
 const PASSES: usize = 3;
 
 /// Least power density that whitening raises to the mean, relative to the mean: -30 dB.
@@ -76,6 +76,7 @@ fn coded_block(
 ) -> ([u8; BLOCK_BYTES], [f64; BLOCK_SAMPLES]) {
     /// Levels that are tried below and above the block's own peak: 6 dB and 1 dB, in steps of 0.5 dB.
     const TRIED: std::ops::RangeInclusive<i32> = -12..=2;
+    // A silent block gives -∞, which the cast and the clamp turn into the lowest level.
     let own = (40.0 * (peak_of(samples) / peak).log10()).round() as i32;
     let tried = TRIED.map(|step| own.saturating_add(step).clamp(i8::MIN.into(), 0) as i8);
     let coded = tried.map(|level| {
@@ -208,6 +209,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
             0.0
         };
         lags[lag] *= share;
+        // Lag 0, and the middle one of an even number, are their own mirror images.
         if lag > 0 && count - lag > lag {
             lags[count - lag] *= share;
         }

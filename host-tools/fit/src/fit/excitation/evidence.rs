@@ -33,7 +33,7 @@ pub struct Evidence {
     pub value: f64,
     /// Least significant value for this number of windows.
     pub needed: f64,
-    /// Number of windows.
+    /// Number of windows; for levels, less one per trial.
     pub windows: usize,
 }
 

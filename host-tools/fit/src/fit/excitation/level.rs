@@ -48,7 +48,7 @@ const LARGEST_ERROR: f64 = 0.01;
 ///
 /// If they exceed the format's length, each contributes an equal part from its middle. If these parts would be shorter
 /// than a second, fewer trials, evenly distributed, contribute a second each. `None` if all of them together are too
-/// short, or if their levels cannot be stored with a mean square of 1.
+/// short, if their levels are all alike, or if these cannot be stored with a mean square of 1.
 pub(super) fn track(
     traces: &[&Trace],
     resolution: Resolution,
@@ -100,9 +100,9 @@ fn own_track(trace: &Trace, resolution: Resolution, loudest: Loudest) -> Vec<f64
 }
 
 /// Returns the codes of `amplitudes`, scaled so that the mean square of their playback is 1. `None` if rounding
-/// prevents that.
+/// prevents that, or if all codes are 0.
 fn entries(mut amplitudes: Vec<f64>) -> Option<Vec<i8>> {
-    /// Number of scales that are tried for the least error, over 0.5 dB to either side.
+    /// Number of scales to either side that are tried for the least error, over 0.5 dB.
     const TRIALS: i32 = 200;
     let highest = 10f64.powf(HIGHEST / ENTRIES_PER_DECADE);
     // Levels above the highest one are clipped, and the others are raised until the mean square is 1 again.

@@ -49,9 +49,11 @@ impl Loudest {
     /// `power`.
     fn of_powers(powers: &[f64], power: f64) -> Self {
         Self(WINDOWS_MS.map(|window| {
+            // A signal that is shorter than a window counts as a whole.
             let window = window.min(powers.len()).max(1);
             let first: f64 = powers.iter().take(window).sum();
             let pairs = powers.iter().skip(window).zip(powers);
+            // A running sum, whose work does not depend on the window's length.
             let sums = pairs.scan(first, |sum, (next, last)| {
                 *sum += next - last;
                 Some(*sum)
@@ -72,7 +74,7 @@ impl Loudest {
         Self::of_powers(&powers(&heard), 1.0 / error_share(reflection))
     }
 
-    /// Returns the loudness that seven eighths of `signals` do not exceed (of up to eight signals, all but one), so
+    /// Returns the loudness that seven eighths of `signals` do not exceed (of two to eight signals, all but one), so
     /// that an event in one of them does not count for the others.
     pub fn of_most(signals: &[Self]) -> Option<Self> {
         let few = signals.len().div_ceil(WRONG).min(signals.len() / 2);
@@ -143,6 +145,7 @@ impl Ringing {
     /// Returns the loudest windows at the output, for a residual with these mean squares of each millisecond and this
     /// mean.
     fn loudest(&self, powers: &[f64], mean: f64) -> Loudest {
+        // Nothing rings before the first millisecond.
         let mut before = vec![0.0; self.shares.len() - 1];
         before.extend_from_slice(powers);
         let mut heard = sliding(&before, &self.shares);
@@ -163,6 +166,7 @@ impl Ringing {
     ) -> Option<Vec<f64>> {
         /// Halvings of the range in which the limit is searched.
         const HALVINGS: usize = 12;
+        // What is in a flaw is played nowhere, so it may be loud.
         let clean = clean_milliseconds(residual.len(), flaws);
         let count = clean.iter().filter(|clean| **clean).count().max(1);
         let heard = |residual: &[f64]| {
@@ -186,6 +190,7 @@ impl Ringing {
         let limited = |limit: f64| heard(&product(residual, &gains(limit)));
         let mut sorted = levels.clone();
         sorted.sort_by(f64::total_cmp);
+        // Levels span decades, so their logarithm is halved.
         let (mut low, mut high) = (sorted[sorted.len() / 2].ln(), sorted[sorted.len() - 1].ln());
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(low, high);

@@ -45,6 +45,7 @@ pub(super) fn filled(residual: &[f64], carried_hz: f64) -> Vec<f64> {
     let mut generator = Pcg64::seed_from_u64(1);
     let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
     for bin in empty {
+        // A bin's power is shared by its real and its imaginary part.
         *bin = Complex::new(normal(), normal()) * (power / 2.0).sqrt();
     }
     let mut signal = fourier::inverse(&mut spectrum, length);

@@ -61,7 +61,7 @@ pub(super) struct Material {
 }
 
 /// Chooses at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if fewer than
-/// [`LEAST_STRETCHES`] are clean and, except for recorded snippets, not quiet.
+/// [`LEAST_STRETCHES`] are allowed, or are clean and, except for recorded snippets, not quiet.
 ///
 /// The stretches are taken at equal ranks of their kurtosis, so that calm and lively ones are as frequent as in the
 /// recordings. Those of recorded snippets are taken at equal ranks of their power.

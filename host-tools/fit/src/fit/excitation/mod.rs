@@ -18,10 +18,10 @@
 //! from the others. Each trial is divided by its own RMS, because the nodes hold the differences between trials.
 //!
 //! **Recorded snippets** (`choice`; called moments in the code) replace both if levels vary and blocks that were not
-//! fitted are nearer to them. They are 5 s of the residual with its level, whitened in the same way, coded in 3 bits
-//! and played in pieces of up to 1 s. More material helps more than longer pieces or finer codes: 2 s of it are no
-//! better than a codebook with a track. Regions of nearby speeds have their own snippets if the output is then nearer
-//! to the recordings.
+//! fitted are nearer to them. They are up to 5 s of the residual with its level, whitened in the same way, coded in 3
+//! bits and played in pieces of up to 1 s on average. More material helps more than longer pieces or finer codes: 2 s
+//! of it are no better than a codebook with a track. Regions of nearby speeds have their own snippets if the output is
+//! then nearer to the recordings.
 //!
 //! **The bound** (`loudness`, `bound`): at the output, no residual is louder than its signal, and no part of a texture
 //! is louder than the recordings of the nodes at which it is played, up to stated factors. A trial with far louder
@@ -94,6 +94,7 @@ pub(super) fn of(
         let (speed, force) = (take.trial.speed_mm_s, take.trial.force_n);
         let at = (place(speeds_mm_s, speed), place(forces_n, force));
         let node = report.used.then(|| nodes.get(at.0 * forces_n.len() + at.1));
+        // Nothing excites a silent node.
         let node = node.flatten().filter(|node| node.output_power > 0.0);
         let trace =
             node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
@@ -109,6 +110,7 @@ pub(super) fn of(
         let note =
             |kind, size, text| Warning::of(kind, ("recording", &reports[number].file), size, text);
         let over = others.map_or(0.0, |others| trace.loudest.over(others));
+        // The trial's spectrum and level stay at its own node, but its moments would sound at others, too.
         if over > LOUDER {
             notes.push(note("loud", over, loud(over)));
             continue;

@@ -9,6 +9,7 @@ const LEAST_POWER: f64 = 1e-5;
 pub(super) fn hann(smoothing: usize) -> Vec<f64> {
     let reach = smoothing / 2;
     let weight = |offset: usize| {
+        // The window is 0 at the first offset beyond its reach.
         let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
         0.5 * (1.0 + angle.cos())
     };

@@ -172,8 +172,8 @@ proptest! {
     }
 }
 
-/// 3200 and 1600 Hz are common rates of accelerometers. The residual above half the rate comes from the conversion's
-/// filter and not from the texture.
+/// 3200 Hz is a common rate of accelerometers. The residual above half the rate comes from the conversion's filter and
+/// not from the texture.
 #[test]
 fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
     for rate_hz in [1000, 2000, 3200] {
@@ -191,7 +191,7 @@ fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
                 of(filtered(&swelling(seed, 20_000, 6.0), 150.0)),
             ];
             assert_eq!(found[0], (false, false), "{rate_hz} {seed}");
-            // In a band of 425 Hz, these impulses become nearly Gaussian noise, which four seconds may not distinguish
+            // In a band of 450 Hz, these impulses become nearly Gaussian noise, which four seconds may not distinguish
             // from noise.
             let is_told = found[1].0 || rate_hz == 1000;
             assert!(is_told && !found[1].1, "{rate_hz} {seed}");

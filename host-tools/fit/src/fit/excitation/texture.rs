@@ -81,6 +81,7 @@ impl Choice<'_> {
         let apart = |reach: &Reach| Some(self.apart(traces, reach));
         let is_free = self.options.modulation == ModulationChoice::Auto
             && self.options.excitation == ExcitationChoice::Auto;
+        // Snippets keep a level that varies. At a steady level there is nothing for them to keep.
         let chosen = if is_free && spread_of(traces).is_significant() {
             self.nearer(traces)
         } else {
@@ -108,6 +109,7 @@ impl Choice<'_> {
             })
         };
         let apart = |reach: &Reach| Some(self.apart(traces, reach));
+        // A codebook takes as many bytes as snippets, a track fewer, so this decides how much they must gain.
         let has_codebook = apart(&Reach::FIRST)?.parts.excitation.is_some();
         let is_for_moments = |judged: &Option<Distances>| {
             judged.is_some_and(|judged| judged.is_for_moments(has_codebook))
@@ -124,6 +126,7 @@ impl Choice<'_> {
         }
         if is_for_moments(&found) {
             let moments = self.bounded(traces, |reach| self.moments(traces, reach, &division));
+            // If no snippets can be made of all traces, the other excitation stays.
             chosen = moments.map(|(moments, _)| moments).or(chosen);
         }
         let mut chosen = chosen?;
@@ -131,8 +134,8 @@ impl Choice<'_> {
         Some(chosen)
     }
 
-    /// Returns the excitation that `made` makes of `traces`. Its reach is lowered from the first one until its nodes
-    /// play no louder than their recordings.
+    /// Returns the excitation that `made` makes of `traces`. Its reach is lowered from the first one, a few times at
+    /// most, until the nodes that are checked play no louder than aimed at.
     fn bounded(
         &self,
         traces: &[Trace],
@@ -142,6 +145,7 @@ impl Choice<'_> {
         const ROUNDS: usize = 4;
         let mut reach = Reach::FIRST;
         let mut chosen = made(&reach)?;
+        // What is still too loud after these rounds is taken off the nodes' levels by `remaining_excess`.
         for _ in 0..ROUNDS {
             let excess = bound::excess(traces, self.axes.forces_n.len(), &chosen.parts);
             if excess.values().all(|&excess| excess <= 1.0) {
@@ -178,6 +182,7 @@ impl Choice<'_> {
             kurtosis,
             reach,
         );
+        // Noise has no fast changes of its own, so the track beside it must have a finer resolution.
         let chosen = if codebooks.is_empty() {
             track(BESIDE_NOISE)
         } else {
@@ -204,6 +209,7 @@ impl Choice<'_> {
         if self.options.excitation == ExcitationChoice::Gaussian {
             return (Vec::new(), "Gaussian noise, as asked for".to_owned());
         }
+        // The track comes first, because codebooks can be shortened to what is left.
         let budget = self.budget(self.room.saturating_sub(track.map_or(0, bytes_of)));
         let wanted = Wanted {
             is_forced: self.options.excitation == ExcitationChoice::Residual,
@@ -237,9 +243,11 @@ impl Choice<'_> {
         }
         let heard_db = |division: &[Region]| {
             let moments = self.moments(half, &Reach::FIRST, division)?;
+            // A region without a codebook would play noise of steady level.
             let is_whole = moments.report.codebooks.len() == division.len();
             choice::heard_db(traces, shape.1, &moments.parts).filter(|_| is_whole)
         };
+        // If the tested division cannot be made, any other one is nearer.
         let tested_db = heard_db(&tested).unwrap_or(f64::INFINITY);
         let others = by_speed.into_iter();
         let others = others.filter_map(|division| Some((heard_db(&division)?, division)));
@@ -259,6 +267,7 @@ impl Choice<'_> {
             reach: reach.codebooks,
         };
         let found = codebooks(traces, division.to_vec(), wanted, self.budget(self.room));
+        // The format has one mean length for all codebooks, so the shortest decides.
         let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
         let samples = (shortest * f64::from(SAMPLE_RATE_HZ)) as usize;
         let moment_samples = moment_samples(samples, found.len());
@@ -346,6 +355,7 @@ fn moment_samples(shortest: usize, codebooks: usize) -> u16 {
     } else {
         limits::MAX_MOMENT_SAMPLES
     };
+    // A fifth that does not fit into 16 bits is above the longest length anyway.
     let fifth = u16::try_from(shortest / 5).unwrap_or(longest);
     fifth.clamp(limits::MIN_MOMENT_SAMPLES, longest)
 }
@@ -415,6 +425,7 @@ fn codebooks(
         })
         .filter(|(.., kurtosis)| wanted.is_forced || kurtosis.is_significant())
         .collect();
+    // Regions that get Gaussian noise leave their bytes to the others.
     let most = budget.stretches(wanting.len(), wanted.level);
     let made = wanting.into_iter().zip(wanted.reach);
     let made = made.filter_map(|((region, own, kurtosis), reach)| {
@@ -454,6 +465,7 @@ fn excitation(
     let nodes = (0..speeds).flat_map(|speed| (0..forces).map(move |force| (speed, force)));
     let number = |at: (usize, usize)| {
         let own = codebooks.iter().position(|own| own.region.contains(at));
+        // Number 0 is Gaussian noise.
         own.map_or(0, |index| index as u8 + 1)
     };
     let of_nodes = nodes.map(number).collect();
@@ -494,7 +506,7 @@ fn track_report(spec: &ModulationSpec, trials: usize) -> TrackReport {
     }
 }
 
-/// Returns a test's result as text: `8.91 where 3.4 is significant at 1 %`.
+/// Returns a test's result as text: `8.91 where more than 3.40 is significant at 1 %`.
 fn said(evidence: Evidence, unit: &str) -> String {
     if evidence.windows == 0 {
         return "not known, because no recording has a residual to judge".to_owned();

@@ -86,9 +86,9 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Returns the trace of a trial `at` a node with these `codes`. It is limited so that no moment of it is louder at
-    /// the output than the signal. `None` if its residual does not come from the surface according to one of its
-    /// `verdicts`, or if the trial is too short, silent, or predicted down to its round-off.
+    /// Returns the trace of a trial `at` a node with these `codes`. It is limited so that its loudest windows are at
+    /// most [`MOST`] times as loud at the output as the signal's. `None` if its residual does not come from the surface
+    /// according to one of its `verdicts`, or if the trial is too short, silent, or predicted down to its round-off.
     pub fn of(
         signal: &Signal,
         at: (usize, usize),
@@ -103,6 +103,7 @@ impl Trace {
         let predictor = step_up(&reflection);
         let order = predictor.len();
         let mut residual = residual(samples, &predictor);
+        // Index 0 of the residual is sample `order` of the signal.
         let moved = |flaw: &Range<usize>| {
             flaw.start.saturating_sub(order)..(flaw.end + AFTER_FLAW).saturating_sub(order)
         };
@@ -123,6 +124,7 @@ impl Trace {
         let judged = match carried_hz {
             Some(carried_hz) => {
                 let (known, level_samples) = known(&residual, carried_hz);
+                // The residual was limited above, so no limit is given.
                 evidence::held_out(&known, order, None, level_samples)
             }
             None => evidence::held_out(samples, order, Some(most), LEVEL_SAMPLES),
@@ -140,6 +142,7 @@ impl Trace {
             event: gains.and_then(|gains| event(&gains, order, &flaws)),
             residual,
             flaws,
+            // Of the whole signal, because the fit divides that into blocks.
             samples: signal.samples.len(),
             order,
             judged,

@@ -83,6 +83,7 @@ impl Candidates {
     /// library can hold.
     pub fn of(toolkit: &Toolkit) -> Self {
         let models = || toolkit.models.iter();
+        // Above the highest speed and force, the file defines what it does at the highest.
         let (speeds, forces) = (models().map(|m| m.speed_mm_s), models().map(|m| m.force_n));
         Self([
             lines(speeds.map(|speed| speed.min(toolkit.max_speed_mm_s))),
@@ -107,6 +108,7 @@ fn lines(places: impl Iterator<Item = f64>) -> Vec<Line> {
     own.sort_by(f32::total_cmp);
     own.dedup();
     while own.len() > limits::MAX_AXIS_LEN {
+        // The value next to the narrowest gap is the one that its neighbour stands in for best.
         let gap = |index: &usize| own[*index] - own[index - 1];
         let narrowest = (1..own.len()).min_by(|a, b| gap(a).total_cmp(&gap(b)));
         own.remove(narrowest.expect("there are more than the limit"));
@@ -146,6 +148,7 @@ pub(super) fn choose(toolkit: &Toolkit, candidates: &Candidates, bounds: Bounds)
         search.take_away(loss);
     }
     while let Some(axes) = search.excess(bounds) {
+        // Only the last line of an axis cannot go; then the bound cannot be met.
         let Some(loss) = search.cheapest(axes, |_| true) else {
             break;
         };
@@ -203,6 +206,7 @@ struct Loss {
 impl<'a> Search<'a> {
     fn new(toolkit: &Toolkit, candidates: &'a Candidates) -> Self {
         let [speeds, forces] = &candidates.0;
+        // A node's model does not depend on the lines that remain, so all are computed once.
         let models = (0..speeds.len() * forces.len()).into_par_iter();
         let models = models.map(|index| {
             let places = [&speeds[index / forces.len()], &forces[index % forces.len()]];
@@ -240,6 +244,7 @@ impl<'a> Search<'a> {
     /// Returns the spots within triangles, with their costs.
     fn inside(&self) -> impl Iterator<Item = (&Spot, f64)> {
         let all = self.spots.iter().zip(self.costs.iter().copied());
+        // Spots at the models' own positions have a weight of 1.
         all.filter(|(spot, _)| spot.weight < 1.0)
     }
 
@@ -296,6 +301,7 @@ impl<'a> Search<'a> {
             };
             (price, loss)
         });
+        // Ties go to the first line, so that the number of threads does not change the grid.
         let order = |loss: &Loss| (loss.axis, loss.line);
         let cheapest = tried.min_by(|(a, x), (b, y)| a.total_cmp(b).then(order(x).cmp(&order(y))));
         cheapest.map(|(_, loss)| loss)
@@ -358,6 +364,7 @@ impl<'a> Search<'a> {
                 .clamp(-MOST_DB, MOST_DB)
                 .powi(2)
         };
+        // A band beyond the file's highest frequency has no power and no wanted level.
         let bands: Vec<usize> = (0..MOST_BANDS)
             .filter(|&band| spot.wanted_db[band].is_finite())
             .collect();
@@ -378,6 +385,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 let (node, node_power) = &self.thetas[self.index(speed, force)];
+                // Orders differ between nodes. A stage that a node lacks has θ = 0.
                 thetas.resize(node.len().max(thetas.len()), 0.0);
                 for (sum, theta) in thetas.iter_mut().zip(node) {
                     *sum += weight * theta;
@@ -386,6 +394,7 @@ impl<'a> Search<'a> {
             }
         }
         let reflection: Vec<f64> = thetas.into_iter().map(f64::sin).collect();
+        // One-sided density of an all-pole model: 2/fs · power · Π(1 - k²) / |A|².
         let scale =
             2.0 / self.rate_hz * power * speeds.fade * forces.fade * error_share(&reflection);
         levels_db(&self.probes, |probe| {
@@ -467,6 +476,7 @@ fn probes(toolkit: &Toolkit) -> Vec<Probe> {
 fn spots(toolkit: &Toolkit, probes: &[Probe]) -> Vec<Spot> {
     let frequencies_hz: Vec<f64> = probes.iter().map(|probe| probe.frequency_hz).collect();
     let mut own: Vec<(f64, f64)> = toolkit.model_places().collect();
+    // Several models at one position are one spot, which would otherwise count several times.
     own.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     own.dedup();
     let inside = INSIDE
@@ -477,6 +487,7 @@ fn spots(toolkit: &Toolkit, probes: &[Probe]) -> Vec<Spot> {
         .map(|place| (place, 1.0))
         .chain(inside)
         .filter_map(|(place, weight)| {
+            // Where the file is silent there is no level in dB to compare with.
             let density = density(toolkit, place, &frequencies_hz)?;
             let mut densities = density.into_iter();
             let wanted_db = levels_db(probes, |_| densities.next().unwrap_or(0.0));
@@ -504,7 +515,7 @@ fn levels_db(probes: &[Probe], mut density: impl FnMut(&Probe) -> f64) -> [f64; 
 impl Probe {
     /// Returns |A|² of the model with these reflection coefficients, by the recursion over its order.
     fn inverse_gain(&self, reflection: &[f64]) -> f64 {
-        // A of the order so far, and the backward polynomial: e^(-jω) times its reversed conjugate.
+        // A of the order m so far, and the backward polynomial, which is e^(-jωm) times the conjugate of A.
         let (mut a, mut b) = ((1.0, 0.0), (1.0, 0.0));
         for &k in reflection {
             let delayed = (

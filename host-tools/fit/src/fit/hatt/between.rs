@@ -16,7 +16,8 @@ type Corners = Vec<(usize, f64)>;
 
 /// The interpolated model at a position between models.
 pub(super) struct Between {
-    /// Spectrum for unit excitation at the stylus's rate; `None` if none of the surrounding models has a shape.
+    /// Spectrum for unit excitation at the stylus's rate; `None` if none of the surrounding models has a shape, or if
+    /// their mean gain is 0.
     pub shape: Option<LogSpectrum>,
     /// Variance of the excitation, (m/s²)².
     pub variance: f64,
@@ -86,6 +87,7 @@ fn corners(toolkit: &Toolkit, place: (f64, f64)) -> (Corners, bool) {
     };
     for triangle in &toolkit.triangles {
         let points = triangle.map(at);
+        // Rounding may make the weights on an edge slightly negative.
         let weights = barycentric(wanted, points);
         if let Some(weights) = weights.filter(|weights| weights.iter().all(|&w| w >= -1e-9)) {
             let inside = triangle
@@ -129,6 +131,7 @@ fn barycentric(p: (f64, f64), [a, b, c]: [(f64, f64); 3]) -> Option<[f64; 3]> {
 fn nearest_on_edge(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     let square = dx * dx + dy * dy;
+    // Two models at one position make an edge without length.
     let share = if square > 0.0 {
         (((p.0 - a.0) * dx + (p.1 - a.1) * dy) / square).clamp(0.0, 1.0)
     } else {
@@ -146,6 +149,7 @@ fn shape(toolkit: &Toolkit, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum>
         .filter(|(_, weight)| *weight > 0.0)
         .filter_map(|(model, weight)| Some((model.timbre.as_ref()?, *weight)))
         .collect();
+    // Corners without a shape leave their weights to the others.
     let total: f64 = shaped.iter().map(|(_, weight)| weight).sum();
     let mean = |of: fn(&Timbre) -> &[f64]| {
         let mut lines = vec![0.0; of(shaped.first()?.0).len()];
@@ -172,6 +176,7 @@ fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> L
     // A zero on the unit circle is limited to a floor of -200 dB.
     const FLOOR: f64 = 1e-20;
     let (rate_hz, step_hz) = (toolkit.sample_rate_hz, toolkit.step_hz());
+    // At most half of the result's spacing, because the result is interpolated between these bins.
     let own_bins = (0.5 * rate_hz / step_hz).ceil() as usize * 2 + 1;
     let (poles, zeros) = (
         line_spectrum::log_spectrum(poles, own_bins),
@@ -231,6 +236,7 @@ pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
     };
     let model = economical(&shape, toolkit);
     let output_power = model.output_power * variance;
+    // What is zero in the library's 32 bits is silent there.
     if output_power as f32 <= 0.0 {
         flags = flags.with(NodeFlags::SILENT);
     }
@@ -243,6 +249,7 @@ pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
 
 fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
     let last_bin = (toolkit.highest_hz() / toolkit.step_hz()).round() as usize;
+    // Lower orders need no fit of their own: their models are the first stages of this lattice.
     let full = shape.model(ORDERS[ORDERS.len() - 1]);
     let mut last = None;
     for order in ORDERS.map(|order| order.min(full.reflection.len())) {

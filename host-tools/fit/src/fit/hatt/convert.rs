@@ -2,8 +2,8 @@
 //!
 //! Up to half the lower rate the models' spectrum is preserved. Models at 1 kHz say nothing above 500 Hz. There the
 //! spectrum continues from its mean level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`], which leaves
-//! little power and no edge at which a model would ring. Every node has the lowest order that preserves all third
-//! octaves within [`ORDER_TOLERANCE_DB`].
+//! little power and no edge at which a model would ring. Every node has the lowest of several orders that preserves all
+//! third octaves within [`ORDER_TOLERANCE_DB`], or the highest of them if none does.
 
 use model_format::{
     FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, OutputSample,
@@ -54,9 +54,11 @@ pub struct ConvertedNode {
     pub rms_m_s2: f64,
     /// Order of the model.
     pub order: usize,
-    /// Largest error of a third octave within the models' own band, dB; `None` where the file is silent.
+    /// Largest error of a third octave within the models' own band, dB; `None` where the file is silent, and outside of
+    /// all triangles.
     pub worst_band_db: Option<f64>,
-    /// Error of the level within the models' own band, dB; `None` where the file is silent.
+    /// Error of the level within the models' own band, dB; `None` where the file is silent, and outside of all
+    /// triangles.
     pub level_db: Option<f64>,
     /// True for a position outside of all triangles. It gets the values of the nearest position within one.
     pub is_extrapolated: bool,
@@ -69,7 +71,7 @@ pub struct Converted {
     pub spec: TextureSpec,
     /// Nodes of the texture, speed-major.
     pub nodes: Vec<ConvertedNode>,
-    /// Errors at the positions of the file's models that are not silent.
+    /// Errors at the positions of the file's models that are not silent and lie in a triangle.
     pub own: Vec<PlaceError>,
     /// Errors at a position within each triangle, which the choice of the axes did not use.
     pub between: Vec<PlaceError>,
@@ -78,7 +80,7 @@ pub struct Converted {
 /// Error of a node above which there is a warning, dB.
 const WARN_DB: f64 = 1.0;
 
-/// Returns a warning about nodes that differ from the file.
+/// Returns a warning about nodes that differ from the file by more than 1 dB; `None` if there are none.
 pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
     let error = |node: &ConvertedNode| {
         let (band, level) = (
@@ -105,7 +107,7 @@ pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
 /// the encoded texture.
 ///
 /// # Errors
-/// No speed or no force above zero, or a level that the library cannot hold.
+/// No speed or no force above zero, `bounds` without a speed or a force, or a texture that the library cannot hold.
 pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converted> {
     let candidates = Candidates::of(toolkit);
     if candidates.0.iter().any(Vec::is_empty) || bounds.speeds == 0 || bounds.forces == 0 {
@@ -225,8 +227,8 @@ impl Summary {
     }
 }
 
-/// Compares `texture` with `toolkit` at speeds, mm/s, and forces, N. Positions at which the file is silent are left
-/// out.
+/// Compares `texture` with `toolkit` at speeds, mm/s, and forces, N. Returns one result per position: `None` where the
+/// file is silent, and outside of all triangles.
 pub fn errors(
     toolkit: &Toolkit,
     texture: &Texture<'_>,
@@ -290,6 +292,7 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
         Newton(force_n as f32),
     )
     .expect("speeds and forces of a file are finite");
+    // The kernel's own filter, so that its fixed-point errors count.
     let mut frame = LatticeFrame::silent(texture.max_order());
     frame.update::<Portable>(
         texture,

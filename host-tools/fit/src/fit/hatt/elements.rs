@@ -29,6 +29,7 @@ const MOST_NODES: u32 = 1_000_000;
 /// Text that is not XML, or whose structure occurs in no model file and would take the parser disproportionately long.
 /// The error names the line.
 pub fn document<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
+    // Before the text is parsed, because the parser would take the time that this avoids.
     if let Some(line) = costly_line(text) {
         let problem = format!(
             "more than {MOST_ATTRIBUTES} attributes or namespaces, or {MOST_DEPTH} elements in one another: is it a \
@@ -55,11 +56,13 @@ fn costly_line(text: &str) -> Option<u64> {
         let inner = &tag[begin..];
         namespaces += inner.matches("xmlns").count();
         if inner.starts_with("</") {
+            // Text with more closing than opening tags is refused by the parser.
             depth = depth.saturating_sub(1);
         } else if inner.starts_with('<') && !inner.starts_with(['?', '!']) && !inner.ends_with("/>")
         {
             depth += 1;
         }
+        // Every attribute has an equals sign; others in the text only raise the count.
         let attributes = inner.matches('=').count().max(namespaces);
         if attributes > MOST_ATTRIBUTES || depth > MOST_DEPTH {
             return Some(line + tag[..begin].matches('\n').count() as u64);
@@ -93,7 +96,7 @@ impl<'a> File<'a> {
         self.wrong(model, format!("more than {most} models: leave some out"))
     }
 
-    /// Returns the only number of the first element of that name.
+    /// Returns the first number of the first element of that name; `None` if there is none.
     pub fn one(&self, name: &str) -> Result<Option<f64>> {
         match self.element(name) {
             Some(node) => Ok(self.numbers(node)?.first().copied()),
@@ -101,7 +104,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Returns the numbers of the first element of that name.
+    /// Returns the numbers of the first element of that name; empty if there is no such element.
     pub fn list(&self, name: &str) -> Result<Vec<f64>> {
         self.element(name)
             .map_or(Ok(Vec::new()), |node| self.numbers(node))
@@ -160,6 +163,7 @@ impl<'a> File<'a> {
                 return Err(self.wrong(node, problem));
             }
             let index = |corner: f64| {
+                // Neither comparison holds for a number that is not finite.
                 let index = corner - 1.0;
                 if index.fract() == 0.0 && (0.0..models as f64).contains(&index) {
                     return Ok(index as usize);
@@ -168,6 +172,7 @@ impl<'a> File<'a> {
                 Err(self.wrong(node, problem))
             };
             for &[a, b, c] in whole {
+                // A triangle without an area has no barycentric weights.
                 if a == b || b == c || c == a {
                     let problem = format!("<tri> names a model twice: {a}, {b}, {c}");
                     return Err(self.wrong(node, problem));
@@ -195,6 +200,7 @@ impl<'a> File<'a> {
         }
     }
 
+    /// Checks the units that the file states, if any.
     ///
     /// # Errors
     /// Units that are not HaTT's.

@@ -61,7 +61,8 @@ impl Default for Options {
 /// Lists the files of `paths`. A folder is replaced by all XML files in it, sorted by name.
 ///
 /// # Errors
-/// A folder without XML files; the same file twice; more files than a library can hold textures.
+/// A file or folder that does not exist or cannot be read; a folder without XML files; the same file twice; more files
+/// than a library can hold textures.
 pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
@@ -86,11 +87,13 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
                 "has no XML file; give HaTT's model files or a folder of them",
             ));
         }
+        // The order of a folder's entries depends on the file system; that of a library must not.
         found.sort();
         files.extend(found);
     }
     let mut seen: HashMap<PathBuf, &Path> = HashMap::new();
     for file in &files {
+        // By real paths, so that a link to a file counts as that file.
         let whole = file.canonicalize().map_err(Error::io("read", file))?;
         if let Some(first) = seen.insert(whole, file) {
             let problem = format!("is given twice, first as {}", first.display());
@@ -116,6 +119,7 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 pub fn read_all(files: &[PathBuf], options: &Options) -> Result<Vec<Source>> {
     let rate = play_rate(options.sample_rate_hz)?;
     let read = files.par_iter().map(|path| source(path, rate));
+    // All files are read before one is refused, so that the error can say how many there are.
     let mut sources = Vec::new();
     let mut refused = Vec::new();
     for source in read.collect::<Vec<_>>() {
@@ -155,6 +159,7 @@ fn source(path: &Path, rate: PlayRate) -> Result<Source> {
         play_rate: rate,
         ..read(path, &text)?
     };
+    // Whoever asks for a higher rate expects content up to half of it. Here a part of that would be roll-off alone.
     if rate != PlayRate::default() && toolkit.highest_hz() < 0.5 * toolkit.play_rate_hz() {
         let problem = format!(
             "has models of {} Hz, which say nothing above half of it: leave out --model-rate",

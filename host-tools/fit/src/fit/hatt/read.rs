@@ -24,7 +24,7 @@ const TRIANGLES_PER_MODEL: usize = 2;
 /// Every `tri` element is read; each holds one triangle or more.
 ///
 /// # Errors
-/// A fault that makes the file unusable, with its line.
+/// A fault that makes the file unusable, with its line if it is in one.
 pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     let document = elements::document(path, text)?;
     let file = File::new(path, &document);
@@ -47,6 +47,7 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
         return Err(Error::file(path, problem));
     }
     file.check_count("numMod", read.len(), "models")?;
+    // Triangles name models by their place in the file, so models that are left out count here.
     let triangles = file.triangles(read.len())?;
     file.check_count("numTri", triangles.len(), "triangles")?;
     if triangles.len() > TRIANGLES_PER_MODEL * read.len() {

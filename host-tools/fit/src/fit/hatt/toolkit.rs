@@ -170,6 +170,7 @@ pub(super) fn found(
         lines: file.list_in(node, "MAlsf")?,
     };
     let (variance, gain) = (one("var")?, one("gain")?.unwrap_or(1.0));
+    // What a model states of itself wins over the file's lists.
     let speed = one("speedMod")?.or(place.0);
     let force = one("forceMod")?.or(place.1);
     Ok(checked(&poles, &zeros, variance, gain, (speed, force)))
@@ -213,6 +214,7 @@ fn checked(
     let speed_mm_s = finite("speedMod", speed)?;
     let force_n = finite("forceMod", force)?;
     let gain = finite("gain", Some(gain))?;
+    // A silent model needs no shape.
     if poles.coefficients.is_empty() && poles.lines.is_empty() && variance > 0.0 {
         return Err("ARcoeff is empty".into());
     }
@@ -224,6 +226,7 @@ fn checked(
         timbre: Some(Timbre {
             poles: poles.lines,
             zeros: zeros.lines,
+            // The sign of b(0) inverts the signal, which leaves its spectrum as it is.
             gain: gain * zeros.first.abs(),
         }),
     })
@@ -236,6 +239,7 @@ impl Lists {
         if !(first.is_finite() && rest.iter().all(|c| c.is_finite())) {
             return Err(format!("{name}coeff is not finite"));
         }
+        // A common factor of the coefficients is a gain, and no part of the shape.
         let monic: Vec<f64> = rest.iter().map(|c| c / first).collect();
         if self.lines.is_empty() {
             let reflection = step_down(&monic).ok_or_else(|| match name {
@@ -245,6 +249,8 @@ impl Lists {
             let lines = line_spectrum::frequencies(&reflection);
             return Ok(Half { first, lines });
         }
+        // Strictly ascending frequencies are those of a minimum-phase polynomial, and only those (Soong and Juang,
+        // ICASSP 1984).
         let inside = |omega: &f64| *omega > 0.0 && *omega < PI;
         if !self.lines.iter().all(inside) || self.lines.windows(2).any(|pair| pair[0] >= pair[1]) {
             return Err(format!(
@@ -269,6 +275,7 @@ impl Lists {
             Some(order) if order + 1 != count => Err(format!(
                 "{name}coeff has {count} values for an order of {order}"
             )),
+            // The first coefficient of AR is 1 by definition; that of MA is a factor of the gain.
             _ if first == 0.0 || (name == "AR" && first != 1.0) => {
                 Err(format!("{name}coeff begins with {first}, not with 1"))
             }

@@ -36,7 +36,7 @@ const ENDS: f64 = 0.02;
 /// Logarithm of the ratio of means above which a band counts as noise. That of noise is 0.577.
 const MOST_LN_RATIO: f64 = 0.45;
 
-/// Number of samples of an envelope per bin of the spectrum in its band.
+/// Least number of samples of an envelope per bin of the spectrum in its band.
 const OVERSAMPLING: usize = 4;
 
 /// Largest ratio of a band's width to its frequency. A wider band does not determine a wavelength.
@@ -90,7 +90,8 @@ impl WholeSpectrum {
         f64::from(SAMPLE_RATE_HZ) / self.samples as f64
     }
 
-    /// Returns the bands around all peaks, each with the probability of its envelope in noise.
+    /// Returns the bands around the peaks at each width of smoothing, each with the probability of its envelope in
+    /// noise. Bands that are too wide or beyond the range of lines' frequencies are left out.
     pub(super) fn bands(&self) -> Vec<Band> {
         let powers: Vec<f64> = self.bins.iter().map(Complex::norm_sqr).collect();
         let mut bands: Vec<Band> = Vec::new();

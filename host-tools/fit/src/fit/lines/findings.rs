@@ -53,7 +53,8 @@ pub struct Line {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoLines {
-    /// The recordings are at one speed, so position cannot be distinguished from time.
+    /// The recordings that can be searched are at one speed, so position cannot be distinguished from time; or there
+    /// are none.
     OneSpeed,
     /// No wavelength stands out.
     NothingStandsOut,
@@ -112,6 +113,7 @@ impl Findings {
         }
         for (index, wander) in self.wanders.iter().enumerate() {
             let own = |line: &&Line| line.wander == Some(index);
+            // Lines of one wander are stored from the fundamental on, so the first has the longest wavelength.
             let longest = self.lines.iter().find(own);
             fmt_wander(wander, longest.map_or(1.0, |line| line.wavelength_mm), f)?;
         }
@@ -150,7 +152,7 @@ fn fmt_wander(wander: &Wander, longest: f64, f: &mut fmt::Formatter<'_>) -> fmt:
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialLines {
     /// Amplitude of each line in the trial, m/s², without the contribution of noise; `None` if the trial cannot hold
-    /// the line or was not searched.
+    /// the line or was not searched. A line that wanders has 0 then.
     pub amplitudes_m_s2: Vec<Option<f64>>,
     /// Ratio of the trial's actual speed, as the lines give it, to the listed one.
     pub speed_ratio: Option<f64>,
@@ -184,6 +186,7 @@ pub fn lines_on(grid: &Grid, findings: &Findings, members: &[LineMember<'_>]) ->
             let known: Vec<Option<f64>> = grid
                 .nodes()
                 .map(|(speed, force, _)| {
+                    // The grid's axes are these values in single precision, so equality is exact.
                     let here = members.iter().filter(|member| {
                         member.speed_mm_s as f32 == speed && member.force_n as f32 == force
                     });
@@ -192,10 +195,12 @@ pub fn lines_on(grid: &Grid, findings: &Findings, members: &[LineMember<'_>]) ->
                 .collect();
             let amplitudes = filled(grid, &known);
             let wavelength_mm = line.wavelength_mm as f32;
+            // The format holds no line that is silent at every node.
             let is_held = (MIN_WAVELENGTH_MM..=MAX_WAVELENGTH_MM).contains(&wavelength_mm)
                 && amplitudes.iter().any(|&a| a > 0.0);
             is_held.then(|| LineSpec {
                 wavelength_mm,
+                // A phase that rounds up to a whole turn wraps to 0.
                 phase: (line.phase_turns.rem_euclid(1.0) * 65_536.0).round() as u32 as u16,
                 amplitudes,
                 wander: line.wander.map(|index| index as u8),
@@ -212,6 +217,7 @@ fn mean_amplitude<'m>(
 ) -> Option<f64> {
     let known: Vec<f64> = trials
         .filter_map(|member| {
+            // Silence shows that the line does not sound here. Without a trial, nothing is known.
             if member.is_silent {
                 Some(0.0)
             } else {
@@ -250,6 +256,7 @@ fn between(axis: &[f32], known: &[Option<f64>], at: usize) -> Option<f64> {
     let before = (0..=at).rev().find_map(|i| Some((i, known[i]?)));
     let after = (at..axis.len()).find_map(|i| Some((i, known[i]?)));
     match (before, after) {
+        // A known value at `at` is found from both sides, with a = b.
         (Some((a, left)), Some((b, right))) if a < b => {
             let share = f64::from((axis[at] - axis[a]) / (axis[b] - axis[a]));
             Some(left + share * (right - left))

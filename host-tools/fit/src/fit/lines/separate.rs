@@ -76,9 +76,9 @@ impl Separated {
 
 /// Finds the lines of one texture and subtracts them from its trials.
 ///
-/// `signals` are m/s² at the models' rate, and `speeds_mm_s` their listed speeds. The caller passes an empty signal for
-/// a trial with gaps or without a listed speed. Amplitudes and phases are estimated from the samples in the `ranges` of
-/// each trial.
+/// `signals` are m/s² at 5 kHz, and `speeds_mm_s` their listed speeds. The caller passes an empty signal for a trial
+/// that must not be searched, such as one with gaps. Amplitudes and phases are estimated from the samples in the
+/// `ranges` of each trial.
 pub fn separate(
     speeds_mm_s: &[f64],
     signals: Vec<Vec<f64>>,
@@ -217,7 +217,8 @@ fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 /// Subtracts the harmonics of `weave` from `signal`, along the signal's `course`. Returns the amplitude of each
-/// harmonic. It is 0 if the harmonic cannot be distinguished from noise, and then it stays in the signal.
+/// harmonic. It is 0, and the harmonic stays in the signal, if there is no course, if the trial cannot hold the
+/// harmonic, or if it cannot be distinguished from noise.
 fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Option<f64>> {
     let numbers = weave.harmonics.iter().map(|(number, _)| *number);
     let Some(course) = course else {

@@ -269,7 +269,7 @@ const LANES: usize = 4;
 /// Returns the complex amplitudes c of the components Re c w(n) that fit `ranges` of `signal` by least squares, m/s².
 ///
 /// `waves` has the w of each component. A ridge of 1e-9 per sample makes components that cannot be distinguished share
-/// their amplitude.
+/// their amplitude. All amplitudes are 0 if the equations have no solution.
 pub(super) fn amplitudes(
     signal: &[f64],
     ranges: &[Range<usize>],

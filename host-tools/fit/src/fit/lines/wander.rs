@@ -515,7 +515,7 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
         .enumerate()
         .filter_map(|(at, lag_mm)| {
             let values: Vec<f64> = functions.iter().filter_map(|f| f[at]).collect();
-            // At least half of the trials must reach this lag, because the few longest paths would have another mean.
+            // More than half of the trials must reach this lag, because the few longest paths would have another mean.
             let is_known = 2 * values.len() > functions.len();
             let middle = upper_median(&values).filter(|_| is_known)?;
             Some((*lag_mm, middle.max(f64::MIN_POSITIVE)))

@@ -36,7 +36,8 @@ impl<'s> Merged<'s> {
     /// number of trials whenever some are read.
     ///
     /// # Errors
-    /// A unit without a file, or with a damaged one; with [`Options::strict`] the first trial with a verdict.
+    /// A recording that does not exist; a unit without a file, or with a damaged one; with [`Options::strict`] the
+    /// first trial with a verdict, or of integers without a scale.
     pub fn of_folder(
         set: &'s RecordingSet,
         options: &Options,
@@ -52,6 +53,7 @@ impl<'s> Merged<'s> {
         let textures = units(set, options).into_par_iter();
         let textures = textures.map(|units| units.into_par_iter().map(partial).collect());
         let textures = textures.collect::<Result<Vec<Vec<Partial>>>>()?;
+        // Before any file is read, so that a missing shard shows at once.
         refuse_missing(set, &textures, folder)?;
         let read = textures.par_iter().map(|units| {
             let (mut recordings, contents) = read(set, units)?;
@@ -62,6 +64,7 @@ impl<'s> Merged<'s> {
         });
         let (recordings, of_textures): (Vec<_>, Vec<_>) =
             read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        // Textures may be mixed in the list, so that their trials are not next to each other.
         let mut contents = vec![0; set.trials.len()];
         for (own, hashes) in recordings.iter().zip(of_textures) {
             for (own, hash) in own.trials.iter().zip(hashes) {
@@ -104,6 +107,7 @@ impl<'s> Merged<'s> {
                 .map(|&member| self.contents[member])
                 .collect(),
         );
+        // Reports on the whole set, which show a copy even if its original is in another library.
         let trials: Vec<TrialReport> = members
             .iter()
             .map(|&member| self.trials[member].clone())
@@ -151,6 +155,7 @@ fn read<'s>(set: &'s RecordingSet, units: &[Partial]) -> Result<(Recordings<'s>,
     let mut contents = Vec::new();
     for Partial { unit, path } in units {
         let content = unit.read(path)?;
+        // Only a texture in a single unit can have lines; otherwise all units have none.
         recordings.findings = content.findings;
         for (&number, (hash, analysis)) in unit.trials.iter().zip(content.trials) {
             contents.push(hash);

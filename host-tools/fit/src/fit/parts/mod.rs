@@ -3,8 +3,8 @@
 //! The map step reads a trial and computes everything that does not need the other trials: autocorrelation,
 //! third-octave bands, level, verdicts of triage, the sketch by which copies are found, the rig's noise, and the
 //! amplitudes of its texture's lines. A *unit* is the set of trials that are computed together. It is all trials of a
-//! texture if lines are sought, because they are found jointly, or if some trials have the rig's noise; otherwise it is
-//! up to 64 trials of a texture.
+//! texture if lines are sought, because they are found jointly, or if some trials have the rig's noise and it is not
+//! ignored; otherwise it is up to 64 trials of a texture.
 //!
 //! Each unit has its own file, which is named by a hash of everything that its content depends on (`unit`). An existing
 //! file is not computed again, whoever made it: an interrupted fit continues where it stopped. Shard I of N computes
@@ -112,6 +112,7 @@ pub fn map(
     // Returns the number of trials whose results already existed.
     let map_unit = |unit: &Unit| {
         let path = unit.path(set, options, folder)?;
+        // Read, and not only looked for, so that a damaged file is computed again.
         let is_there = unit.read(&path).is_ok();
         if !is_there {
             unit.compute(set, options, &path)?;

@@ -80,12 +80,13 @@ impl Unit {
     /// times.
     ///
     /// # Errors
-    /// A recording that does not exist.
+    /// A recording that does not exist, or whose samples are in memory; a list of the rig's noise that cannot be read.
     pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
         let mut hash = Fnv::default()
             .then(&MAGIC)
             .then(env!("CARGO_PKG_VERSION").as_bytes());
         hash = hash.then(&encoded(&(
+            // Lags are computed up to the highest order alone, so `auto`, `bic` and 400 share results.
             options.order.highest() as u64,
             options.conditioning,
             options.silence_floor_m_s2,
@@ -150,8 +151,8 @@ impl Unit {
     }
 }
 
-/// Returns everything that a trial's analysis depends on except the options: its line in the list, and the file's size
-/// and time, ns since 1970.
+/// Returns what a trial's analysis depends on except the options: its line in the list, and the file's size and time,
+/// ns since 1970. The speed is the nominal one if it was snapped; the measured one is not included.
 fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
     if trial.held.is_some() {
         let problem = "samples in memory have no partial results: write them to a file, or fit without --parts";
@@ -171,6 +172,7 @@ fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
     Ok((
         line,
         metadata.len(),
+        // 64 bits of nanoseconds since 1970 last until the year 2554.
         changed.map(|time| time.as_nanos() as u64),
     ))
 }

@@ -55,10 +55,12 @@ impl Axes {
                 speeds_mm_s: of(|at| at.speed_mm_s, speeds),
                 forces_n: of(|at| at.force_n, forces),
             };
+            // An axis may have fewer values than allowed, if the hand hardly varied.
             (speeds, forces) = (axes.speeds_mm_s.len(), axes.forces_n.len());
             if LEAST_WINDOWS * speeds * forces <= windows.len() || speeds * forces == 1 {
                 return axes;
             }
+            // The longer axis is shortened first, so that both keep some resolution.
             if speeds >= forces {
                 speeds -= 1;
             } else {
@@ -103,6 +105,7 @@ impl Axes {
     /// Returns the change of the level below the lowest speed and force, relative to the level at them, dB.
     fn fade_db(&self, speed_mm_s: f64, force_n: f64) -> f64 {
         let share = |axis: &[f64], value: f64| (value / axis[0]).min(1.0);
+        // Power, not amplitude, is proportional to both below the grid.
         10.0 * (share(&self.speeds_mm_s, speed_mm_s) * share(&self.forces_n, force_n)).log10()
     }
 
@@ -113,6 +116,7 @@ impl Axes {
         let mut penalty =
             DMatrix::from_diagonal_element(speeds * forces, speeds * forces, NEARNESS);
         let mut join = |one: usize, other: usize, factor: f64| {
+            // Adds cost · (x_one - x_other)² to the quadratic form.
             let cost = SMOOTHNESS / factor.ln();
             for (a, b, sign) in [
                 (one, one, 1.0),
@@ -157,6 +161,7 @@ fn axis(mut values: Vec<f64>, most: usize) -> Vec<f64> {
     let steps = steps.min(most - 1);
     let line = |step: usize| low * (high / low).powf(step as f64 / steps.max(1) as f64);
     if steps == 0 {
+        // One value stands for the whole range, so it is in the middle of the logarithms.
         return vec![two_digits((low * high).sqrt())];
     }
     (0..=steps).map(|step| two_digits(line(step))).collect()
@@ -177,6 +182,7 @@ struct Place {
 impl Place {
     fn on(axis: &[f64], value: f64) -> Self {
         let above = axis.partition_point(|line| *line <= value);
+        // Beyond the ends, the device plays the outermost values, too.
         if above == 0 || above == axis.len() {
             let line = above.saturating_sub(1);
             return Self {
@@ -220,6 +226,7 @@ impl NodeLevels {
             levels_db: prior.collect(),
             axes,
         };
+        // The unknowns are the distances from the line, because these have a cost.
         let mut matrix = levels.axes.penalty();
         let mut right = DVector::zeros(levels.levels_db.len());
         for at in windows {

@@ -4,7 +4,7 @@
 //!    for the nodes around its motion with the weights that the device uses.
 //! 2. **Trials** ([`pieces`]): the samples that are nearest to a node are scaled to the node's level and joined into
 //!    one trial at the node. The trials are fitted like any others: triage, order, quantisation, excitation.
-//! 3. **Levels again**: every node gets the level of the first step, even where there is no trial.
+//! 3. **Levels again**: every node of the fitted grid gets a level as in the first step, even where there is no trial.
 //! 4. **Playing**: the texture is played along the strokes, and all levels are shifted by its mean error. The reason is
 //!    that an excitation with impulses or a changing level has a lower mean level in dB than its power suggests.
 //!
@@ -43,8 +43,9 @@ use crate::texture::library::decoded;
 /// stroke that is given twice counts once.
 ///
 /// # Errors
-/// Strokes that give no node 0.4 s in motion and contact; another rate than 5 kHz; a request to subtract the rig's
-/// noise; with [`Options::strict`] the first stroke with a verdict; the errors of [`super::fit`].
+/// Strokes that give no node 0.4 s in motion and contact; a stroke that cannot be reduced to one axis; another rate
+/// than 5 kHz; a request to subtract the rig's noise, or a recording of it; with [`Options::strict`] the first stroke
+/// with a verdict; the errors of [`super::fit`].
 pub fn fit_strokes(
     name: &str,
     strokes: &[(PathBuf, Freehand)],
@@ -127,6 +128,7 @@ fn distinct(
     progress: &(impl Fn(usize) + Sync),
 ) -> Result<Vec<Stroke>> {
     let is_first = |(number, own): &(usize, &(PathBuf, Freehand))| {
+        // By content, because one stroke may be in two files.
         let mut earlier = strokes[..*number].iter();
         !earlier.any(|(_, earlier)| *earlier == own.1)
     };
@@ -154,6 +156,7 @@ fn of_trials(options: &Options, strokes: &[Stroke]) -> Options {
     Options {
         conditioning: Conditioning {
             reduction: Reduction::Pca,
+            // The highest cut-off: below it, not every stroke has a signal.
             high_pass: cuts_hz
                 .reduce(f64::max)
                 .map_or(HighPass::None, HighPass::At),
@@ -172,6 +175,7 @@ fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<(
     let played = library.textures().next().expect("it has one");
     let off_db = in_order(strokes, |stroke| stroke.over_db(played))?;
     let off_db = mean(&off_db.concat());
+    // The level of a silent node is infinite; `set_levels` skips it.
     let levels: Vec<f64> = (texture.grid.models.iter())
         .map(|model| 10.0 * model.output_power.log10() + off_db)
         .collect();

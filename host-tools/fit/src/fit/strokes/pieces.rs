@@ -27,7 +27,7 @@ struct AtNode {
 /// its node has the largest weight, scaled to the node's level. A node with less than 0.4 s of them has no trial.
 ///
 /// # Errors
-/// None for strokes that could be read.
+/// More samples at a node than a recording may have.
 pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Result<Vec<Trial>> {
     let mut at_nodes = vec![AtNode::default(); levels.levels_db.len()];
     for stroke in strokes {
@@ -43,6 +43,7 @@ pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Res
     let nodes = levels.axes.nodes().zip(at_nodes);
     let enough = nodes.filter(|(_, own)| own.samples.len() >= LEAST_KEPT);
     let trial = |((speed, force), own): ((f64, f64), AtNode)| {
+        // Stretches fade into each other as the parts of a cut trial do, so that no joint clicks.
         let joined = kept(vec![own.samples], &own.stretches);
         let held = HeldSamples::new(f64::from(SAMPLE_RATE_HZ), joined, false)?;
         let file = format!("{name} at {speed} mm/s, {force} N");

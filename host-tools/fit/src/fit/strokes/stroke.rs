@@ -79,9 +79,11 @@ impl Stroke {
         };
         let samples = read(&trial)?;
         let mut verdicts = triage::samples(&samples, samples.slow_share());
+        // What is normal for a hand is not reported, but cut all the same.
         let spans = verdicts.iter().flat_map(Verdict::spans);
         let cut: Vec<Range<usize>> = spans.cloned().collect();
         verdicts.retain(|verdict| !BY_HAND.contains(&verdict.kind()));
+        // Nothing is cut from the signal, so that its samples keep the times of the motion.
         let Signal {
             samples: signal,
             cut_hz,
@@ -140,6 +142,7 @@ impl Stroke {
         let seconds = self.signal.len() as f64 / RATE_HZ;
         let mut played = render(texture, &self.path()?, seconds, SEED)?.accelerations_m_s2();
         played.resize(self.signal.len(), 0.0);
+        // Filtered as the recording was, so that both lack the same band.
         if let Some(cut_hz) = self.cut_hz {
             high_pass(&mut played, RATE_HZ, cut_hz);
         }
@@ -173,6 +176,7 @@ impl Stroke {
 
     fn window_ranges(&self) -> impl Iterator<Item = Range<usize>> {
         self.moving.iter().flat_map(|run| {
+            // No run is shorter than a window; see `Stroke::of`.
             let last = run.end - WINDOW;
             (run.start..=last)
                 .step_by(WINDOW)
@@ -197,7 +201,7 @@ fn without(run: &Range<usize>, cut: &[Range<usize>]) -> Vec<Range<usize>> {
     parts
 }
 
-/// Returns the moving mean of `values`; at the ends, over those that exist.
+/// Returns the moving mean of `values`. Beyond their ends, the first and the last value count.
 fn averaged(values: &[f64]) -> Vec<f64> {
     let (Some(first), Some(last)) = (values.first(), values.last()) else {
         return Vec::new();

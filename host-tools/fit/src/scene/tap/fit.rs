@@ -36,6 +36,8 @@ pub struct Ringing {
 /// For a given frequency and decay the problem is linear in amplitude and phase, which are eliminated (variable
 /// projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973). Frequency and decay are searched first on a grid
 /// around the loudest line of the spectrum, then by damped Gauss-Newton.
+///
+/// A signal that is silent or shorter than 8 samples gives an amplitude of 0 and a residual of 1.
 pub fn fit(signal: &[f64], rate_hz: f64) -> Ringing {
     let power: f64 = signal.iter().map(|x| x * x).sum();
     let silent = Ringing {
@@ -133,6 +135,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
     };
     let mut damping = 1e-3;
     for _ in 0..ROUNDS {
+        // In logarithms steps are relative, and neither value becomes negative.
         let (f, d) = (best.frequency_hz.ln(), best.decay_s.ln());
         let by_f = at(f + STEP, d);
         let by_d = at(f, d + STEP);
@@ -146,6 +149,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
             fr += jf * r;
             dr += jd * r;
         }
+        // Damping in proportion to the diagonal does not depend on the scale of the unknowns (Marquardt, 1963).
         let (a, b) = (ff * (1.0 + damping), dd * (1.0 + damping));
         let determinant = a * b - fd * fd;
         if determinant <= 0.0 || determinant.is_nan() {
@@ -153,6 +157,7 @@ fn refine(signal: &[f64], rate_hz: f64, mut best: Projection) -> Projection {
         }
         let step_f = -(b * fr - fd * dr) / determinant;
         let step_d = -(a * dr - fd * fr) / determinant;
+        // Far from the minimum the linearisation does not hold, so long steps are cut short.
         let tried = at(f + step_f.clamp(-0.5, 0.5), d + step_d.clamp(-1.0, 1.0));
         if tried.left < best.left {
             let gained = 1.0 - tried.left / best.left;
@@ -178,6 +183,7 @@ fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
     let mut padded = signal.to_vec();
     padded.resize(len, 0.0);
     let spectrum = fourier::forward(&mut padded);
+    // An offset, in the bin at 0 Hz, is no line.
     let loudest = (1..spectrum.len())
         .max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()));
     loudest.unwrap_or(1) as f64 * rate_hz / len as f64
@@ -224,6 +230,8 @@ pub fn onsets(samples: &[f64], rate_hz: f64) -> Vec<usize> {
                 .iter()
                 .fold(0.0f64, |peak, x| peak.max(x.abs()));
             let least = (3.0 * noise).max(SHARE_AT_ONSET * peak);
+            // An onset is after the last loud sample of the impact before it, and at most the longest rise before its
+            // own.
             let floor = last_loud
                 .map_or(0, |last| last + 1)
                 .max(at.saturating_sub(rise));

@@ -112,19 +112,19 @@ pub struct TapFit {
     pub gain_m_s2_per_n_s: Option<f64>,
     /// RMS deviation of the amplitudes from the gain's line, relative to the amplitudes' own RMS.
     pub gain_scatter: Option<f64>,
-    /// Limit on the amplitude, m/s²: a quarter above the loudest impact.
+    /// Limit on the amplitude, m/s²: a quarter above the loudest impact, and at most what a scene can hold.
     pub limit_m_s2: f64,
     /// True if any recording is simulated.
     pub is_simulated: bool,
 }
 
 impl Taps {
-    /// Reads a recording. A CSV file with a column `force_n` is a free-hand recording of `record-strokes`, with
-    /// `time_s` and `speed_mm_s`; any other file is read like by `fit`. `scale_m_s2` is the acceleration that a sample
-    /// value of 1 means; if not given, the header's, or 1.
+    /// Reads a recording. A CSV file with a column `force_n` is a free hand's, as `stylus record --strokes` writes it,
+    /// with `time_s` and `speed_mm_s`; any other file is read like by `fit`. `scale_m_s2` is the acceleration that a
+    /// sample value of 1 means; if not given, the header's, or 1.
     ///
     /// # Errors
-    /// A file that cannot be read, or has no samples.
+    /// A file that cannot be read, has no samples, or lacks the requested axis.
     pub fn read(path: &Path, scale_m_s2: Option<f64>, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
         let unusable =

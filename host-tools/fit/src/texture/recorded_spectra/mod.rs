@@ -19,6 +19,7 @@ pub fn recorded_spectra(grid: &Grid, signals: &[(&Trial, &[f64])]) -> RecordedSp
         if !is_recorded(model.flags) {
             return None;
         }
+        // The grid's axes are these values in single precision, so equality is exact.
         let is_of_node =
             |trial: &Trial| trial.speed_mm_s as f32 == *speed && trial.force_n as f32 == *force;
         let of_node = signals.iter().filter(|(trial, _)| is_of_node(trial));
@@ -119,6 +120,7 @@ impl RecordedSpectra {
 
     /// Returns the recorded spectra at one force, with their speeds, mm/s, except the nodes `without`.
     fn row(&self, force: usize, without: &[NodeIndex]) -> Vec<(f64, &LogSpectrum)> {
+        // A spectrum at rest cannot be moved: ln 0 does not exist.
         (0..self.speeds_mm_s.len())
             .filter(|&speed| !without.contains(&(speed, force)) && self.speeds_mm_s[speed] > 0.0)
             .filter_map(|speed| Some((self.speeds_mm_s[speed], self.spectrum((speed, force))?)))
@@ -149,6 +151,7 @@ impl RecordedSpectra {
     /// part moves with the speed.
     pub fn at(&self, speed_mm_s: f64, force_n: f64, moving: f64) -> Option<LogSpectrum> {
         let row = |force: usize| {
+            // Values that were written in decimals may differ in their last bits.
             let same = |known: &f64| (known - speed_mm_s).abs() < 1e-6;
             let recorded = self.speeds_mm_s.iter().position(same);
             match recorded.and_then(|speed| self.spectrum((speed, force))) {
@@ -227,6 +230,7 @@ impl TwoWays {
             ways: ways.collect(),
             moving: 0.0,
         };
+        // The weight is chosen by the predictions, so these come first.
         both.moving = both.weight_of_moved(field, None);
         both
     }
@@ -263,6 +267,7 @@ impl TwoWays {
                 *error += target.cost(&way.with(moving), DEFAULT_SMOOTHING_WIDTH_HZ);
             }
         }
+        // Among equal errors the smallest weight stays: without evidence, nothing is moved.
         let least = (1..errors.len()).fold(0, |least, next| {
             if errors[next] < errors[least] {
                 next
@@ -274,8 +279,10 @@ impl TwoWays {
     }
 
     /// Returns the weight of the prediction along speed against that along force, by least squares over all recorded
-    /// nodes that share neither speed nor force with `place`. Recordings at these do not take part.
+    /// nodes that share neither speed nor force with `place`, so that no prediction uses the recording at `place`. It
+    /// is 0.5 if there are no such nodes.
     fn weight_of_speed(&self, field: &RecordedSpectra, place: NodeIndex, moving: f64) -> f64 {
+        // Least squares for w in b + w (a - b), the mean of the predictions a and b.
         let (mut product, mut square) = (0.0, 0.0);
         for (other, ways) in field.places().zip(&self.ways) {
             let (Some(target), (Some(a), Some(b))) = (field.spectrum(other), ways) else {
@@ -292,6 +299,7 @@ impl TwoWays {
             }
         }
         if square > 0.0 {
+            // Beyond 0 and 1 it would be no mean of the two but an extrapolation.
             (product / square).clamp(0.0, 1.0)
         } else {
             0.5
@@ -299,7 +307,7 @@ impl TwoWays {
     }
 }
 
-/// Bins by which weights are chosen: sixty per decade from 18 to 1100 Hz, so that every band counts equally.
+/// Bins by which weights are chosen: sixty per decade from 18 to 1050 Hz, so that every band counts equally.
 fn judged_bins() -> impl Iterator<Item = usize> {
     const COUNT: i32 = 107;
     (0..COUNT).map(|n| {

@@ -86,6 +86,7 @@ impl SurfaceAndTool {
         assert!(members.len() >= FEWEST_SPEEDS);
         let log_speeds: Vec<f64> = members.iter().map(|(speed, _)| speed.ln()).collect();
         let curves: Vec<Curve> = members.iter().map(|(_, s)| curve_of(s)).collect();
+        // Over ln f - ln v, the curves of the slowest and the fastest speed are this many points apart.
         let reach = (log_speeds[log_speeds.len() - 1] - log_speeds[0]) / step();
         let mut parts = Self {
             surface: vec![0.0; POINTS + reach.ceil() as usize],
@@ -168,6 +169,7 @@ impl SurfaceAndTool {
             self.log_speeds[above - 1].exp(),
             self.log_speeds[above].exp(),
         );
+        // At the first and the last speed, rounding may go beyond the ends.
         let share = ((speed_mm_s - low) / (high - low)).clamp(0.0, 1.0);
         let offset = self.offset(log_speed);
         let curve: Curve = (0..POINTS)
