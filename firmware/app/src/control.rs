@@ -1,7 +1,7 @@
-//! Requests that are answered at once: all except those that read, erase or write flash, see [`crate::storage`].
+//! Requests that are answered at once: all except the jobs of [`crate::storage`].
 //!
-//! One [`Control`] serves all links. Each method is one endpoint or topic and takes and returns the types of
-//! [`model_format::link`], so that a dispatcher only has to call it.
+//! One [`Control`] serves all links. A method that "serves" an endpoint or topic takes and returns the types of
+//! [`model_format::link`], so that a dispatcher only has to call it. The others are for the poll and the storage.
 
 mod probe;
 mod response;
@@ -448,7 +448,8 @@ impl<D: Device> Control<D> {
     /// motion that is followed.
     ///
     /// # Errors
-    /// The motion is not finite, or the other link plays. The previous motion stays in force.
+    /// The other link holds the lease, even a lapsed one, or the motion is not finite. The previous motion stays in
+    /// force.
     pub fn motion(
         &mut self,
         from: LinkId,
@@ -500,7 +501,8 @@ impl<D: Device> Control<D> {
     /// Serves `SettingsProposeEndpoint`: keeps `change` until it is applied, in place of any change proposed before.
     ///
     /// # Errors
-    /// A value is out of its range, a setting occurs twice, or something is played.
+    /// A value is out of its range, a setting occurs twice, there is no setting, or something is played, activated or
+    /// stored.
     pub fn propose(
         &mut self,
         from: LinkId,
@@ -530,7 +532,7 @@ impl<D: Device> Control<D> {
     /// Prevents playing until [`Control::end_configuration`], while settings are stored.
     ///
     /// # Errors
-    /// Something is played, or a library is being activated.
+    /// Something is played, a library is being activated, or a store or self test is under way already.
     pub fn begin_configuration(&mut self) -> Result<(), SettingsError> {
         let begun = self.player.begin_configuration();
         begun.map_err(|Busy| SettingsError::Playing)
@@ -557,7 +559,7 @@ impl<D: Device> Control<D> {
     /// Prevents playing until [`Control::end_self_test`].
     ///
     /// # Errors
-    /// Something is played, a library is being activated, or settings are being stored.
+    /// Something is played, a library is being activated, or a store or self test is under way already.
     pub fn begin_self_test(&mut self) -> Result<(), Busy> {
         self.player.begin_configuration()
     }
@@ -575,7 +577,7 @@ impl<D: Device> Control<D> {
     /// Fades out and stops, so that the library can be exchanged once [`Control::may_exchange`] is true.
     ///
     /// # Errors
-    /// Another activation is under way.
+    /// Another activation, a store of settings or a self test is under way.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         self.player.begin_activation()?;
         self.lease.end();

@@ -23,7 +23,7 @@ pub struct Kept {
     pub clock: ClockSource,
     /// Stage under way; none once the start is over.
     pub stage: Option<StartStage>,
-    /// Stage in which a start hung last since power-on.
+    /// Stage in which a start hung last since power-on or the reset button.
     pub hung_stage: Option<StartStage>,
 }
 

@@ -1,4 +1,5 @@
-//! Requests that read, erase or write flash. They are served one after the other and may take seconds.
+//! Requests that read, erase or write flash, and the self test. They are served one after the other and may take
+//! seconds.
 //!
 //! These requests belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is their
 //! view of the rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is
@@ -244,7 +245,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SettingsApplyEndpoint`: applies the change that `from` has proposed with `token`.
     ///
     /// # Errors
-    /// No such proposal waits; something is played; the supply is too low; the flash fails.
+    /// No such proposal waits, or the other link has made it; something is played; the supply is too low; the flash
+    /// fails.
     pub async fn settings_apply(
         &mut self,
         stage: &mut impl Stage,
@@ -271,7 +273,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// or removes the stored response.
     ///
     /// # Errors
-    /// No such response; something is played; the supply is too low; the flash fails.
+    /// No such response, or the other link has proposed it; something is played; the supply is too low; the flash
+    /// fails.
     pub async fn response_set(
         &mut self,
         stage: &mut impl Stage,

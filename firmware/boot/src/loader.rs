@@ -24,8 +24,8 @@ const COPIED_BYTES: usize = 4096;
 
 /// Finds the image to run, and exchanges images if an update asks for it. Offsets in `flash` count from its start.
 ///
-/// `begin` is called before anything is erased or programmed. The record keeps `cause`, the cause of this reset, if it
-/// ends a trial.
+/// `begin` is called before anything is erased or programmed. If an update asks, the record keeps `cause`, the cause of
+/// this reset: it is what has ended a trial, or the way back from it.
 ///
 /// # Errors
 /// The flash fails. The exchange continues at the next start.

@@ -39,7 +39,7 @@ pub mod mark {
     pub const ERASED: u8 = 0xFF;
 }
 
-/// Number of words of a sector that are used. An update takes about twenty.
+/// Number of words of a sector that are used. An update with its way back takes about twenty.
 const WORDS: u32 = 256;
 
 /// Number of words that are tried for a record.
@@ -58,7 +58,7 @@ pub struct Record {
     pub marks: [u8; MARKS],
     /// Index of the slot with which the active image is exchanged.
     pub slot: u8,
-    /// Cause of the reset that ended a trial: bits 28:21 of `RCC_RSR`.
+    /// Cause of the last reset after which an exchange or the way back was begun or continued: bits 28:21 of `RCC_RSR`.
     pub cause: u8,
     /// Version of the image of the last update.
     pub version: [u16; 3],

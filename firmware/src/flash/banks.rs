@@ -10,10 +10,10 @@
 //! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for the bank runs from ITCM. It
 //!   hides the code from the processor, which would otherwise fetch ahead, and masks the interrupts of tasks, whose
 //!   handlers lie in flash. Tick and update continue. Settings must therefore be written only while nothing else
-//!   matters: a change takes a tenth of a millisecond, and one in a few thousand changes needs an erasure. embassy's
-//!   clock counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an erasure makes the clock
-//!   late by whole turns, and every running timeout longer. The clock never steps back. The device's time is the tick's
-//!   count, which continues.
+//!   matters: a word takes a tenth of a millisecond, a change has 32 of them, and one in some 250 changes needs two
+//!   erasures. embassy's clock counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an
+//!   erasure makes the clock late by whole turns, and every running timeout longer. The clock never steps back. The
+//!   device's time is the tick's count, which continues.
 #![expect(
     unsafe_code,
     reason = "the flash's registers change memory, and the memory is read in place"

@@ -93,7 +93,7 @@ static THIRD: Pairs<3> = [
 /// Number of codes that one input affects: the length of the response of the three filters in a row.
 const LENGTH: usize = ((2 * FIRST.len() - 1) * 2 + 2 * SECOND.len() - 1) * 2 + 2 * THIRD.len() - 1;
 
-/// Number of ticks whose codes an input affects, including its own. At 10 kHz an input affects less than half as many.
+/// Number of ticks whose codes an input affects, including its own. At 10 kHz an input affects about half as many.
 pub const TICKS: u32 = LENGTH.div_ceil(OVERSAMPLING) as u32;
 
 /// Largest magnitude of an input: twice the converter's full scale to one side.

@@ -105,7 +105,7 @@ impl Config {
         self.rate
     }
 
-    /// Largest offset of the output from mid-scale, converter steps: the hard limit, or the limit by
+    /// Largest offset of the output from mid-scale, converter steps: the lower of the hard limit and the limit by
     /// [`PEAK_POWER_RATIO`].
     pub fn limit_steps(&self) -> i32 {
         self.limits.offset

@@ -7,8 +7,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::record::{Place, RECORD_BYTES, Record, is_blank};
 use crate::flash::WORD_BYTES;
 
-/// Number of places that are tried for one record before the copy counts as full. A place fails if a power loss has
-/// left a word in it that reads as blank and cannot be programmed.
+/// Number of places that are tried for one record before its write fails. A place fails if a power loss has left a word
+/// in it that reads as blank and cannot be programmed.
 const TRIES: usize = 4;
 
 /// Number of times that a place is read. A record that any of these reads finds was written, because its checksum is
@@ -113,7 +113,7 @@ impl Copy {
         false
     }
 
-    /// Returns true if there is room for a record.
+    /// Returns true if there is room for a record, with all places that may be tried for it.
     pub fn has_room(&self) -> bool {
         self.next + (TRIES * RECORD_BYTES) as u32 <= self.range.end
     }

@@ -1,5 +1,5 @@
 //! Settings in flash: two copies, each a log of records of all settings. A change is appended, so a sector is erased
-//! only once in some hundred changes. The actuator's response is part of the record, so that it and the settings that
+//! only once in some 250 changes. The actuator's response is part of the record, so that it and the settings that
 //! belong to it change together.
 //!
 //! A change is written to the first copy and read back, then to the second copy. It counts when both hold it. So one
@@ -17,7 +17,7 @@
 //! | the first one is one change ahead | its record, with the tighter value of each limit |
 //! | the same, and with another response | the second one's: an interrupted calibration changes nothing |
 //! | one ends with a record, and the other one is damaged at its end or further behind | that record |
-//! | both are damaged behind their last record | nothing plays: every limit is lost |
+//! | otherwise, the newer one is damaged behind its last record | nothing plays: every limit is lost |
 //! | the first has a few damaged places only, and the second is blank | defaults: the first change of all was cut |
 //! | neither is readable otherwise, unless both are blank | nothing plays: everything is lost |
 //!

@@ -23,7 +23,8 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Claims `slot`, so that it can be erased. From then on the slot counts as holding no library.
     ///
     /// # Errors
-    /// The slot holds a library, the other slot does not, and `replaces_last` is false. Nothing has changed then.
+    /// The slot holds a library, the other slot has none that reads the same every time, and `replaces_last` is false.
+    /// The slot has not changed then.
     pub(crate) async fn claim(
         &mut self,
         slot: SlotId,

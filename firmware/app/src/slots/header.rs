@@ -1,4 +1,4 @@
-//! Header of a slot: one flash word, so that it is written whole or not at all.
+//! Header of a slot: one flash word, which is programmed at once. Its checksum shows a programming that was cut.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::limits::MAX_LIBRARY_BYTES;

@@ -265,7 +265,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// The bytes of the library in `slot`, after reading each word again and comparing the checksum.
     ///
     /// # Errors
-    /// The slot has a fault, and counts as faulty from then on.
+    /// The slot has no library, or has a fault, and counts as faulty from then on.
     pub async fn library_bytes(&mut self, slot: SlotId) -> Result<&[u8], SlotFault> {
         let Some(info) = self.library(slot) else {
             return Err(SlotFault::Unfinished);
