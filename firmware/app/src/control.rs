@@ -296,6 +296,7 @@ impl<D: Device> Control<D> {
             None => {}
         }
         self.end_probe(observed.link_lost);
+        // Last, because both the player's poll and the end of a probe change the reasons of the mute.
         self.tell_mute();
     }
 
@@ -385,6 +386,7 @@ impl<D: Device> Control<D> {
         self.lease
             .check_play(from, now)
             .map_err(|HeldBy(by)| PlayError::Held { by })?;
+        // Everything that can refuse the request comes before the first change, so that what is played goes on.
         let (plan, rate) = self.plan(&request)?;
         let begin = self.player.play(request.clone(), rate);
         let begin = begin.map_err(|_| PlayError::Busy)?;
@@ -392,6 +394,7 @@ impl<D: Device> Control<D> {
         self.proposals.end();
         self.device.set_motion_source(request.motion);
         match begin {
+            // The player changes gain and rate only at rest, so the configuration of the safety stages stays.
             Begin::Switch => self.device.switch(&request, plan),
             Begin::AtRest => self.device.prepare(plan),
         }
@@ -552,6 +555,7 @@ impl<D: Device> Control<D> {
         self.proposed = None;
         self.device.set_settings(&settings);
         self.follow_settings();
+        // What a proposal loosens was judged by the previous settings.
         self.proposals.end();
         self.player.end_configuration();
     }
@@ -670,6 +674,7 @@ fn equalise(
         budget,
         arithmetic: in_words(&cost),
     };
+    // Checked without the equaliser first, so that the error names what is too much.
     plan.within(budget).map_err(refused)?;
     if let Some(response) = response {
         let sections = response.sections(rate).biquads();

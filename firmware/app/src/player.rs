@@ -126,6 +126,7 @@ impl Player {
         if self.is_busy() {
             return Err(Busy);
         }
+        // Gain and rate belong to the safety stages, which the director's fade does not reach.
         if let Phase::Playing(Piece::Selected(before), rate_before) = &mut self.phase
             && before.gain == request.gain
             && *rate_before == rate
@@ -328,6 +329,7 @@ impl Player {
     }
 
     fn set(&mut self, reason: MuteReason, on: bool) {
+        // The poll sets the same reasons again every millisecond; only the first time counts.
         let begins = on && !self.mute.contains(reason);
         let count = &mut self.counts[reason as usize];
         *count = count.saturating_add(u32::from(begins));

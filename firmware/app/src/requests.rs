@@ -117,6 +117,7 @@ pub fn serve<S: Stage>(
     let sequence = header.seq_no;
     let served = match header.key {
         VarKey::Key8(key) => {
+            // Borrowed again, because an error is written into the same buffer below.
             let answer = &mut *answer;
             let to = Reply { sequence, answer };
             dispatch(
@@ -132,6 +133,7 @@ pub fn serve<S: Stage>(
         _ => Err(WireError::KeyTooSmall),
     };
     served.unwrap_or_else(|error| {
+        // A full queue is no fault of the frame.
         if !matches!(error, WireError::FailedToSpawn) {
             link.count(|counters| &mut counters.malformed);
         }

@@ -72,6 +72,7 @@ impl Kept {
             (false, true) => self.quick_faults.saturating_add(1),
             // Safe mode stays, and so does the number of faults that is its reason.
             (true, _) if !self.safe_mode => 0,
+            // A reset without a fault before the run was healthy proves nothing, so it clears nothing.
             _ => self.quick_faults,
         }
     }

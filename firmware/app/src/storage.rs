@@ -136,6 +136,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         slot: SlotId,
     ) -> Result<Activated, ActivateError> {
         self.slots.scan_once().await;
+        // A refusal comes before the fade-out, so that what is played goes on.
         let library = self.playable(slot)?;
         stage.with_control(Control::begin_activation)?;
         let result = self.exchange(stage, slot, library).await;
@@ -172,6 +173,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             stage.pause().await;
             waited_ms += 1;
         }
+        // From here on a failure leaves no library in RAM.
         self.loaded = None;
         stage.with_control(|control| control.device().begin_load());
         let not_copied = |LoadFault| ActivateError::NotCopied { slot };
@@ -253,6 +255,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         from: LinkId,
         token: ProposalToken,
     ) -> Result<Settings, SettingsError> {
+        // Checked before the proposal is taken, so that it can be applied once the supply is back.
         if stage.with_control(|control| control.is_supply_low()) {
             return Err(SettingsError::SupplyLow);
         }

@@ -94,6 +94,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let header = updates.begun.ok_or(UpdateError::NotBegun)?;
         let (slot, length) = self.uploader.received()?;
         at_rest(stage)?;
+        // An image is no library, so the upload ends here and is never committed as one.
         self.uploader.abort(&mut self.slots);
         let is_signed = length == header.length
             && digest(&mut self.slots, slot, length).await == Some(header.digest);

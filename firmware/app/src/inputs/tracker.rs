@@ -123,9 +123,11 @@ impl Tracked {
     fn follow_host(&mut self, host: Told, now: u64) {
         self.acceleration = 0.0;
         self.go(self.velocity);
+        // A host may send less often than the updates come. Each of its positions corrects once.
         if host.at == self.told_at {
             return;
         }
+        // A motion that came after the tick's note was written has age zero.
         let age = host.at.map_or(0, |at| now.saturating_sub(at)) as f32;
         let gone_mm = match (host.position_mm, self.told_mm) {
             (Some(told), Some(before)) => told - before,

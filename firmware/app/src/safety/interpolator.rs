@@ -180,6 +180,7 @@ impl Interpolator {
     /// full scale.
     #[inline(always)]
     pub fn next(&mut self, input: i32) -> [i32; OVERSAMPLING] {
+        // A product in place of a branch: the path does not depend on the input.
         self.silent = (self.silent + 1).min(TICKS) * u32::from(input == 0);
         // The boxes hide the taps from the compiler, which would otherwise build each in two instructions instead of
         // loading it.

@@ -19,6 +19,7 @@ pub struct RampConfig {
 impl RampConfig {
     pub fn new(settings: &Settings, rate: PlayRate) -> Self {
         let step = |setting| {
+            // Rounded up, so that a ramp takes no longer than its setting.
             let samples = settings.get(setting) * rate.hz() as f32 / 1e3;
             (ONE as f32 / samples) as i32 + 1
         };

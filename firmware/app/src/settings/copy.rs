@@ -58,6 +58,8 @@ impl Copy {
     pub async fn read<F: NorFlash>(&mut self, flash: &mut F, buffers: &mut Buffers) {
         let places = self.range.clone().step_by(RECORD_BYTES);
         let mut end = self.range.start;
+        // From the end, because a place before the last record may read as blank. One read is enough here: the next
+        // places that seem blank are read again below.
         for at in places.rev() {
             let [bytes, _] = buffers;
             read_once(flash, at, bytes).await;
@@ -100,6 +102,7 @@ impl Copy {
             if at >= self.range.end {
                 return false;
             }
+            // Counted as used before the write, because a word cannot be programmed twice.
             self.next = at + RECORD_BYTES as u32;
             buffers[0] = record.bytes();
             // If a word fails, its place counts as damaged, and the next place is tried.

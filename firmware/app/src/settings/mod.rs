@@ -139,6 +139,7 @@ impl<F: NorFlash> SettingsStore<F> {
     /// # Errors
     /// A value is out of its setting's range, or the flash fails. The settings in force stay.
     pub async fn set_all(&mut self, changes: &[SettingChange]) -> Result<Settings, SettingsError> {
+        // All are checked first: `Snapshot::with` keeps a value in place of one out of range, and reports nothing.
         for change in changes {
             change.setting.check(change.value)?;
         }
@@ -172,6 +173,7 @@ impl<F: NorFlash> SettingsStore<F> {
     /// The flash fails. Every setting then has its default, and none is set, until a restart.
     pub async fn reset(&mut self) -> Result<Settings, SettingsError> {
         self.draft = self.next(&Snapshot::NEVER_SET);
+        // In force at once, also if the flash fails: what could not be erased does not play.
         self.record = self.draft;
         self.differing = SettingSet::NONE;
         self.mended = false;

@@ -37,6 +37,7 @@ impl<F: MappedFlash> SlotStore<F> {
                 return Err(LastLibrary { slot });
             }
         }
+        // Before anything is erased, so that a call that is dropped half way leaves no library that is not there.
         self.set_unfinished(slot);
         Ok(Claim { slot })
     }

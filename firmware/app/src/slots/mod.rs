@@ -395,6 +395,7 @@ impl<F: MappedFlash> SlotStore<F> {
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
         let header = Header {
+            // Above every header that was seen, because a library that cannot be read now may be readable later.
             sequence: self.highest.unwrap_or(0).wrapping_add(1),
             length,
             crc32,
@@ -482,6 +483,7 @@ impl<F: MappedFlash> SlotStore<F> {
                 .ok_or(SlotFault::Unreadable { offset })?;
             let left = (length - offset) as usize;
             digest.update(&word[..left.min(WORD_BYTES)]);
+            // A word that is read many times counts as many; a power of two divides the stride into whole words.
             if (offset as usize).is_multiple_of(STRIDE_BYTES / reads.next_power_of_two()) {
                 yield_now().await;
             }
