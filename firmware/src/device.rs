@@ -236,6 +236,7 @@ impl Device for Hardware {
             voice::clear();
             direction::start(seed)?;
         }
+        // Before the first block, because the plan may have another rate than what was played before.
         tick::configure(config);
         tick::play();
         Ok(())

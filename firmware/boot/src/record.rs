@@ -304,6 +304,7 @@ impl<F: NorFlash> Store<F> {
         let sequence = self.sequence.wrapping_add(1);
         let word = record.word(sequence);
         for _ in 0..TRIES {
+            // The word counts as used even if it fails, because it cannot be programmed again without an erasure.
             let at = self.free_word().await?;
             let written = self.flash.write(at, &word).await.is_ok();
             if written && self.used_word(at).await == Some(Some(word)) {
@@ -312,6 +313,7 @@ impl<F: NorFlash> Store<F> {
                 return Ok(());
             }
         }
+        // A word that failed may still read right at a later start, so the next record must have a higher number.
         self.sequence = sequence;
         (self.is_settled, self.is_renewed) = (false, false);
         Err(NotKept)

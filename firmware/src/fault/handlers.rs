@@ -149,6 +149,7 @@ extern "C" fn hard_fault(frame: u32) -> ! {
     // changes it.
     let program_counter = is_whole.then(|| unsafe { &*(frame as *const ExceptionFrame) }.pc());
     let address = status.address(program_counter);
+    // An overflow comes first, because the MPU reports it like any other access that it refuses.
     let kind = if is_below_stack(frame) || address.is_some_and(is_below_stack) {
         Kind::StackOverflow
     } else if program_counter.is_some_and(is_udf) {

@@ -158,6 +158,7 @@ fn prepare(bank: Bank) -> Result<(), FlashError> {
     if bank.is_busy() {
         return Err(FlashError::Timeout);
     }
+    // Counted first, because `unlock` clears the flags.
     errors::take(bank.index);
     bank.unlock();
     Ok(())
@@ -356,6 +357,7 @@ extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
     protection::hide_code();
     BANK_1.begin_erase(offset);
+    // As `ERASE_LIMIT`, but by the cycle counter, because embassy's clock runs from flash.
     let done = wait_without_code(8_000);
     protection::show_code();
     unmask(mask);
@@ -407,6 +409,7 @@ fn mask_tasks() -> Masked {
         priorities: basepri::read(),
         serial: !NVIC::is_enabled(priority::SERIAL),
     };
+    // BASEPRI cannot mask it without the update, which is less urgent and must continue.
     NVIC::mask(priority::SERIAL);
     // SAFETY: no critical section of this program masks by priority; tick and update are more urgent than the mask.
     unsafe { basepri::write(priority::TASKS_MASK) };
