@@ -179,7 +179,7 @@ pub struct TickReport {
     pub counters: TickCounters,
     /// Histogram of the ticks' durations.
     pub histogram: TickHistogram,
-    /// Number of saturations in the kernel.
+    /// Number of samples that reached full scale in the kernel since the last start from silence.
     pub saturations: u32,
     /// The safety stages' counters.
     pub safety: Counters,

@@ -44,8 +44,8 @@ use record::{RECORD_BYTES, Record, Snapshot};
 /// While one of them is erased or written, code of the same bank stalls; the tick runs from ITCM and does not.
 pub const SETTINGS_RANGE: Range<u32> = 0x000c_0000..0x0010_0000;
 
-/// Largest number of damaged places that losses of power during the very first change can leave at the beginning of the
-/// first copy.
+/// Largest number of damaged places at the beginning of the first copy that count as left by losses of power during the
+/// very first change. Each start that is cut while it writes this change again adds one.
 const MOST_FIRST_CUTS: usize = 8;
 
 /// Settings in flash and in memory.
