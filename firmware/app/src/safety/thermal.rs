@@ -97,6 +97,7 @@ impl CoilConfig {
         }
     }
 
+    /// Largest offset from mid-scale that stays below the peak power, converter steps.
     pub fn peak_limit(self) -> i32 {
         self.peak
     }

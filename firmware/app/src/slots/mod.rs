@@ -556,7 +556,9 @@ struct Content {
 /// Reason why bytes did not become a library.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum SealFault {
+    /// They are not those of the checksum, or not a valid library.
     Bytes(SlotFault),
+    /// The header could not be written.
     Write(WriteFault),
 }
 
