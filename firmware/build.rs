@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The key of this text as an array.
+/// The key of this text as an array in Rust; none unless the text is 64 hexadecimal digits.
 fn key(text: &str) -> Option<String> {
     let digits = text.trim();
     let byte = |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();

@@ -92,7 +92,7 @@ impl Device for Hardware {
 
     fn info(&self) -> DeviceInfo {
         let mut build = String::new();
-        // Fits; a longer text would be cut.
+        // Fits; otherwise the compiler would be left out.
         let (profile, compiler) = (env!("STYLUS_PROFILE"), env!("STYLUS_COMPILER"));
         let _ = write!(build, "{profile}, {compiler}");
         DeviceInfo {
@@ -236,6 +236,7 @@ impl Device for Hardware {
             voice::clear();
             direction::start(seed)?;
         }
+        // Before the first block, because the plan may have another rate than what was played before.
         tick::configure(config);
         tick::play();
         Ok(())

@@ -1,7 +1,7 @@
-//! Requests that are answered at once: all except those that read, erase or write flash, see [`crate::storage`].
+//! Requests that are answered at once: all except the jobs of [`crate::storage`].
 //!
-//! One [`Control`] serves all links. Each method is one endpoint or topic and takes and returns the types of
-//! [`model_format::link`], so that a dispatcher only has to call it.
+//! One [`Control`] serves all links. A method that "serves" an endpoint or topic takes and returns the types of
+//! [`model_format::link`], so that a dispatcher only has to call it. The others are for the poll and the storage.
 
 mod probe;
 mod response;
@@ -179,7 +179,7 @@ pub struct TickReport {
     pub counters: TickCounters,
     /// Histogram of the ticks' durations.
     pub histogram: TickHistogram,
-    /// Number of saturations in the kernel.
+    /// Number of samples that reached full scale in the kernel since the last start from silence.
     pub saturations: u32,
     /// The safety stages' counters.
     pub safety: Counters,
@@ -296,6 +296,7 @@ impl<D: Device> Control<D> {
             None => {}
         }
         self.end_probe(observed.link_lost);
+        // Last, because both the player's poll and the end of a probe change the reasons of the mute.
         self.tell_mute();
     }
 
@@ -385,6 +386,7 @@ impl<D: Device> Control<D> {
         self.lease
             .check_play(from, now)
             .map_err(|HeldBy(by)| PlayError::Held { by })?;
+        // Everything that can refuse the request comes before the first change, so that what is played goes on.
         let (plan, rate) = self.plan(&request)?;
         let begin = self.player.play(request.clone(), rate);
         let begin = begin.map_err(|_| PlayError::Busy)?;
@@ -392,6 +394,7 @@ impl<D: Device> Control<D> {
         self.proposals.end();
         self.device.set_motion_source(request.motion);
         match begin {
+            // The player changes gain and rate only at rest, so the configuration of the safety stages stays.
             Begin::Switch => self.device.switch(&request, plan),
             Begin::AtRest => self.device.prepare(plan),
         }
@@ -448,7 +451,8 @@ impl<D: Device> Control<D> {
     /// motion that is followed.
     ///
     /// # Errors
-    /// The motion is not finite, or the other link plays. The previous motion stays in force.
+    /// The other link holds the lease, even a lapsed one, or the motion is not finite. The previous motion stays in
+    /// force.
     pub fn motion(
         &mut self,
         from: LinkId,
@@ -500,7 +504,8 @@ impl<D: Device> Control<D> {
     /// Serves `SettingsProposeEndpoint`: keeps `change` until it is applied, in place of any change proposed before.
     ///
     /// # Errors
-    /// A value is out of its range, a setting occurs twice, or something is played.
+    /// A value is out of its range, a setting occurs twice, there is no setting, or something is played, activated or
+    /// stored.
     pub fn propose(
         &mut self,
         from: LinkId,
@@ -530,7 +535,7 @@ impl<D: Device> Control<D> {
     /// Prevents playing until [`Control::end_configuration`], while settings are stored.
     ///
     /// # Errors
-    /// Something is played, or a library is being activated.
+    /// Something is played, a library is being activated, or a store or self test is under way already.
     pub fn begin_configuration(&mut self) -> Result<(), SettingsError> {
         let begun = self.player.begin_configuration();
         begun.map_err(|Busy| SettingsError::Playing)
@@ -550,6 +555,7 @@ impl<D: Device> Control<D> {
         self.proposed = None;
         self.device.set_settings(&settings);
         self.follow_settings();
+        // What a proposal loosens was judged by the previous settings.
         self.proposals.end();
         self.player.end_configuration();
     }
@@ -557,7 +563,7 @@ impl<D: Device> Control<D> {
     /// Prevents playing until [`Control::end_self_test`].
     ///
     /// # Errors
-    /// Something is played, a library is being activated, or settings are being stored.
+    /// Something is played, a library is being activated, or a store or self test is under way already.
     pub fn begin_self_test(&mut self) -> Result<(), Busy> {
         self.player.begin_configuration()
     }
@@ -575,7 +581,7 @@ impl<D: Device> Control<D> {
     /// Fades out and stops, so that the library can be exchanged once [`Control::may_exchange`] is true.
     ///
     /// # Errors
-    /// Another activation is under way.
+    /// Another activation, a store of settings or a self test is under way.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         self.player.begin_activation()?;
         self.lease.end();
@@ -668,6 +674,7 @@ fn equalise(
         budget,
         arithmetic: in_words(&cost),
     };
+    // Checked without the equaliser first, so that the error names what is too much.
     plan.within(budget).map_err(refused)?;
     if let Some(response) = response {
         let sections = response.sections(rate).biquads();

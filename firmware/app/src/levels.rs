@@ -68,6 +68,7 @@ impl Sums {
             .zip(per_code)
             .map(|(axis, scale)| self.variance(axis) * scale * scale)
             .sum();
+        // The force is linear in the code, so two forces give its line, and the mean code needs no rounding to a code.
         let force = InputConfig::new(settings);
         let zero = force.force(AdcCode(0)).0;
         let force_per_code = force.force(AdcCode(1)).0 - zero;

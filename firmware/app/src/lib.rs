@@ -10,7 +10,7 @@
 //! | [`inputs`] | the tick (encoder, conversions) and below it (motion) |
 //! | [`levels`] | thread mode, never waits |
 //! | [`recorder`] | the tick (one sample in a queue) and thread mode (blocks) |
-//! | [`start`] | the start, before anything else |
+//! | [`start`] | the start, before the clocks are set up |
 //! | [`player`], [`control`] | thread mode, never waits |
 //! | [`requests`] | thread mode, never waits; its jobs are asynchronous |
 //! | [`slots`], [`upload`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |

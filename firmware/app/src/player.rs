@@ -5,19 +5,17 @@
 //! the kernel's director fades the old one out and the new one in. The player decides when to mute; the safety stages
 //! report when the output is at rest.
 //!
-//! ```text
-//!            play                      at rest
-//!   Idle -----------> Starting -----------------------> Playing
-//!    ^                   ^                                 |
-//!    |  at rest          | at rest, other gain or rate     | stop, play, activate
-//!    +---------------- FadingOut <-------------------------+
-//!    |                   | at rest, a library
-//!    |   end             v
-//!    +---------------- Activating
-//! ```
+//! | request | phase before | phase after | at rest | at the end |
+//! |---|---|---|---|---|
+//! | play | Idle, Playing, FadingOut | FadingOut(Play), or Playing without a pause | Playing | |
+//! | probe | Idle | FadingOut(Play) | Playing | |
+//! | stop | Playing, FadingOut(Play) | FadingOut(Stop) | Idle | |
+//! | activation | Idle, Playing, FadingOut | FadingOut(Activate) | Activating | Idle |
+//! | configuration | Idle | Configuring | | Idle |
 //!
-//! While settings are stored, the player is Configuring instead of Idle, and nothing begins to play. Otherwise the new
-//! settings could replace the gain of something that began meanwhile.
+//! An activation cannot be interrupted. While settings are stored, the self test measures, or an update is committed,
+//! the player is Configuring instead of Idle, and nothing begins to play. Otherwise new settings could replace the gain
+//! of something that began meanwhile.
 
 use model_format::PlayRate;
 use model_format::link::{
@@ -119,15 +117,16 @@ impl Player {
         }
     }
 
-    /// Plays `request`, whose texture or scene exists and has `rate`: at once if something is played with the same gain
-    /// at the same rate, otherwise at the next [`Player::poll`] at rest, after the fade-out.
+    /// Plays `request`, whose texture or scene exists and has `rate`: at once if a texture or scene is played with the
+    /// same gain at the same rate, otherwise at the next [`Player::poll`] at rest, after the fade-out.
     ///
     /// # Errors
-    /// A library is being activated or about to be, or settings are being stored.
+    /// A library is being activated or about to be, or the player is configuring.
     pub fn play(&mut self, request: PlayRequest, rate: PlayRate) -> Result<Begin, Busy> {
         if self.is_busy() {
             return Err(Busy);
         }
+        // Gain and rate belong to the safety stages, which the director's fade does not reach.
         if let Phase::Playing(Piece::Selected(before), rate_before) = &mut self.phase
             && before.gain == request.gain
             && *rate_before == rate
@@ -142,7 +141,7 @@ impl Player {
     /// Plays `probe` at `rate` at the next [`Player::poll`].
     ///
     /// # Errors
-    /// Something is played, a library is being activated, or settings are being stored.
+    /// Something is played, a library is being activated, or the player is configuring.
     pub fn probe(&mut self, probe: Probe, rate: PlayRate) -> Result<(), Busy> {
         if !self.is_idle() {
             return Err(Busy);
@@ -189,7 +188,7 @@ impl Player {
     /// Fades out and stops, so that the library can be exchanged once [`Player::may_exchange`] is true.
     ///
     /// # Errors
-    /// Another activation is under way, or settings are being stored.
+    /// Another activation is under way, or the player is configuring.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         if self.is_busy() {
             return Err(ActivateError::Busy);
@@ -213,10 +212,10 @@ impl Player {
         }
     }
 
-    /// Prevents playing until [`Player::end_configuration`], so that settings can be exchanged.
+    /// Prevents playing until [`Player::end_configuration`], so that settings can be exchanged or the output measured.
     ///
     /// # Errors
-    /// Something is played, a library is being activated, or settings are being stored already.
+    /// Something is played, a library is being activated, or the player is configuring already.
     pub fn begin_configuration(&mut self) -> Result<(), Busy> {
         if self.phase != Phase::Idle {
             return Err(Busy);
@@ -316,7 +315,7 @@ impl Player {
         }
     }
 
-    /// Returns true while a library is being activated or about to be, or settings are being stored: nothing may begin
+    /// Returns true while a library is being activated or about to be, or the player is configuring: nothing may begin
     /// to play.
     pub fn is_busy(&self) -> bool {
         self.is_activating() || self.phase == Phase::Configuring
@@ -330,6 +329,7 @@ impl Player {
     }
 
     fn set(&mut self, reason: MuteReason, on: bool) {
+        // The poll sets the same reasons again every millisecond; only the first time counts.
         let begins = on && !self.mute.contains(reason);
         let count = &mut self.counts[reason as usize];
         *count = count.saturating_add(u32::from(begins));

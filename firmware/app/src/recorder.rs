@@ -134,6 +134,7 @@ impl<'q> Recorder<'q> {
         // The loop is bounded, because the tick continues to queue samples.
         for _ in 0..QUEUE_SAMPLES {
             let timed = self.queue.dequeue()?;
+            // The levels are those of all samples, also while nothing is recorded.
             self.levels.take(timed.sample.into());
             if self.recording
                 && let Some(block) = self.take(whole_tick(timed.tick, now), timed)
@@ -151,6 +152,7 @@ impl<'q> Recorder<'q> {
         self.close_missed(index);
         let place = (index % BLOCK_SAMPLES as u64) as usize;
         self.samples[place] = timed.sample;
+        // The word still has the bits of the block before, so a whole sample clears its own.
         let bit = 1 << place;
         self.torn = if timed.whole {
             self.torn & !bit

@@ -1,7 +1,8 @@
 //! Dispatch of requests: each is served at once, or becomes a [`Job`] of the storage.
 //!
 //! Every request gets the answer of its endpoint, or an error of postcard-rpc with its sequence number: for an unknown
-//! key, a body that is not of the key's type, or a storage that takes no more jobs. A topic is not answered.
+//! or shortened key, a body that is not of the key's type, or a storage that takes no more jobs. A topic is not
+//! answered, and neither is a frame without a header.
 //!
 //! An answer is written as a frame into a buffer of the caller, which sends it. So nothing here waits for a link, and
 //! the code for each endpoint is no more than its work and the encoding of its answer.
@@ -49,7 +50,7 @@ pub trait Link {
     fn queue(&self, job: QueuedJob) -> bool;
 }
 
-/// A request that needs the flash.
+/// A request for the storage, because it needs the flash, takes long, or asks for the state of an update.
 #[derive(Clone, Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -116,6 +117,7 @@ pub fn serve<S: Stage>(
     let sequence = header.seq_no;
     let served = match header.key {
         VarKey::Key8(key) => {
+            // Borrowed again, because an error is written into the same buffer below.
             let answer = &mut *answer;
             let to = Reply { sequence, answer };
             dispatch(
@@ -131,6 +133,7 @@ pub fn serve<S: Stage>(
         _ => Err(WireError::KeyTooSmall),
     };
     served.unwrap_or_else(|error| {
+        // A full queue is no fault of the frame.
         if !matches!(error, WireError::FailedToSpawn) {
             link.count(|counters| &mut counters.malformed);
         }
@@ -332,7 +335,7 @@ fn dispatch<S: Stage, L: Link>(
     }
 }
 
-/// Queues the job of a request that needs the flash. Not inlined, because the image is larger with this code in
+/// Queues the job of a request for the storage. Not inlined, because the image is larger with this code in
 /// [`dispatch`].
 #[inline(never)]
 fn queue_job<S: Stage, L: Link>(

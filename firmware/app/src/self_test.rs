@@ -30,7 +30,7 @@ pub trait Bench {
     /// Levels of the encoder's lines.
     fn encoder(&self) -> EncoderValues;
 
-    /// Counts clocks against each other, within two seconds.
+    /// Counts clocks against each other, within two seconds, or within four in safe mode, in which no tick comes.
     fn clocks(&mut self) -> impl Future<Output = ClockValues>;
 
     /// Disables the amplifier, moves the output and reads its pin, and leaves everything as it was, within two seconds.
@@ -58,8 +58,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SelfTestEndpoint`.
     ///
     /// # Errors
-    /// Something is played or received; the slot is active, is not empty and may not be erased, or holds the last
-    /// library; the hardware does not answer; the amplifier may be on.
+    /// Something is played, activated, stored or received; an update needs the slots; the slot is active, is not empty
+    /// and may not be erased, or holds the last library; the hardware does not answer; the amplifier may be on.
     pub async fn self_test(
         &mut self,
         stage: &mut impl Stage,
@@ -119,6 +119,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let claim = slots.claim(slot, false).await;
         let claim = claim.map_err(|LastLibrary { slot }| SelfTestError::LastLibrary { slot })?;
         let values = measure(slots, bench, claim).await;
+        // The claim made the slot unfinished; now it is empty, or as faulty as the flash is.
         slots.rescan(slot).await;
         Ok(values)
     }

@@ -23,7 +23,7 @@ pub struct Kept {
     pub clock: ClockSource,
     /// Stage under way; none once the start is over.
     pub stage: Option<StartStage>,
-    /// Stage in which a start hung last since power-on.
+    /// Stage in which a start hung last since power-on or the reset button.
     pub hung_stage: Option<StartStage>,
 }
 
@@ -72,6 +72,7 @@ impl Kept {
             (false, true) => self.quick_faults.saturating_add(1),
             // Safe mode stays, and so does the number of faults that is its reason.
             (true, _) if !self.safe_mode => 0,
+            // A reset without a fault before the run was healthy proves nothing, so it clears nothing.
             _ => self.quick_faults,
         }
     }

@@ -1,4 +1,5 @@
-//! Requests that read, erase or write flash. They are served one after the other and may take seconds.
+//! Requests that read, erase or write flash, and the self test. They are served one after the other and may take
+//! seconds.
 //!
 //! These requests belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is their
 //! view of the rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is
@@ -135,6 +136,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         slot: SlotId,
     ) -> Result<Activated, ActivateError> {
         self.slots.scan_once().await;
+        // A refusal comes before the fade-out, so that what is played goes on.
         let library = self.playable(slot)?;
         stage.with_control(Control::begin_activation)?;
         let result = self.exchange(stage, slot, library).await;
@@ -171,6 +173,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             stage.pause().await;
             waited_ms += 1;
         }
+        // From here on a failure leaves no library in RAM.
         self.loaded = None;
         stage.with_control(|control| control.device().begin_load());
         let not_copied = |LoadFault| ActivateError::NotCopied { slot };
@@ -244,13 +247,15 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SettingsApplyEndpoint`: applies the change that `from` has proposed with `token`.
     ///
     /// # Errors
-    /// No such proposal waits; something is played; the supply is too low; the flash fails.
+    /// No such proposal waits, or the other link has made it; something is played; the supply is too low; the flash
+    /// fails.
     pub async fn settings_apply(
         &mut self,
         stage: &mut impl Stage,
         from: LinkId,
         token: ProposalToken,
     ) -> Result<Settings, SettingsError> {
+        // Checked before the proposal is taken, so that it can be applied once the supply is back.
         if stage.with_control(|control| control.is_supply_low()) {
             return Err(SettingsError::SupplyLow);
         }
@@ -271,7 +276,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// or removes the stored response.
     ///
     /// # Errors
-    /// No such response; something is played; the supply is too low; the flash fails.
+    /// No such response, or the other link has proposed it; something is played; the supply is too low; the flash
+    /// fails.
     pub async fn response_set(
         &mut self,
         stage: &mut impl Stage,

@@ -47,7 +47,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UpdateBeginEndpoint`. The image's chunks are sent as those of an upload.
     ///
     /// # Errors
-    /// The device refuses the image, something is played, or the flash cannot be erased.
+    /// The supply is too low, there is no bootloader, the device refuses the image, something is played, an earlier
+    /// update is not confirmed, or the flash fails.
     pub async fn update_begin(
         &mut self,
         stage: &mut impl Stage,
@@ -82,8 +83,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// restart.
     ///
     /// # Errors
-    /// No update was begun, chunks are missing, the image is not the signed one, something is played, or the flash
-    /// fails. The running image stays.
+    /// The supply is too low, no update was begun, chunks are missing, the image is not the signed one, something is
+    /// played, or the flash fails. The running image stays.
     pub async fn update_commit(
         &mut self,
         stage: &mut impl Stage,
@@ -93,6 +94,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let header = updates.begun.ok_or(UpdateError::NotBegun)?;
         let (slot, length) = self.uploader.received()?;
         at_rest(stage)?;
+        // An image is no library, so the upload ends here and is never committed as one.
         self.uploader.abort(&mut self.slots);
         let is_signed = length == header.length
             && digest(&mut self.slots, slot, length).await == Some(header.digest);
@@ -118,7 +120,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UpdateConfirmEndpoint`: from now on a reset does not restore the previous image.
     ///
     /// # Errors
-    /// No image is on trial, something is played, or the flash fails.
+    /// The supply is too low, no image is on trial, something is played, or the flash fails.
     pub async fn update_confirm(
         &mut self,
         stage: &mut impl Stage,
@@ -138,7 +140,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 
     /// Confirms the image at the end of its trial if it is healthy, or else asks for a restart, which restores the
-    /// previous image. While something is played it does nothing.
+    /// previous image. Before that end, or while something is played, it does nothing.
     pub async fn end_trial(&mut self, stage: &mut impl Stage) {
         let now_ms = stage.now_us() / 1000;
         let Some(updates) = self

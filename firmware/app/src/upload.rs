@@ -74,6 +74,7 @@ impl Uploader {
         {
             return Ok(upload.progress());
         }
+        // The claim comes before the end of another upload, which goes on if the claim is refused.
         let claim = store.claim_spare(begin.replaces_last).await;
         let claim = claim.map_err(|LastLibrary { slot }| UploadError::LastLibrary { slot })?;
         self.abort(store);

@@ -24,8 +24,8 @@ const COPIED_BYTES: usize = 4096;
 
 /// Finds the image to run, and exchanges images if an update asks for it. Offsets in `flash` count from its start.
 ///
-/// `begin` is called before anything is erased or programmed. The record keeps `cause`, the cause of this reset, if it
-/// ends a trial.
+/// `begin` is called before anything is erased or programmed. If an update asks, the record keeps `cause`, the cause of
+/// this reset: it is what has ended a trial, or the way back from it.
 ///
 /// # Errors
 /// The flash fails. The exchange continues at the next start.
@@ -76,7 +76,9 @@ fn judged<F: NorFlash>(
     let without = |mark| Record::marked(mark, record.slot, record.version);
     Ok(match (record.steps(), record.check()) {
         (0, None) if is_image(slot, 0)? => record.with_check(check(active, 0)?),
+        // The update was committed and is not made, so it is reported as taken back.
         (0, None) => without(mark::REVERT),
+        // There is nothing to go back to, so the new image is kept as if it were confirmed.
         (EXCHANGED, Some(kept)) if check(slot, aside)? != kept => without(mark::BOOT),
         (EXCHANGED, None) if !is_image(slot, aside)? => without(mark::BOOT),
         // After a power loss in the first step of either way, the step is done again. It changes nothing that was
@@ -111,6 +113,7 @@ fn check<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<u16, F::Err
         part.read(at, &mut word)?;
         digest.update(&word);
     }
+    // All ones in the record mean that there is no checksum.
     Ok((digest.finalize() as u16).min(u16::MAX - 1))
 }
 

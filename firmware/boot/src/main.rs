@@ -2,7 +2,7 @@
 //!
 //! The bootloader runs from flash at 64 MHz, the clock after a reset. While bank 1 is erased or programmed, its
 //! instruction fetches wait. Erasing a sector may take 4 s (DS12110, table 60), so the watchdog has its longest timeout
-//! during an exchange, and the image's timeout after it.
+//! during an exchange, and the one of a reset after it.
 #![no_std]
 #![no_main]
 #![expect(

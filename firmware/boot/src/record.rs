@@ -39,7 +39,7 @@ pub mod mark {
     pub const ERASED: u8 = 0xFF;
 }
 
-/// Number of words of a sector that are used. An update takes about twenty.
+/// Number of words of a sector that are used. An update with its way back takes about twenty.
 const WORDS: u32 = 256;
 
 /// Number of words that are tried for a record.
@@ -58,7 +58,7 @@ pub struct Record {
     pub marks: [u8; MARKS],
     /// Index of the slot with which the active image is exchanged.
     pub slot: u8,
-    /// Cause of the reset that ended a trial: bits 28:21 of `RCC_RSR`.
+    /// Cause of the last reset after which an exchange or the way back was begun or continued: bits 28:21 of `RCC_RSR`.
     pub cause: u8,
     /// Version of the image of the last update.
     pub version: [u16; 3],
@@ -304,6 +304,7 @@ impl<F: NorFlash> Store<F> {
         let sequence = self.sequence.wrapping_add(1);
         let word = record.word(sequence);
         for _ in 0..TRIES {
+            // The word counts as used even if it fails, because it cannot be programmed again without an erasure.
             let at = self.free_word().await?;
             let written = self.flash.write(at, &word).await.is_ok();
             if written && self.used_word(at).await == Some(Some(word)) {
@@ -312,6 +313,7 @@ impl<F: NorFlash> Store<F> {
                 return Ok(());
             }
         }
+        // A word that failed may still read right at a later start, so the next record must have a higher number.
         self.sequence = sequence;
         (self.is_settled, self.is_renewed) = (false, false);
         Err(NotKept)

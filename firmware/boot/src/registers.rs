@@ -59,6 +59,7 @@ impl Bank {
             w.set_ser(true);
             w.set_snb((offset as usize / SECTOR_BYTES) as u8);
         });
+        // By a write of its own, after the sector's number is set (RM0433 section 4.3.10).
         self.registers().cr().modify(|w| w.set_start(true));
     }
 
@@ -70,6 +71,7 @@ impl Bank {
             w.set_ser(false);
             w.set_pg(true);
         });
+        // PG must be set before the first store arrives, because a store without it is a fault (PGSERR).
         cortex_m::asm::dsb();
         let start = (self.address + offset) as *mut u32;
         for (index, &part) in word.iter().enumerate() {

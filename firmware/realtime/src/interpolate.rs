@@ -10,8 +10,8 @@ use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::{ANGLE, Rotation, SINES, SPARE_BITS, STEP_BITS, TABLE_STEPS};
 use stylus_kernel::theta::{BIAS, Run, TAIL_BIAS};
 
-/// Stages that a loop processes together. Most loops process twice as many per turn. If the number of stages is not a
-/// multiple of that, these loops begin in the middle of a turn.
+/// Stages that a loop processes together. Two of the four loops process twice as many per turn. If the number of stages
+/// is not a multiple of that, these loops begin in the middle of a turn.
 const TURN: usize = 4;
 
 /// Factor that converts a sum to an index into the table, by a product whose low 32 bits are dropped.

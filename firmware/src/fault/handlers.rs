@@ -32,8 +32,9 @@ const FAULT_STACK_BYTES: usize = 2048;
 #[repr(C, align(8))]
 struct FaultStack(UnsafeCell<MaybeUninit<[u8; FAULT_STACK_BYTES]>>);
 
-// SAFETY: only HardFault uses it, once, because its handler does not return. Only NMI can preempt that handler, and NMI
-// does not return either.
+// SAFETY: only HardFault's code uses it, and does not return. NMI may preempt that code, and does not return either. If
+// the code was reached from the handler of BusFault, more urgent interrupts may preempt it, too: they use the stack
+// below its own frames, and a fault of theirs ends the program in its place.
 unsafe impl Sync for FaultStack {}
 
 #[unsafe(link_section = ".uninit.fault_stack")]
@@ -148,6 +149,7 @@ extern "C" fn hard_fault(frame: u32) -> ! {
     // changes it.
     let program_counter = is_whole.then(|| unsafe { &*(frame as *const ExceptionFrame) }.pc());
     let address = status.address(program_counter);
+    // An overflow comes first, because the MPU reports it like any other access that it refuses.
     let kind = if is_below_stack(frame) || address.is_some_and(is_below_stack) {
         Kind::StackOverflow
     } else if program_counter.is_some_and(is_udf) {

@@ -92,8 +92,7 @@ const AT_SUM: usize = AT_STARTS + 1;
 #[repr(C, align(8))]
 struct Kept(UnsafeCell<MaybeUninit<[u32; WORDS]>>);
 
-// SAFETY: thread mode uses it with interrupts masked. The handlers of faults never return, and nothing else runs with
-// them.
+// SAFETY: only thread mode and the handlers of faults use it. The handlers never return, and no other handler uses it.
 unsafe impl Sync for Kept {}
 
 #[unsafe(link_section = ".uninit.fault")]

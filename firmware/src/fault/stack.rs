@@ -39,8 +39,8 @@ pub fn bytes() -> u32 {
     stack.end - stack.start
 }
 
-/// Checks the next part of the stack. One task calls this at regular intervals; a complete search takes at most 48
-/// calls.
+/// Checks the next part of the stack. One task calls this at regular intervals; a complete search takes at most one
+/// call per [`PIECE_BYTES`] of the stack.
 pub fn search() {
     let stack = range();
     let from = PAINTED.load(Ordering::Relaxed);

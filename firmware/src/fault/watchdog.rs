@@ -2,8 +2,8 @@
 //!
 //! The watchdog has its own clock. A task feeds it, so it bites if the executor hangs. The task feeds it only if the
 //! tick has advanced, so it bites if the tick hangs, too. `boot/startup.rs` starts the watchdog with the first
-//! instructions, and the start feeds it at the end of each stage. Once tasks run, the timeout is shorter. The reset
-//! includes DAC and pins, and the next start puts the output to mid-scale.
+//! instructions, and the start feeds it before and after it sets up the clocks. Once tasks run, the timeout is shorter.
+//! The reset includes DAC and pins, and the next start puts the output to mid-scale.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -52,7 +52,7 @@ fn undo_debugger() {
         .write(|w| w.set_iwdg1(cfg!(feature = "debug-halt")));
 }
 
-/// Feeds the watchdog at the end of a stage of the start.
+/// Feeds the watchdog in the start, before and after the clocks are set up.
 pub fn feed_at_start() {
     reload();
 }
@@ -72,7 +72,8 @@ pub async fn feed() -> ! {
         .write(|w| w.set_rl(startup::watchdog_reload(startup::RUNNING_WATCHDOG_US) as u16));
     let mut ticker = Ticker::every(FEED);
     let mut before = alive::ended();
-    // The rest of the start runs before the first turn of this task, and feeds the watchdog at its own stages.
+    // What the start still does before its first wait comes before the first turn of this task. The time since the last
+    // feed contains it, so that time is no gap between two feeds of this task.
     ticker.next().await;
     reload();
     LONGEST_GAP.store(0, Ordering::Relaxed);

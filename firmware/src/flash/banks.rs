@@ -10,10 +10,10 @@
 //! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for the bank runs from ITCM. It
 //!   hides the code from the processor, which would otherwise fetch ahead, and masks the interrupts of tasks, whose
 //!   handlers lie in flash. Tick and update continue. Settings must therefore be written only while nothing else
-//!   matters: a change takes a tenth of a millisecond, and one in a few thousand changes needs an erasure. embassy's
-//!   clock counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an erasure makes the clock
-//!   late by whole turns, and every running timeout longer. The clock never steps back. The device's time is the tick's
-//!   count, which continues.
+//!   matters: a word takes a tenth of a millisecond, a change has 32 of them, and one in some 250 changes needs two
+//!   erasures. embassy's clock counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an
+//!   erasure makes the clock late by whole turns, and every running timeout longer. The clock never steps back. The
+//!   device's time is the tick's count, which continues.
 #![expect(
     unsafe_code,
     reason = "the flash's registers change memory, and the memory is read in place"
@@ -158,6 +158,7 @@ fn prepare(bank: Bank) -> Result<(), FlashError> {
     if bank.is_busy() {
         return Err(FlashError::Timeout);
     }
+    // Counted first, because `unlock` clears the flags.
     errors::take(bank.index);
     bank.unlock();
     Ok(())
@@ -356,6 +357,7 @@ extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
     protection::hide_code();
     BANK_1.begin_erase(offset);
+    // As `ERASE_LIMIT`, but by the cycle counter, because embassy's clock runs from flash.
     let done = wait_without_code(8_000);
     protection::show_code();
     unmask(mask);
@@ -407,6 +409,7 @@ fn mask_tasks() -> Masked {
         priorities: basepri::read(),
         serial: !NVIC::is_enabled(priority::SERIAL),
     };
+    // BASEPRI cannot mask it without the update, which is less urgent and must continue.
     NVIC::mask(priority::SERIAL);
     // SAFETY: no critical section of this program masks by priority; tick and update are more urgent than the mask.
     unsafe { basepri::write(priority::TASKS_MASK) };

@@ -3,8 +3,9 @@
 //! Invariants:
 //! - Requests run in tasks. Interrupt handlers move bytes and count faults of the line.
 //! - A frame that cannot be sent or decoded is counted. A transfer cut off by the end of a USB session is not.
-//! - No host stops the tick. No host stops the other link, except by a change of settings, which masks the tasks'
-//!   interrupts while flash is written or erased, and which is refused while something is played.
+//! - No host stops the tick. No host stops the other link, except by what writes bank 1 of the flash, which masks the
+//!   tasks' interrupts meanwhile: a change of settings or response, and a step of an update, which are refused while
+//!   something is played; and the first upload after a start, which renews the record of updates.
 
 pub mod otg;
 pub mod outlet;

@@ -13,8 +13,8 @@ const SEND_LIMIT: Duration = Duration::from_millis(100);
 
 /// Receiver of a link.
 pub trait ReceiveFrame {
-    /// Receives one frame into `buffer` and returns its length. Returns none if the bytes received are no frame, which
-    /// is counted, or if the link's session has ended.
+    /// Receives one frame into `buffer` and returns its length, which is 0 if the bytes received do not decode to a
+    /// frame. Returns none if the frame is too long, which is counted, or if the link's session has ended.
     async fn receive_frame(&mut self, buffer: &mut [u8]) -> Option<usize>;
 }
 

@@ -22,8 +22,8 @@ const fn encoded(length: usize) -> usize {
     length + length / 254 + 2
 }
 
-/// Length of the buffer of bytes received and not yet read: 44 ms. This is about twice the longest time for which a
-/// task does not yield, the check of the largest library.
+/// Length of the buffer of bytes received and not yet read: 44 ms. A step of decoding and a plan, between which tasks
+/// do not yield, take far less (`STEP_INSTRUCTIONS` and `PLAN_INSTRUCTIONS` of `model_format::limits`).
 const RECEIVED_BYTES: usize = 4 * encoded(MAX_HOST_FRAME_BYTES);
 
 /// Length of the buffer of bytes to send: the longest frame.

@@ -142,7 +142,7 @@ fn frame_number() -> u16 {
 }
 
 /// Waits for the beginning of a frame, located to within [`FRAME_EDGE_CYCLES`]; returns its number and the core's
-/// cycle.
+/// cycle, and none if no such beginning is found in [`FRAME_EDGE_LIMIT`].
 async fn frame_edge() -> Option<(u16, u32)> {
     let begin = Instant::now();
     let mut before = (frame_number(), DWT::cycle_count());

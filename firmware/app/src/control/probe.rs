@@ -92,6 +92,7 @@ impl<D: Device> Control<D> {
         let plan = (self.device).plan_wave(wave, rate, sections.as_deref().unwrap_or_default());
         self.device.prepare(plan);
         self.tell_mute();
+        // Rounded up, because the setting may have a fraction of a millisecond.
         let soft_start_ms = self.settings.get(Setting::SoftStart) as u32 + 1;
         Ok(ProbeStarted {
             first_tick,

@@ -24,7 +24,7 @@ impl<D: Device> Control<D> {
     /// any response proposed before. Returns the hash of `response`.
     ///
     /// # Errors
-    /// Something is played, or the response cannot be stored.
+    /// Something is played, activated or stored, or the response cannot be stored with the settings in force.
     pub fn propose_response(
         &mut self,
         from: LinkId,
@@ -48,7 +48,7 @@ impl<D: Device> Control<D> {
     /// stored one.
     ///
     /// # Errors
-    /// There is no such response, another link has proposed it, or something is played.
+    /// There is no such response, another link has proposed it, or something is played, activated or stored.
     pub fn begin_response(
         &mut self,
         from: LinkId,

@@ -153,8 +153,11 @@ impl Estimator {
         } else {
             0
         };
+        // The sum counts from the block's beginning. From the beginning of the present count the mean lies back by the
+        // counts that the block has added.
         let mean = sensors.last.sum as f32 / UPDATE_INTERVAL_TICKS as f32;
         let measured = mean - sensors.last.counts as f32 + MIDDLE;
+        // Exactly at rest, which the filter would only approach.
         if self.resting.max(passed) >= REST_BLOCKS {
             self.position = measured;
             self.velocity = self.moved[0];
@@ -162,6 +165,7 @@ impl Estimator {
             self.moved[1] = self.moved[0];
             return;
         }
+        // Without the new counts, because the position is relative to the present count.
         let predicted = self.position - counts
             + (self.velocity + self.acceleration * (elapsed / 2.0)) * elapsed;
         self.velocity += self.acceleration * elapsed;

@@ -180,6 +180,7 @@ impl Sensors {
     pub fn read(&mut self, tick: u64, encoder_delta: i16, force: AdcCode, fresh: bool) {
         self.block.counts = self.block.counts.wrapping_add(i32::from(encoder_delta));
         self.block.sum = self.block.sum.wrapping_add(self.block.counts);
+        // One comparison for both rails: a code below the lower bound wraps to a large number.
         let inside = force.0.wrapping_sub(RAIL_CODES) <= u16::MAX - 2 * RAIL_CODES;
         if fresh {
             self.railed = !inside;
@@ -335,6 +336,7 @@ impl Follower {
         config: &InputConfig,
         now: u64,
     ) -> Interaction {
+        // Called also if the host states contact, so that the detector's hysteresis knows every force.
         let by_force = self.contact.touches(chosen.motion, config.contact);
         let contact = chosen.contact.unwrap_or(by_force);
         let position = if self.locates {

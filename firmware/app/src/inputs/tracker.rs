@@ -1,14 +1,15 @@
 //! Position of the tool when a block's last sample is felt, for lines that are tied to position.
 //!
 //! **From the encoder.** The motion of the [`Estimator`] is extrapolated by [`LEAD_TICKS`]. It has no lag at constant
-//! speed or constant acceleration. While the hand reverses from 100 mm/s, the position is wrong by one count if the
-//! reversal takes 0.9 s, and for a moment by two counts if it takes 0.3 s, because jerk cannot be predicted. At the
-//! edge of a count, where the counter flickers, the error doubles. `firmware/app/tests/app/lines.rs` holds these
-//! figures.
+//! speed or constant acceleration. While the hand reverses from 100 mm/s, the position is wrong by less than a count if
+//! the reversal takes 0.9 s, and for a moment by up to three counts if it takes 0.3 s, because jerk cannot be
+//! predicted (`firmware/app/tests/app/lines.rs`). At the edge of a count, where the counter flickers, the error
+//! doubles.
 //!
 //! **From the host.** The host's positions arrive at up to 1 kHz, and up to a millisecond late or early. The position
-//! continues at the speed that the host sent last, and each update corrects a fifth of its difference from the host's
-//! position. If the host sends no positions, the position is the integral of the signed speed.
+//! continues at the speed that the host sent last, and each update that has a new motion corrects a fifth of its
+//! difference from the host's position. If the host sends no positions, the position is the integral of the signed
+//! speed.
 
 use stylus_kernel::position::Position;
 
@@ -19,8 +20,8 @@ use crate::{SAMPLE_RATE_HZ, UPDATE_INTERVAL_TICKS, UPDATE_LEAD_TICKS};
 ///
 /// The block begins [`UPDATE_LEAD_TICKS`] after the reading, and its last sample follows 9 ticks later. The codes of
 /// that sample begin 1.1 ticks after it, and the interpolation filter delays them by 1.7 ticks. At 10 kHz the last
-/// sample comes half a tick later, but the filter delays it by 0.8 ticks only, so it is felt 0.4 ticks earlier. That is
-/// 8 µm at 100 mm/s.
+/// sample comes half a tick later, but the filter delays it by 0.7 ticks only, so it is felt half a tick earlier. That
+/// is 10 µm at 100 mm/s.
 pub const LEAD_TICKS: u32 = UPDATE_LEAD_TICKS + UPDATE_INTERVAL_TICKS - 1 + 3;
 
 /// The lead in updates.
@@ -122,9 +123,11 @@ impl Tracked {
     fn follow_host(&mut self, host: Told, now: u64) {
         self.acceleration = 0.0;
         self.go(self.velocity);
+        // A host may send less often than the updates come. Each of its positions corrects once.
         if host.at == self.told_at {
             return;
         }
+        // A motion that came after the tick's note was written has age zero.
         let age = host.at.map_or(0, |at| now.saturating_sub(at)) as f32;
         let gone_mm = match (host.position_mm, self.told_mm) {
             (Some(told), Some(before)) => told - before,

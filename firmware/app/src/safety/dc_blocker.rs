@@ -11,8 +11,8 @@ pub const ALPHA: i64 = 82;
 pub const ALPHA_OF_PAIR: i64 = ALPHA / 2;
 const ALPHA_BITS: u32 = 15;
 
-/// Binary digits of the mean beyond the input's. They keep the round-off of the mean below 2^-7 of the input's last
-/// digit.
+/// Binary digits of the mean beyond the input's. They keep the round-off of the mean below 2^-6 of the input's last
+/// digit: a difference of less than 1 / α of the mean's last digits, 800 at 10 kHz, moves the mean no more.
 const EXTRA_BITS: u32 = 16;
 
 /// State of the filter.

@@ -18,6 +18,7 @@ pub const CODE_BITS: u32 = 15;
 /// `value` / 2^`bits`, truncated toward zero, for `bits` below 63.
 #[inline(always)]
 pub fn shift_toward_zero(value: i64, bits: u32) -> i64 {
+    // The shift rounds down. The sign, shifted down, is a mask that adds the summand to negative values only.
     let below_one = (1i64 << bits) - 1;
     (value + ((value >> 63) & below_one)) >> bits
 }

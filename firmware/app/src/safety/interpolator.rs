@@ -93,7 +93,7 @@ static THIRD: Pairs<3> = [
 /// Number of codes that one input affects: the length of the response of the three filters in a row.
 const LENGTH: usize = ((2 * FIRST.len() - 1) * 2 + 2 * SECOND.len() - 1) * 2 + 2 * THIRD.len() - 1;
 
-/// Number of ticks whose codes an input affects, including its own. At 10 kHz an input affects less than half as many.
+/// Number of ticks whose codes an input affects, including its own. At 10 kHz an input affects about half as many.
 pub const TICKS: u32 = LENGTH.div_ceil(OVERSAMPLING) as u32;
 
 /// Largest magnitude of an input: twice the converter's full scale to one side.
@@ -180,6 +180,7 @@ impl Interpolator {
     /// full scale.
     #[inline(always)]
     pub fn next(&mut self, input: i32) -> [i32; OVERSAMPLING] {
+        // A product in place of a branch: the path does not depend on the input.
         self.silent = (self.silent + 1).min(TICKS) * u32::from(input == 0);
         // The boxes hide the taps from the compiler, which would otherwise build each in two instructions instead of
         // loading it.

@@ -19,6 +19,8 @@ impl LimitConfig {
     pub fn new(settings: &Settings, peak: i32) -> Self {
         let per_step = 1.0 / DacCode::STEP.0;
         let slew_per_code = settings.get(Setting::SlewLimit) * 1e3 / PIN_RATE_HZ as f32;
+        // Rounded down, so that no code exceeds the settings. The slew limit is at least one step, or the output could
+        // not even go to mid-scale.
         Self {
             offset: ((settings.hard_limit().0 * per_step) as i32).min(peak),
             slew: ((slew_per_code * per_step) as i32).max(1),
@@ -93,6 +95,7 @@ impl Pin {
         let limited = within(requested, -limits.offset, limits.offset);
         let (low, high) = (self.offset - limits.slew, self.offset + limits.slew);
         self.offset = within(limited, low, high);
+        // Differing bits are collected in place of conditions: the path does not depend on the codes.
         cut.hard |= requested ^ limited;
         cut.slew |= limited ^ self.offset;
         self.offset

@@ -105,7 +105,7 @@ impl Config {
         self.rate
     }
 
-    /// Largest offset of the output from mid-scale, converter steps: the hard limit, or the limit by
+    /// Largest offset of the output from mid-scale, converter steps: the lower of the hard limit and the limit by
     /// [`PEAK_POWER_RATIO`].
     pub fn limit_steps(&self) -> i32 {
         self.limits.offset
@@ -250,6 +250,7 @@ impl State {
         sample: OutputSample,
         muted: bool,
     ) -> (i32, bool) {
+        // The clamp is the bound by which no sum of the stages after it overflows; the hard limit comes later.
         let product = i64::from(sample.0) * i64::from(config.gain);
         let amplified = fixed::shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
         let without_dc = self.dc_blocker.next::<ALPHA>(amplified);
@@ -267,6 +268,7 @@ impl State {
         } = wanted;
         self.shaper.forget_if(self.interpolator.is_empty());
         let mut pin = self.pin.under(config.limits);
+        // Missed ticks warm the coil with this tick's energy, so that the heat is updated once per tick that runs.
         let (mut energy, mut cut) = (core::mem::take(&mut self.held), Cut::default());
         let codes = wanted.map(|wanted| {
             let requested = self.shaper.next(wanted);

@@ -19,6 +19,7 @@ pub struct RampConfig {
 impl RampConfig {
     pub fn new(settings: &Settings, rate: PlayRate) -> Self {
         let step = |setting| {
+            // Rounded up, so that a ramp takes no longer than its setting.
             let samples = settings.get(setting) * rate.hz() as f32 / 1e3;
             (ONE as f32 / samples) as i32 + 1
         };
@@ -45,6 +46,7 @@ impl Ramp {
         Self { gain: 0 }
     }
 
+    /// `input` times the gain, which first goes a step down if `muted`, and up otherwise.
     #[inline(always)]
     pub fn next(&mut self, config: RampConfig, input: i64, muted: bool) -> i64 {
         let step = if muted { -config.down } else { config.up };
@@ -53,6 +55,7 @@ impl Ramp {
         shift_toward_zero(input * i64::from(self.gain), ONE_BITS)
     }
 
+    /// Returns true if the gain is exactly zero.
     pub fn is_down(self) -> bool {
         self.gain == 0
     }

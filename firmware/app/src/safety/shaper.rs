@@ -32,6 +32,7 @@ impl Shaper {
     /// Forgets the errors if `silent`, so that an input of zero gives exactly zero from then on.
     #[inline(always)]
     pub fn forget_if(&mut self, silent: bool) {
+        // All ones if the errors stay, 0 otherwise: the path does not depend on the signal.
         let kept = i32::from(silent) - 1;
         self.errors = self.errors.map(|error| error & kept);
     }

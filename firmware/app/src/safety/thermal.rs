@@ -97,6 +97,7 @@ impl CoilConfig {
         }
     }
 
+    /// Largest offset from mid-scale that stays below the peak power, converter steps.
     pub fn peak_limit(self) -> i32 {
         self.peak
     }
@@ -185,6 +186,7 @@ impl CoilState {
         let warming =
             (i64::from(energy) * config.share + ((1 << WARMING_BITS) - 1)) >> WARMING_BITS;
         let leak = ((self.heat >> COARSE_BITS) * config.share) >> (SHARE_BITS - COARSE_BITS);
+        // The rounding up could exceed the largest heat, which `Heat::from_bits` would refuse after a reset.
         self.heat = (self.heat - leak + warming).min(MOST_HEAT);
     }
 

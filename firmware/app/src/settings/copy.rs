@@ -7,8 +7,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::record::{Place, RECORD_BYTES, Record, is_blank};
 use crate::flash::WORD_BYTES;
 
-/// Number of places that are tried for one record before the copy counts as full. A place fails if a power loss has
-/// left a word in it that reads as blank and cannot be programmed.
+/// Number of places that are tried for one record before its write fails. A place fails if a power loss has left a word
+/// in it that reads as blank and cannot be programmed.
 const TRIES: usize = 4;
 
 /// Number of times that a place is read. A record that any of these reads finds was written, because its checksum is
@@ -58,6 +58,8 @@ impl Copy {
     pub async fn read<F: NorFlash>(&mut self, flash: &mut F, buffers: &mut Buffers) {
         let places = self.range.clone().step_by(RECORD_BYTES);
         let mut end = self.range.start;
+        // From the end, because a place before the last record may read as blank. One read is enough here: the next
+        // places that seem blank are read again below.
         for at in places.rev() {
             let [bytes, _] = buffers;
             read_once(flash, at, bytes).await;
@@ -100,6 +102,7 @@ impl Copy {
             if at >= self.range.end {
                 return false;
             }
+            // Counted as used before the write, because a word cannot be programmed twice.
             self.next = at + RECORD_BYTES as u32;
             buffers[0] = record.bytes();
             // If a word fails, its place counts as damaged, and the next place is tried.
@@ -113,7 +116,7 @@ impl Copy {
         false
     }
 
-    /// Returns true if there is room for a record.
+    /// Returns true if there is room for a record, with all places that may be tried for it.
     pub fn has_room(&self) -> bool {
         self.next + (TRIES * RECORD_BYTES) as u32 <= self.range.end
     }

@@ -1,5 +1,5 @@
 //! Settings in flash: two copies, each a log of records of all settings. A change is appended, so a sector is erased
-//! only once in some hundred changes. The actuator's response is part of the record, so that it and the settings that
+//! only once in some 250 changes. The actuator's response is part of the record, so that it and the settings that
 //! belong to it change together.
 //!
 //! A change is written to the first copy and read back, then to the second copy. It counts when both hold it. So one
@@ -17,7 +17,7 @@
 //! | the first one is one change ahead | its record, with the tighter value of each limit |
 //! | the same, and with another response | the second one's: an interrupted calibration changes nothing |
 //! | one ends with a record, and the other one is damaged at its end or further behind | that record |
-//! | both are damaged behind their last record | nothing plays: every limit is lost |
+//! | otherwise, the newer one is damaged behind its last record | nothing plays: every limit is lost |
 //! | the first has a few damaged places only, and the second is blank | defaults: the first change of all was cut |
 //! | neither is readable otherwise, unless both are blank | nothing plays: everything is lost |
 //!
@@ -44,8 +44,8 @@ use record::{RECORD_BYTES, Record, Snapshot};
 /// While one of them is erased or written, code of the same bank stalls; the tick runs from ITCM and does not.
 pub const SETTINGS_RANGE: Range<u32> = 0x000c_0000..0x0010_0000;
 
-/// Largest number of damaged places that losses of power during the very first change can leave at the beginning of the
-/// first copy.
+/// Largest number of damaged places at the beginning of the first copy that count as left by losses of power during the
+/// very first change. Each start that is cut while it writes this change again adds one.
 const MOST_FIRST_CUTS: usize = 8;
 
 /// Settings in flash and in memory.
@@ -139,6 +139,7 @@ impl<F: NorFlash> SettingsStore<F> {
     /// # Errors
     /// A value is out of its setting's range, or the flash fails. The settings in force stay.
     pub async fn set_all(&mut self, changes: &[SettingChange]) -> Result<Settings, SettingsError> {
+        // All are checked first: `Snapshot::with` keeps a value in place of one out of range, and reports nothing.
         for change in changes {
             change.setting.check(change.value)?;
         }
@@ -172,6 +173,7 @@ impl<F: NorFlash> SettingsStore<F> {
     /// The flash fails. Every setting then has its default, and none is set, until a restart.
     pub async fn reset(&mut self) -> Result<Settings, SettingsError> {
         self.draft = self.next(&Snapshot::NEVER_SET);
+        // In force at once, also if the flash fails: what could not be erased does not play.
         self.record = self.draft;
         self.differing = SettingSet::NONE;
         self.mended = false;

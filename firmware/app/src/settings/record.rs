@@ -30,7 +30,9 @@ const _: () = assert!(Setting::ALL.len() <= ROOM);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snapshot {
     pub settings: Settings,
+    /// Settings that somebody has set, and whose value was not lost since.
     pub set: SettingSet,
+    /// Settings whose last value was lost.
     pub lost: SettingSet,
     pub response: Option<Response>,
 }
@@ -49,8 +51,11 @@ pub struct Record {
     reason = "there is no allocator, and a place lives for one judgement"
 )]
 pub enum Place {
+    /// All ones: nothing was written.
     Blank,
+    /// A record with a right checksum.
     Record(Record),
+    /// Anything else.
     Damaged,
 }
 

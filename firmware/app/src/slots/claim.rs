@@ -23,7 +23,8 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Claims `slot`, so that it can be erased. From then on the slot counts as holding no library.
     ///
     /// # Errors
-    /// The slot holds a library, the other slot does not, and `replaces_last` is false. Nothing has changed then.
+    /// The slot holds a library, the other slot has none that reads the same every time, and `replaces_last` is false.
+    /// The slot has not changed then.
     pub(crate) async fn claim(
         &mut self,
         slot: SlotId,
@@ -36,6 +37,7 @@ impl<F: MappedFlash> SlotStore<F> {
                 return Err(LastLibrary { slot });
             }
         }
+        // Before anything is erased, so that a call that is dropped half way leaves no library that is not there.
         self.set_unfinished(slot);
         Ok(Claim { slot })
     }

@@ -1,4 +1,4 @@
-//! Header of a slot: one flash word, so that it is written whole or not at all.
+//! Header of a slot: one flash word, which is programmed at once. Its checksum shows a programming that was cut.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::limits::MAX_LIBRARY_BYTES;
@@ -18,17 +18,24 @@ static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Header of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
+    /// Number of the upload, which wraps.
     pub sequence: u32,
+    /// Length of the library, bytes.
     pub length: u32,
+    /// CRC-32 (ISO-HDLC) of the library's bytes.
     pub crc32: u32,
 }
 
 /// Content of a header's word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeaderWord {
+    /// A whole header of this version.
     Header(Header),
+    /// All ones.
     Blank,
+    /// A whole header of another version.
     Version(u16),
+    /// Anything else.
     Damaged,
 }
 

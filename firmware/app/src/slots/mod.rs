@@ -265,7 +265,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// The bytes of the library in `slot`, after reading each word again and comparing the checksum.
     ///
     /// # Errors
-    /// The slot has a fault, and counts as faulty from then on.
+    /// The slot has no library, or has a fault, and counts as faulty from then on.
     pub async fn library_bytes(&mut self, slot: SlotId) -> Result<&[u8], SlotFault> {
         let Some(info) = self.library(slot) else {
             return Err(SlotFault::Unfinished);
@@ -395,6 +395,7 @@ impl<F: MappedFlash> SlotStore<F> {
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
         let header = Header {
+            // Above every header that was seen, because a library that cannot be read now may be readable later.
             sequence: self.highest.unwrap_or(0).wrapping_add(1),
             length,
             crc32,
@@ -482,6 +483,7 @@ impl<F: MappedFlash> SlotStore<F> {
                 .ok_or(SlotFault::Unreadable { offset })?;
             let left = (length - offset) as usize;
             digest.update(&word[..left.min(WORD_BYTES)]);
+            // A word that is read many times counts as many; a power of two divides the stride into whole words.
             if (offset as usize).is_multiple_of(STRIDE_BYTES / reads.next_power_of_two()) {
                 yield_now().await;
             }
@@ -554,7 +556,9 @@ struct Content {
 /// Reason why bytes did not become a library.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum SealFault {
+    /// They are not those of the checksum, or not a valid library.
     Bytes(SlotFault),
+    /// The header could not be written.
     Write(WriteFault),
 }
 

@@ -6,7 +6,7 @@
 //! | 0 | falling supply (PVD_AVD) | before the output has fallen |
 //! | 2 | serial port (USART3) | its FIFO holds 170 µs, less than an update may take |
 //! | 4 | update (SWPMI1, pended by software) | one block per 2 ms |
-//! | 8 | embassy's handlers: time, USB | none: they wake tasks |
+//! | 8 | embassy's handlers: time (TIM2), USB | none: they wake tasks |
 //! | none | tasks, in thread mode | none |
 //!
 //! Priorities are the upper four bits of eight (RM0433 section 19.1); smaller is more urgent.
@@ -33,7 +33,7 @@ pub const SUPPLY: Interrupt = Interrupt::PVD_AVD;
 /// All other interrupts in use.
 const TASKS: [Interrupt; 3] = [Interrupt::TIM2, Interrupt::OTG_FS, Interrupt::FLASH];
 
-/// Value of BASEPRI that masks all interrupts except those of tick, update and serial port.
+/// Value of BASEPRI that masks all interrupts except those of tick, falling supply, serial port and update.
 pub const TASKS_MASK: u8 = 8 << 4;
 
 /// Sets all priorities. It runs right after embassy's initialisation, because embassy gives its own interrupts the

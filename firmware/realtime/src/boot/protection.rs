@@ -28,7 +28,7 @@
 //! 3. Stores must reach the bank as they are, and reads must see what was programmed. With the data cache on, erases
 //!    were found unreliable (NuttX issue 7397). The memory is normal, not device, because slices of bytes are read
 //!    unaligned, which device memory refuses (ARM DDI 0403E, A3.2.1). The bank's lock, which is off only while a word
-//!    is programmed, refuses stray stores.
+//!    is programmed or a sector erased, refuses stray stores.
 //! 4. No region lies below DTCM, so the first store of a stack that overflows is refused. TCMs are never cached.
 //! 5. A fetch from a busy bank stalls until the bank is idle, which can take longer than the watchdog allows. The
 //!    processor also fetches ahead along the path that it predicts, from wherever execution is allowed (ARM DDI 0489F,
@@ -159,9 +159,9 @@ pub const REGIONS: [Region; 13] = [
 #[cfg(target_arch = "arm")]
 const CODE: usize = 3;
 
-/// Hides bank 1, except for its records, from the processor. The region becomes strongly ordered, without access and
-/// execution, so that the processor fetches and reads nothing ahead from there (ARM DDI 0489F, 5.2.1). Must be inlined
-/// into code outside bank 1.
+/// Hides bank 1, except for the record of updates and the settings, from the processor. The region becomes strongly
+/// ordered, without access and execution, so that the processor fetches and reads nothing ahead from there (ARM DDI
+/// 0489F, 5.2.1). Must be inlined into code outside bank 1.
 #[cfg(target_arch = "arm")]
 #[inline(always)]
 pub fn hide_code() {

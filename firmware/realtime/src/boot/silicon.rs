@@ -51,8 +51,8 @@ pub enum ResetFlags {
 impl ResetFlags {
     /// Reads and clears RCC_RSR (RM0433 section 8.7.38).
     ///
-    /// The order of the tests matters, because every other reset sets the pin's flag too, and power-on sets all of
-    /// them.
+    /// The order of the tests matters, because every other reset sets the pin's flag too, and power-on also that of the
+    /// brown-out.
     pub fn take() -> Self {
         let rsr = RCC.rsr();
         let flags = rsr.read();

@@ -1,4 +1,4 @@
-//! From reset to `main`. The amplifier is turned off and the output set to mid-scale, the watchdog starts, and then
+//! From reset to `main`. The watchdog starts, the amplifier is turned off and the output set to mid-scale, and then
 //! code, constants and vectors are copied to the memories that the tick uses.
 #![expect(
     unsafe_code,

@@ -205,7 +205,8 @@ pub unsafe fn noted() -> Noted {
     *unsafe { NOTED.look() }
 }
 
-/// Makes `director` decide the block that follows `played`, which has begun at `tick`.
+/// Makes `director` decide the block that follows `played`. That block begins [`UPDATE_LEAD_TICKS`] after `tick`, the
+/// tick of the request.
 ///
 /// # Safety
 /// Called by the update, before [`ready`], with the director of what is played.

@@ -183,7 +183,8 @@ pub fn set_muted(muted: bool) -> u64 {
     })
 }
 
-/// Returns true if the output was at mid-scale, with the mute ramp down, at tick `since` or a later one.
+/// Returns true if the output was at mid-scale, with the mute ramp down, at tick `since` or a later one, and before the
+/// start.
 pub fn is_at_rest(since: u64) -> bool {
     TICK.with(|_, tick| {
         tick.as_ref()
@@ -237,8 +238,9 @@ pub fn stop() {
 ///
 /// The time of a tick is bounded by the stages of the block, whose worst case was compared with a budget before the
 /// plan was accepted. The safety stages, the queue and the counters take the same time at every tick. A tick begins
-/// late by at most the longest critical section. If a tick ends after the next trigger, it is counted as missed, and
-/// the next tick begins at once. `status` shows the count and the duration of ticks.
+/// late by at most the longest critical section. If a tick ends after the next trigger, the next tick begins at once. A
+/// trigger whose tick has not begun at the trigger after it is counted as missed. `status` shows the count and the
+/// duration of ticks.
 ///
 /// The codes of a sample are put out 212.5 µs after the trigger, however early they are computed.
 ///

@@ -21,6 +21,7 @@ pub async fn raise_amplifier() -> ! {
     loop {
         let wanted = amplifier::is_to_be_raised();
         Timer::after(if wanted { LOOK } else { IDLE }).await;
+        // Without a new tick, the rest that the tick reports would be an old one.
         let before = core::mem::replace(&mut ticks, handler::now());
         let settling =
             wanted && ticks != before && handler::is_at_rest(0) && output::is_driven_at_mid_scale();
