@@ -93,6 +93,7 @@ impl Judged {
 
     /// The evaluation, and the takes that judge nothing.
     fn evaluated(&self, steps: &Steps) -> Result<(Evaluation, Vec<String>)> {
+        // A decoded library borrows its bytes, so the thread of the work decodes them anew.
         let library = decode_library(&self.path, &self.bytes)?;
         let Chosen { judges, unused, .. } = self.chosen()?;
         steps.between();
@@ -168,6 +169,7 @@ pub fn evaluate<'py>(
     let mut judged = Judged::new(recordings, library.get(), takes, options)?;
     let total = judged.set.trials.len();
     if let Some(folder) = &report {
+        // Before the work, so that no minutes are lost to an output that cannot be written.
         check_folder(folder, overwrite, &judged.inputs(folder)).map_err(raised)?;
         judged.options.excerpt_s = node_seconds(total);
     }

@@ -13,8 +13,8 @@ use crate::link::error::{LinkError, Result};
 use crate::link::{LinkAddress, usb};
 use crate::support::fnv::Fnv;
 
-/// Version of the messages. The socket's name depends on it and on the version of the device's protocol. The lock's
-/// name is the same for all versions.
+/// Version of the messages. The socket's name depends on it and on the hash of the link's messages. The lock's name is
+/// the same for all versions.
 const VERSION: u16 = 2;
 
 /// Prefix of the text in a lock whose holder does not share the device.
@@ -126,6 +126,7 @@ impl Place {
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
         let file = options.open(&self.lock).map_err(failed)?;
+        // The file is never removed: two programs could then hold the locks of two files of the same name.
         match file.try_lock() {
             Ok(()) => Ok(Some(file)),
             Err(TryLockError::WouldBlock) => Ok(None),
@@ -153,6 +154,7 @@ async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
         LinkAddress::Usb { serial } => LinkAddress::Usb {
             serial: usb::serial_number(serial.as_deref(), &address.to_string())
                 .await?
+                // The operating system may hide the number of a device that this user may not open.
                 .or_else(|| serial.clone()),
         },
         LinkAddress::Serial { path } => LinkAddress::Serial {

@@ -79,6 +79,7 @@ impl Device {
             let sent = self
                 .runtime()
                 .block_on(self.send_window(library, at, |next| {
+                    // Each answered chunk is progress, so the wait for a full queue begins anew.
                     (at, limit) = (next as usize, self.limit(self.timeouts().flash));
                     progress(next);
                 }));
