@@ -70,7 +70,6 @@ impl Plant {
         };
         Self {
             parameters: parameters.clone(),
-            // The matrix depends on the parameters alone, so it is computed once.
             rows: exponential(&derivatives, STEP_S / f64::from(parts)),
             derivatives,
             parts,

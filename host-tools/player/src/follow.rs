@@ -41,8 +41,8 @@ impl Told {
     }
 
     fn of_words(words: Words<BLOCK_NUMBERS>) -> Self {
-        // No block has NaN as its speed, because `BlockMotion::check` refuses it.
         let motion = BlockMotion::of_numbers(words.map(f64::from_bits));
+        // No block has NaN as its speed, because `BlockMotion::check` refuses it.
         if motion.speed_mm_s.is_nan() {
             return Self::Place {
                 time_s: motion.end_mm,

@@ -57,8 +57,8 @@ impl<'a> Playing<'a> {
 
     /// Fades out what is playing, from the next block on.
     pub fn leave(&mut self) {
-        // A switch fades out whatever plays. What comes after it is never reached, because this player is then
-        // replaced.
+        // A switch fades out what plays. The plan after the fade is never heard, because the caller then takes its next
+        // choice.
         self.player.switch(self.plan.clone());
     }
 
@@ -78,8 +78,8 @@ impl<'a> Playing<'a> {
         } else {
             (motion.begin_mm, motion.end_mm)
         };
-        // The integral goes on to the first sample of the next block. Of a position that was given, no later one is
-        // known.
+        // An integral is carried to the first sample of the next block. A given position is known only up to the last
+        // sample of this one.
         self.at_mm = if motion.begin_mm.is_nan() {
             begin_mm + motion.speed_mm_s * f64::from(samples) / rate_hz
         } else {

@@ -109,7 +109,6 @@ fn row(phase: f64, from_hz: u32, to_hz: u32) -> Vec<f32> {
         } else {
             (PI * turns).sin() / (PI * turns)
         };
-        // Rounding could lead below 0 at the window's ends.
         let inside = (1.0 - (at / half).powi(2)).max(0.0).sqrt();
         sinc * bessel(beta * inside)
     };

@@ -275,6 +275,7 @@ pub struct Channels {
 /// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
+    // As many as a file may have.
     let most = &mut Left::of(MAX_CHANNELS * MAX_FRAMES);
     let samples = bounded("samples", samples, 2, most)?;
     let numpy = py.import("numpy")?;

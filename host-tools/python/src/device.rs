@@ -160,9 +160,8 @@ impl Device {
         let (bytes, path) = (library.get().bytes().clone(), library.get().named());
         let total = bytes.len() as u64;
         let device = self.shared.clone();
-        // The wait after Ctrl-C ends once the upload has let go of the link.
+        // The caller waits, so that after Ctrl-C the link is free again when the exception is raised.
         let slot = work::run_until(py, total, progress, AfterEnd::Waits, move |steps| {
-            // What is no library is refused before the device erases a slot for it.
             decode_library(&path, &bytes)?;
             let mut device = locked(&device);
             let device = open(&mut device)?;
@@ -172,6 +171,7 @@ impl Device {
                     steps.between();
                 })
             });
+            // A failure of the link is passed on as a value, so that its exception is of the kind "link".
             Ok(uploaded.and_then(|uploaded| {
                 if activate {
                     device.activate(uploaded.slot)?;
@@ -388,6 +388,7 @@ impl Device {
 
     /// Closes the link. What is played goes on only as long as the device allows without a host.
     fn close(&self, py: Python<'_>) {
+        // Another thread may hold the device and wait for the lock of the interpreter.
         py.detach(|| drop(locked(&self.shared).take()));
     }
 
@@ -427,7 +428,7 @@ fn played(
     let broken = |failure: LinkError| link_raised(&failure);
     let mut heard = Heard::since(&device.status().map_err(broken)?);
     device.play(request).map_err(broken)?;
-    // Both functions that `drive` calls use it, the one to set it and the other to read it.
+    // One function that `drive` calls sets it and the other reads it, so both borrow it.
     let ended = Cell::new(false);
     let driven = drive(
         device,

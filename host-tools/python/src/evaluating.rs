@@ -322,6 +322,7 @@ pub fn compare<'py>(
         let (bytes, record) = (before.bytes().clone(), before.record().cloned());
         (bytes, before.named(), record)
     });
+    // It tells no progress, but runs in a thread of its own, so that Ctrl-C ends it.
     let (trials, notes, unused) = work::run(py, 0, None, move |steps| {
         let decoded = (before.as_ref()).map(|(bytes, path, _)| decode_library(path, bytes));
         let decoded = decoded.transpose()?;

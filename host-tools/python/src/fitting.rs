@@ -111,6 +111,7 @@ pub fn fit<'py>(
         )?
     };
     options.check_rate().map_err(raised)?;
+    // What was chosen by hand and exists only at 5 kHz was refused above. Automatic choices are left out.
     let options = options.at_their_rate();
     let set = crate::recording::recordings(recordings)?;
     let (set, warnings) = set.snapped(options.snap).map_err(raised)?;

@@ -229,6 +229,7 @@ impl Library {
     }
 
     fn __hash__(&self) -> u64 {
+        // Libraries are equal if their bytes are, whatever their files and records.
         host_tools::support::fnv::Fnv::of(&self.bytes)
     }
 

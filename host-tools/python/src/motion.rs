@@ -11,7 +11,7 @@ use crate::error::{raised, refused, warn};
 
 /// The numbers of the argument `name`: one per row, or one for all of them.
 fn rows(name: &str, values: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
-    // A number first, because it may be one of NumPy that also passes for an array.
+    // A number first: as an array it would have no dimension, and be refused.
     if let Ok(value) = values.extract() {
         return Ok(vec![value; count]);
     }

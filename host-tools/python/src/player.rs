@@ -74,7 +74,7 @@ fn found(
             ));
         }
         (Some(name), None) => {
-            // For its error, which lists the names that there are.
+            // By its name first, for the error that lists the names that there are.
             let texture = texture_named(&decoded, name).map_err(raised)?;
             let index = decoded.textures().position(|other| other.name() == name);
             (index.map(Selection::Texture), texture.sample_rate_hz())

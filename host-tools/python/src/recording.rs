@@ -99,7 +99,7 @@ impl Recording {
         even_times: bool,
         simulated: bool,
     ) -> PyResult<Self> {
-        // The file is read only by a fit. A wrong path is told here, where it was given.
+        // The file is read only later. A wrong path is told here, where it was given.
         if let Err(source) = std::fs::metadata(&path) {
             return Err(raised(Error::io("open", &path)(source)));
         }
@@ -177,6 +177,7 @@ impl Recording {
         let samples = py.detach(|| recording::read_at(&trial, rate_hz));
         let axes = samples.map_err(raised)?.axes;
         let frames = axes.first().map_or(0, Vec::len);
+        // In the order of NumPy, in which the axes of a frame are neighbours.
         let rows = (0..frames).flat_map(|frame| axes.iter().map(move |axis| axis[frame]));
         table(py, rows.collect(), frames)
     }
@@ -235,7 +236,7 @@ fn checked(trial: Trial) -> PyResult<Recording> {
     not_negative("start_s", trial.start_s)?;
     for (name, value) in [
         ("duration_s", trial.duration_s),
-        // A negative scale is that of an inverted sensor, as in a list.
+        // A scale may be negative, as in a list.
         ("scale_m_s2", trial.scale_m_s2.map(f64::abs)),
         ("sample_rate_hz", trial.sample_rate_hz),
     ] {

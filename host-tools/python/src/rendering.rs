@@ -111,7 +111,7 @@ fn collected(mut rendering: playing::Rendering<'_>, steps: &Steps) -> Result<Col
     };
     let mut words: Vec<i32> = Vec::new();
     let mut samples: Vec<f32> = Vec::new();
-    // A duration has no bound here, and memory that is not there would end the interpreter.
+    // An allocation that fails would end the interpreter.
     words.try_reserve_exact(count).map_err(failed)?;
     samples.try_reserve_exact(count).map_err(failed)?;
     while words.len() < count {

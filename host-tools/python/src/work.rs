@@ -2,8 +2,8 @@
 //!
 //! The work runs in a thread of its own. The caller's thread waits for it, and every [`POLL`] lets Python handle
 //! signals and call the function that is told of progress. If either raises, the work ends at its next step, by
-//! unwinding. The caller has the exception at once, or with [`AfterEnd::Waits`] once the work has ended. Nothing
-//! unfinished is left, because outputs get their names at the end.
+//! unwinding. The caller has the exception at once, or with [`AfterEnd::Waits`] once the work has ended. Files and
+//! folders get their names at the end, so none is left unfinished.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

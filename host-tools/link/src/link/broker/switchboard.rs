@@ -38,8 +38,8 @@ enum Activity {
     Play,
     /// Lasts until the commit or the abort.
     Upload,
-    /// Measurement of the actuator. Lasts until a response is stored or its client leaves, because nothing may heat the
-    /// coil in the pause between two probes.
+    /// Measurement of the actuator. Lasts until a response is stored or removed, or its client leaves, because nothing
+    /// may heat the coil in the pause between two probes.
     Measurement,
     /// Lasts until its client leaves.
     SelfTest,
