@@ -216,7 +216,7 @@ fn is_array(values: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(PyMemoryView::from(values).is_ok())
 }
 
-/// The values of a list, at most [`MOST_LISTED`]. The length that an object states is not believed.
+/// The values of a list, at most `MOST_LISTED`. The length that an object states is not believed.
 pub struct Several<T>(pub Vec<T>);
 
 impl<'py, T: FromPyObjectOwned<'py>> FromPyObject<'_, 'py> for Several<T> {

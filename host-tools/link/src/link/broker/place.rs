@@ -42,7 +42,8 @@ impl Place {
     /// Returns the files of the broker of `address`.
     ///
     /// # Errors
-    /// No such device on USB, or a runtime folder that others might write to.
+    /// No such device on USB, or several if none is named; a runtime folder that cannot be made or that others might
+    /// write to.
     pub(super) async fn of(address: &LinkAddress) -> Result<Self> {
         let address = canonical(address).await?;
         let folder = runtime_folder::own().map_err(|failure| unusable(&address, &failure))?;
