@@ -85,8 +85,8 @@ pub fn upload_over(
     })
 }
 
-/// Repeats `attempt`, which also returns the device's next offset, as long as its failures may pass and it makes
-/// progress. Returns the result, and the number of repetitions.
+/// Repeats `attempt`, which also returns the device's next offset, as long as its failures may pass, and ends after
+/// [`MAX_FAILURES`] failures in a row without progress. Returns the result, and the number of repetitions.
 pub(super) fn retried<T>(
     device: &mut Device,
     mut attempt: impl FnMut(&Device) -> (Result<T>, u32),
