@@ -109,6 +109,7 @@ pub unsafe extern "C" fn stylus_library_open(
     library: *mut *mut LibraryHandle,
 ) -> Status {
     guarded(|| {
+        // First, because a handle that cannot be handed over would never be closed.
         check(library)?;
         // SAFETY: the caller says what the addresses are.
         let path = unsafe { text(path) }?;
@@ -370,6 +371,7 @@ pub unsafe extern "C" fn stylus_player_latency(
     seconds: *mut f64,
 ) -> Status {
     guarded(|| {
+        // A player is made only because it checks the rate.
         stylus_player::player(output_rate_hz)?;
         if ![5000, 10_000].contains(&sample_rate_hz) {
             return Err(Fault::SampleRate(sample_rate_hz).into());

@@ -45,6 +45,7 @@ impl Sensor {
             let noise = self.parameters.noise_m_s2_per_root_hz[axis] * root_band;
             let most = self.parameters.saturation_m_s2;
             let input = self.direction[axis] * acceleration + noise * self.chance.normal();
+            // The element saturates before the filter, so a clipped peak comes out rounded.
             let input = input.clamp(-most, most);
             // Exact for an input that is linear between two steps.
             let pole = std::f64::consts::TAU * self.parameters.bandwidth_hz[axis];

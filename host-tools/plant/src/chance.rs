@@ -20,10 +20,11 @@ impl Chance {
 
     /// A number from 0 to below 1.
     pub fn fraction(&mut self) -> f64 {
+        // The 53 upper bits are as many as a double holds.
         (self.draw() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// A number from -`most` to `most`.
+    /// A number from -`most` to below `most`.
     pub fn within(&mut self, most: f64) -> f64 {
         most * (2.0 * self.fraction() - 1.0)
     }
@@ -36,6 +37,7 @@ impl Chance {
 
     /// A number of the normal distribution (Box and Muller).
     pub fn normal(&mut self) -> f64 {
+        // 1 minus the fraction is never 0, whose logarithm is infinite.
         let radius = (-2.0 * (1.0 - self.fraction()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.fraction()).cos()
     }

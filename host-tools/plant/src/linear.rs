@@ -37,6 +37,7 @@ fn product(left: &Square, right: &Square) -> Square {
 /// It is the exponential of the matrix with the inputs as constant states (Van Loan), computed by scaling, series and
 /// squaring.
 pub fn exponential(derivatives: &Rows, seconds: f64) -> Rows {
+    // The scaled matrix has a norm of at most 1/2, so the first term left out is below 0.5^19 / 19! = 2e-23.
     const TERMS: u32 = 18;
     let mut generator = [[0.0; ALL]; ALL];
     generator[..STATES].copy_from_slice(derivatives);
@@ -59,6 +60,7 @@ pub fn exponential(derivatives: &Rows, seconds: f64) -> Rows {
     for _ in 0..halvings {
         result = product(&result, &result);
     }
+    // The rows of the inputs, which stay as they are, are left out.
     std::array::from_fn(|row| result[row])
 }
 
@@ -107,5 +109,6 @@ pub fn steady_state(rows: &Rows, z: Complex<f64>) -> [Complex<f64>; STATES] {
             .sum();
         right[at] = (right[at] - known) / left[at][at];
     }
+    // The solution holds before the step.
     right.map(|value| value * z)
 }

@@ -173,6 +173,7 @@ impl Parameters {
     /// A name that no preset has.
     pub fn preset(name: &str) -> Result<Self> {
         let unknown = || Error::NoPreset(name.to_owned());
+        // The figures of every preset are those of a light grip.
         let (actuator, hand) = name.split_once('/').unwrap_or((name, "light"));
         let text = match actuator {
             "haptuator" => include_str!("../presets/haptuator.toml"),
@@ -189,7 +190,7 @@ impl Parameters {
         Ok(Self { hand, ..parameters })
     }
 
-    /// The parameters in the TOML file `source`, or those of the preset of that name if there is no such file.
+    /// The parameters in the TOML file `source`, or those of the preset of that name if no such file can be read.
     ///
     /// # Errors
     /// A file that cannot be read or used, or a name that is neither a file nor a preset.
@@ -241,6 +242,7 @@ impl Parameters {
     /// # Errors
     /// A value out of its range.
     pub fn check(&self) -> Result<()> {
+        // In the form of a table, one list of ranges by key checks all tables, those of faults too.
         let table = toml::Table::try_from(self).map_err(|error| Error::Form(error.to_string()))?;
         check_in("", &table)
     }
@@ -303,6 +305,7 @@ fn check_value(path: &str, key: &str, value: &Value) -> Result<()> {
                 most: most.to_string(),
             })
         }
+        // Names of axes and kinds of faults are texts, and checked by their types.
         _ => Ok(()),
     }
 }

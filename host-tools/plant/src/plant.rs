@@ -62,6 +62,7 @@ impl Plant {
                 Fault::LooseMount { .. } | Fault::MovingResonance { .. }
             )
         };
+        // A linear plant is exact in steps of any length, so it needs no parts.
         let parts = if parameters.faults.iter().any(is_bent) {
             PARTS
         } else {
@@ -102,6 +103,7 @@ impl Plant {
         let amplifier = &self.parameters.amplifier;
         let input = std::mem::replace(&mut self.delayed, pin_volts);
         let (kept, mean) = high_pass(amplifier.low_hz);
+        // The capacitor charges within the step, so the mean over the step is what the stage passes on.
         let passed = (input - self.high_pass) * mean;
         self.high_pass += (input - self.high_pass) * (1.0 - kept);
         if !enabled {
@@ -191,6 +193,7 @@ fn high_pass(hz: f64) -> (f64, f64) {
         return (1.0, 1.0);
     }
     let exponent = TAU * hz * STEP_S;
+    // `exp_m1`, because the difference of two numbers near 1 would lose digits at low corners.
     ((-exponent).exp(), -(-exponent).exp_m1() / exponent)
 }
 
@@ -213,6 +216,7 @@ fn derivatives(parameters: &Parameters) -> Rows {
     if !faults.contains(&Fault::OpenWire) {
         rows[CURRENT][VOLTAGE] = 1.0 / coil.inductance_h;
         rows[CURRENT][CURRENT] = -coil.resistance_ohm / coil.inductance_h;
+        // The moving mass feels the force -B·i, so the back-EMF is -B·w: otherwise energy would arise from nothing.
         rows[CURRENT][SPEED] = factor / coil.inductance_h;
     }
     // Forces on the body: of the coil, of the spring and damper to the moving mass, and of the grip's spring and

@@ -42,6 +42,7 @@ impl Told {
 
     fn of_words(words: Words<BLOCK_NUMBERS>) -> Self {
         let motion = BlockMotion::of_numbers(words.map(f64::from_bits));
+        // No block has NaN as its speed, because `BlockMotion::check` refuses it.
         if motion.speed_mm_s.is_nan() {
             return Self::Place {
                 time_s: motion.end_mm,
@@ -85,12 +86,14 @@ impl Follower {
     pub fn next_block(&mut self, moves: &Moves, last_s: f64) -> BlockMotion {
         if let Some((ticket, words)) = moves.newer_than(self.taken) {
             let motion = self.motion_of(Told::of_words(words), last_s);
+            // The positions were those of one block. In later blocks the speed alone moves the tool.
             let (begin_mm, end_mm) = (f64::NAN, f64::NAN);
             self.held = BlockMotion {
                 begin_mm,
                 end_mm,
                 ..motion
             };
+            // The block that begins now is the first of those for which the motion is held.
             (self.taken, self.left) = (ticket, HELD_BLOCKS - 1);
             return motion;
         }
@@ -119,7 +122,9 @@ impl Follower {
         };
         let before = self.place.replace((time_s, position_mm));
         let speed_mm_s = match before.map(|(at_s, at_mm)| (time_s - at_s, position_mm - at_mm)) {
+            // The same moment again gives no speed: it would be 0 / 0.
             Some((0.0, _)) => self.held.speed_mm_s,
+            // After a pause the way says nothing about the speed now, nor does a clock that went back.
             Some((step_s, way_mm)) if step_s > 0.0 && step_s <= LONGEST_STEP_S => way_mm / step_s,
             _ => 0.0,
         };

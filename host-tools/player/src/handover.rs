@@ -34,6 +34,7 @@ impl<T> Handover<T> {
     /// Gives `it` to the filler. Drops what was returned, and what was given before and not taken.
     pub fn give(&self, it: T) {
         let given = Box::new(Given { it, before: None });
+        // One exchange, so that the filler never finds the slot empty in between.
         drop(self.given.swap(Some(given)));
         drop(self.returned.take());
     }

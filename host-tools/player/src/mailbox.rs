@@ -38,6 +38,7 @@ impl<const N: usize> Mailbox<N> {
 
     /// Puts a motion.
     pub fn put(&self, words: Words<N>) {
+        // Tickets begin at 1, so that 0 stands for none.
         let ticket = self.drawn.fetch_add(1, Ordering::AcqRel) + 1;
         let slot = self.slot(ticket);
         for (place, word) in slot.words.iter().zip(words) {
@@ -50,6 +51,7 @@ impl<const N: usize> Mailbox<N> {
     /// far.
     pub fn newer_than(&self, taken: u64) -> Option<(u64, Words<N>)> {
         let newest = self.drawn.load(Ordering::Acquire);
+        // Older tickets have lost their slots to newer ones.
         let oldest = newest.saturating_sub(SLOTS - 1).max(taken + 1);
         let tickets = (oldest..=newest).rev();
         tickets
@@ -68,7 +70,7 @@ impl<const N: usize> Mailbox<N> {
 
 /// Returns a checksum of 64 bits. It is extremely unlikely to equal that of an empty slot.
 fn seal<const N: usize>(ticket: u64, words: Words<N>) -> u64 {
-    /// An odd number with half of its bits set.
+    /// 2^64 divided by the golden ratio, an odd number whose bits are mixed.
     const MIX: u64 = 0x9E37_79B9_7F4A_7C15;
     let mixed = |seal: u64, word: u64| (seal.rotate_left(23) ^ word).wrapping_mul(MIX);
     words.into_iter().fold(ticket.wrapping_mul(MIX), mixed)

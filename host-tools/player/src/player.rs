@@ -106,8 +106,8 @@ pub fn player(output_rate_hz: u32) -> Result<(Mover, Filler), Fault> {
     Ok((mover, Filler::new(shared, output_rate_hz)))
 }
 
-/// Returns the longest time from a move to the sample that it changes, s, for a texture at `sample_rate_hz`. It is the
-/// duration of a block plus the interpolator's delay, which is 0 between equal rates.
+/// Returns the longest time from a move to the middle of the change that it makes, s, for a texture at
+/// `sample_rate_hz`. It is the duration of a block plus the interpolator's delay, which is 0 between equal rates.
 pub fn latency_s(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
     let delay_s = if sample_rate_hz == output_rate_hz {
         0.0
@@ -154,6 +154,7 @@ impl Mover {
             ..BlockMotion::new(0.0, force_n)
         };
         motion.check().map_err(Fault::Motion)?;
+        // NaN stands for an unknown position in the check before, which lets it pass.
         if !time_s.is_finite() || position_mm.is_nan() {
             let problem = "the time or the position is not finite: give them in s and mm";
             return Err(Fault::Motion(problem));
@@ -190,7 +191,7 @@ impl Mover {
         Ok(())
     }
 
-    /// Fades out what is playing, and plays nothing until the next choice.
+    /// Fades out what is playing, and plays nothing until the next choice. Allocates memory, like [`Mover::choose`].
     pub fn stop(&self) {
         self.shared.choices.give(None);
     }
@@ -206,6 +207,7 @@ impl Mover {
         }
         self.shared
             .scale
+            // Both in one word, so that the filler never sees the one without the other. Nothing else is ordered by it.
             .store(packed(gain, limit), Ordering::Relaxed);
         Ok(())
     }
@@ -268,7 +270,9 @@ impl Filler {
 
     /// Changes the gain to `target` over a block, or at once the first time.
     fn aim(&mut self, target: f32) {
+        // A block takes 2 ms.
         let ramp = self.output_rate_hz / 500;
+        // Nothing was heard before the first samples, so their gain needs no ramp.
         let gain = self.gain.get_or_insert(Gain {
             target,
             step: 0.0,
@@ -297,6 +301,7 @@ impl Filler {
                 Some(resampler) => resampler.next(taken),
                 None => taken(),
             };
+            // Another rate begins only after the tail, so the sample that is dropped here is silence.
             if self.source.rate == rate {
                 return sample;
             }
@@ -309,6 +314,7 @@ impl Filler {
 
 impl Gain {
     fn now(&self) -> f32 {
+        // Counted back from the target, which is reached exactly at the end, whatever the round-off.
         self.target - self.step * self.left as f32
     }
 
@@ -343,6 +349,7 @@ impl Source {
             rate: PlayRate::default(),
             block: [OutputSample::SILENCE; MOST_SAMPLES],
             left: 0,
+            // Nothing was played yet, so no interpolator has a tail.
             silent: u32::MAX,
         }
     }
@@ -371,10 +378,12 @@ impl Source {
 
     fn begin_block(&mut self, tail: u32) {
         self.take_choice();
+        // A block of n samples spans n - 1 intervals.
         let last_s = (self.block_samples() - 1) as f64 / f64::from(self.rate.hz());
         let motion = self.follower.next_block(&self.shared.moves, last_s);
         let is_leaving = self.playing().is_some_and(|voice| {
             voice.with_dependent_mut(|_, playing| {
+                // Whether something still fades out is known only after the motion of this block.
                 playing.follow(&motion);
                 playing.is_leaving()
             })
@@ -414,6 +423,7 @@ impl Source {
     /// Begins the choice that waits, because nothing is playing any more. At another rate it begins only after the
     /// `tail`.
     fn begin_choice(&mut self, motion: &BlockMotion, tail: u32) {
+        // It goes back to the mover, because freeing memory here would take a lock.
         if let Some(faded) = self.playing.take() {
             self.shared.choices.give_back(faded);
         }
@@ -422,12 +432,14 @@ impl Source {
             let rate_hz = voice.borrow_dependent().plan().sample_rate_hz();
             PlayRate::of(rate_hz).unwrap_or(self.rate)
         });
+        // Only one interpolator is heard at a time, so the old one must first have only silence left.
         if rate != self.rate && self.silent < tail {
             return;
         }
         self.rate = rate;
         self.playing = self.next.take();
         if let Some(voice) = self.playing() {
+            // This block is the first of the new choice, which has not followed a motion yet.
             voice.with_dependent_mut(|_, playing| playing.follow(motion));
         }
     }

@@ -57,6 +57,8 @@ impl<'a> Playing<'a> {
 
     /// Fades out what is playing, from the next block on.
     pub fn leave(&mut self) {
+        // A switch fades out what plays. The plan after the fade is never heard, because the caller then takes its next
+        // choice.
         self.player.switch(self.plan.clone());
     }
 
@@ -69,12 +71,15 @@ impl<'a> Playing<'a> {
     pub fn follow(&mut self, motion: &BlockMotion) {
         let samples = self.plan.block_samples();
         let rate_hz = f64::from(self.plan.sample_rate_hz());
+        // Positions that are not known are the integral of the speed.
         let (begin_mm, end_mm) = if motion.begin_mm.is_nan() {
             let last_s = f64::from(samples - 1) / rate_hz;
             (self.at_mm, self.at_mm + motion.speed_mm_s * last_s)
         } else {
             (motion.begin_mm, motion.end_mm)
         };
+        // An integral is carried to the first sample of the next block. A given position is known only up to the last
+        // sample of this one.
         self.at_mm = if motion.begin_mm.is_nan() {
             begin_mm + motion.speed_mm_s * f64::from(samples) / rate_hz
         } else {
@@ -87,6 +92,7 @@ impl<'a> Playing<'a> {
         } else {
             motion.contact != 0.0
         };
+        // A position beyond it would be infinite in single precision, and the interaction refused.
         let farthest = f64::from(f32::MAX);
         let begin_mm = begin_mm.clamp(-farthest, farthest) as f32;
         let interaction = Interaction::new(self.motion, begin_mm, self.contact);

@@ -34,6 +34,7 @@ pub struct Resampler {
 impl Resampler {
     /// Creates an interpolator from `from_hz` to `to_hz`, preceded by silence.
     pub fn new(from_hz: u32, to_hz: u32) -> Self {
+        // Without the common divisor, 5000 to 48 000 Hz would have 48 000 phases in place of 48.
         let divisor = greatest_divisor(from_hz, to_hz);
         let (phases, step) = ((to_hz / divisor) as usize, (from_hz / divisor) as usize);
         let taps = taps(from_hz, to_hz);
@@ -69,6 +70,7 @@ impl Resampler {
             self.past[self.newest] = sample;
             self.past[self.newest + self.taps] = sample;
         }
+        // Both run from the newest sample on, so the product needs no wrap.
         let row = &self.rows[self.phase * self.taps..][..self.taps];
         let past = &self.past[self.newest..][..self.taps];
         self.phase += self.step;
@@ -85,6 +87,8 @@ pub fn delay_s(from_hz: u32, to_hz: u32) -> f64 {
 /// Number of taps of a row. It is even, so that the delay is a whole number of input samples.
 fn taps(from_hz: u32, to_hz: u32) -> usize {
     let lower = f64::from(from_hz.min(to_hz)) / f64::from(from_hz);
+    // Kaiser's estimate of the length; the transition is a fraction of the lower rate, the taps are at the input's
+    // rate.
     let length = (DESIGN_DB - 7.95) / (14.36 * TRANSITION * lower);
     2 * (length / 2.0).ceil() as usize
 }
@@ -95,6 +99,7 @@ fn row(phase: f64, from_hz: u32, to_hz: u32) -> Vec<f32> {
     let lower = f64::from(from_hz.min(to_hz)) / f64::from(from_hz);
     let taps = taps(from_hz, to_hz);
     let half = taps as f64 / 2.0;
+    // Kaiser's formula for attenuations above 50 dB.
     let beta = 0.1102 * (DESIGN_DB - 8.7);
     let tap = |age: usize| {
         let at = age as f64 + phase - half;
@@ -117,6 +122,7 @@ fn row(phase: f64, from_hz: u32, to_hz: u32) -> Vec<f32> {
 fn bessel(at: f64) -> f64 {
     let mut term = 1.0;
     let mut sum = 1.0;
+    // From the 25th on, the terms are below a round-off for the arguments here, up to 8.5.
     for index in 1..64 {
         term *= (at / (2.0 * f64::from(index))).powi(2);
         sum += term;

@@ -110,7 +110,7 @@ pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResul
     Ok(flat.reshape([rows, columns])?.unbind())
 }
 
-/// Largest number of numbers of an array that are copied: 1 GiB.
+/// Largest number of numbers of an array that are copied: 1 GiB of doubles.
 const MOST_NUMBERS: usize = 1 << 27;
 
 /// Largest number of values of a list of names, files or scenes.
@@ -186,11 +186,12 @@ fn bounded<'py>(
         let problem = format!("argument '{name}' is nested: a number is to stand there");
         return Err(PyTypeError::new_err(problem));
     }
-    // Each value takes its own place; those of a length alone are refused before one is read.
+    // A stated length beyond the limit is refused before a value is read. Otherwise each value is counted as it comes.
     if count > left.left {
         left.take(name, count)?;
     }
     let items = PyList::empty(py);
+    // One more than stated shows that the length was wrong.
     for item in values.try_iter()?.take(count.saturating_add(1)) {
         items.append(bounded(name, &item?, depth - 1, left)?)?;
     }
@@ -215,7 +216,7 @@ fn is_array(values: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(PyMemoryView::from(values).is_ok())
 }
 
-/// The values of a list of any length: no length that an object states is believed.
+/// The values of a list, at most `MOST_LISTED`. The length that an object states is not believed.
 pub struct Several<T>(pub Vec<T>);
 
 impl<'py, T: FromPyObjectOwned<'py>> FromPyObject<'_, 'py> for Several<T> {
@@ -249,7 +250,7 @@ pub fn words(name: &str, words: &PyReadonlyArray1<'_, i32>) -> PyResult<Vec<i32>
     Ok(words.as_array().to_vec())
 }
 
-/// Refuses an array with masked values, which other arrays would be made of without their mask.
+/// Refuses an array with masked values, because a conversion would drop the mask and keep the values.
 fn check_mask(name: &str, array: &Bound<'_, PyAny>) -> PyResult<()> {
     let masks = array.py().import("numpy")?.getattr("ma")?;
     if masks.call_method1("is_masked", (array,))?.extract()? {
@@ -274,6 +275,7 @@ pub struct Channels {
 /// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
+    // As many as a file may have.
     let most = &mut Left::of(MAX_CHANNELS * MAX_FRAMES);
     let samples = bounded("samples", samples, 2, most)?;
     let numpy = py.import("numpy")?;

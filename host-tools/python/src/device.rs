@@ -27,7 +27,7 @@ use crate::motion::{Along, Asked, MotionLike, warn_of_motion};
 use crate::playing::LibraryLike;
 use crate::work::{self, AfterEnd};
 
-/// Longest timeout, s: a day, so that sums of timeouts do not overflow.
+/// Longest timeout, and longest play, s: a day, so that sums of durations do not overflow.
 const LONGEST_TIMEOUT_S: f64 = 86_400.0;
 
 // A literal below, so that `help` shows it.
@@ -160,6 +160,7 @@ impl Device {
         let (bytes, path) = (library.get().bytes().clone(), library.get().named());
         let total = bytes.len() as u64;
         let device = self.shared.clone();
+        // The caller waits, so that after Ctrl-C the link is free again when the exception is raised.
         let slot = work::run_until(py, total, progress, AfterEnd::Waits, move |steps| {
             decode_library(&path, &bytes)?;
             let mut device = locked(&device);
@@ -170,6 +171,7 @@ impl Device {
                     steps.between();
                 })
             });
+            // A failure of the link is passed on as a value, so that its exception is of the kind "link".
             Ok(uploaded.and_then(|uploaded| {
                 if activate {
                     device.activate(uploaded.slot)?;
@@ -265,6 +267,7 @@ impl Device {
         let plan = Drive {
             motion,
             rate_hz,
+            // A duration beyond its range would panic.
             duration: Some(Duration::from_secs_f64(seconds.min(LONGEST_TIMEOUT_S))),
         };
         let device = self.shared.clone();
@@ -300,12 +303,14 @@ impl Device {
                 let arrival = stream.wait().map_err(broken)?;
                 let rows = arrival.samples.iter().zip(arrival.whole);
                 let rows = rows.flat_map(|(sample, is_whole)| {
+                    // The encoder's step is right in a torn sample, too.
                     let known = |value| if is_whole { value } else { f64::NAN };
                     let [x, y, z] = calibration.acceleration(sample).map(known);
                     let path_mm = f64::from(sample.encoder_delta) * calibration.mm_per_count;
                     [x, y, z, path_mm, known(calibration.force(sample))]
                 });
                 ends = Python::attach(|py| {
+                    // While the interpreter's lock is released, Ctrl-C is only noted; here it is raised.
                     py.check_signals()?;
                     let block = table(py, rows.collect(), arrival.samples.len())?;
                     let answer = heard.bind(py).call1((arrival.first_tick, block))?;
@@ -383,6 +388,7 @@ impl Device {
 
     /// Closes the link. What is played goes on only as long as the device allows without a host.
     fn close(&self, py: Python<'_>) {
+        // Another thread may hold the device and wait for the lock of the interpreter.
         py.detach(|| drop(locked(&self.shared).take()));
     }
 
@@ -422,6 +428,7 @@ fn played(
     let broken = |failure: LinkError| link_raised(&failure);
     let mut heard = Heard::since(&device.status().map_err(broken)?);
     device.play(request).map_err(broken)?;
+    // One function that `drive` calls sets it and the other reads it, so both borrow it.
     let ended = Cell::new(false);
     let driven = drive(
         device,

@@ -61,6 +61,7 @@ pub fn link_raised(failure: &host_tools::link::LinkError) -> PyErr {
 }
 
 fn exception(text: &str, kind: &str, path: Option<PathBuf>, line: Option<u64>) -> PyErr {
+    // Callers may have released the lock of the interpreter.
     Python::attach(|py| {
         let error = StylusError::new_err(message(text));
         let value = error.value(py);

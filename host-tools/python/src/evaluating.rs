@@ -93,6 +93,7 @@ impl Judged {
 
     /// The evaluation, and the takes that judge nothing.
     fn evaluated(&self, steps: &Steps) -> Result<(Evaluation, Vec<String>)> {
+        // A decoded library borrows its bytes, so the thread of the work decodes them anew.
         let library = decode_library(&self.path, &self.bytes)?;
         let Chosen { judges, unused, .. } = self.chosen()?;
         steps.between();
@@ -168,6 +169,7 @@ pub fn evaluate<'py>(
     let mut judged = Judged::new(recordings, library.get(), takes, options)?;
     let total = judged.set.trials.len();
     if let Some(folder) = &report {
+        // Before the work, so that no minutes are lost to an output that cannot be written.
         check_folder(folder, overwrite, &judged.inputs(folder)).map_err(raised)?;
         judged.options.excerpt_s = node_seconds(total);
     }
@@ -320,6 +322,7 @@ pub fn compare<'py>(
         let (bytes, record) = (before.bytes().clone(), before.record().cloned());
         (bytes, before.named(), record)
     });
+    // It tells no progress, but runs in a thread of its own, so that Ctrl-C ends it.
     let (trials, notes, unused) = work::run(py, 0, None, move |steps| {
         let decoded = (before.as_ref()).map(|(bytes, path, _)| decode_library(path, bytes));
         let decoded = decoded.transpose()?;

@@ -111,9 +111,11 @@ pub fn fit<'py>(
         )?
     };
     options.check_rate().map_err(raised)?;
+    // What was chosen by hand and exists only at 5 kHz was refused above. Automatic choices are left out.
     let options = options.at_their_rate();
     let set = crate::recording::recordings(recordings)?;
     let (set, warnings) = set.snapped(options.snap).map_err(raised)?;
+    // The library would refuse them only after the fit, which may take minutes.
     let textures = set.by_texture().len();
     if textures > model_format::limits::MAX_TEXTURES {
         return Err(refused(format!(
@@ -250,6 +252,7 @@ fn options_of(
 }
 
 fn order_of(order: OrderLike) -> PyResult<Order> {
+    // The command's own parser, so that both refuse the same orders.
     let text = match order {
         OrderLike::Fixed(order) => order.to_string(),
         OrderLike::Named(text) => text,

@@ -86,6 +86,7 @@ impl Library {
         check_file(path, overwrite, &[]).map_err(raised)?;
         let written = match &self.record {
             Some(record) => {
+                // Both are checked before either is written, so that library and record stay a pair.
                 let beside = FitRecord::path_for(path);
                 check_file(&beside, overwrite, &[])
                     .and_then(|()| record.write_with(path, &self.bytes))
@@ -228,6 +229,7 @@ impl Library {
     }
 
     fn __hash__(&self) -> u64 {
+        // Libraries are equal if their bytes are, whatever their files and records.
         host_tools::support::fnv::Fnv::of(&self.bytes)
     }
 

@@ -11,6 +11,7 @@ use crate::error::{raised, refused, warn};
 
 /// The numbers of the argument `name`: one per row, or one for all of them.
 fn rows(name: &str, values: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
+    // A number first: as an array it would have no dimension, and be refused.
     if let Ok(value) = values.extract() {
         return Ok(vec![value; count]);
     }
@@ -115,7 +116,7 @@ fn constant(speed_mm_s: f64, force_n: f64) -> PyResult<MotionPath> {
         position_mm: None,
         contact: None,
     };
-    // For its checks, which a constant motion has none of.
+    // For its checks: a constant motion is only asked to be finite.
     MotionPath::from_rows([row]).map_err(raised)?;
     let (speed, force) = (
         MillimetresPerSecond(speed_mm_s as f32),
@@ -156,8 +157,9 @@ pub struct Along {
 impl Asked<'_> {
     /// Returns the requested motion; `None` if no motion was given.
     ///
-    /// # Errors A motion that cannot be used; a motion together with a speed or a force; a speed without a force, or
-    /// the reverse; a duration that is not positive.
+    /// # Errors
+    /// A motion that cannot be used; a motion together with a speed or a force; a speed without a force, or the
+    /// reverse; a duration that is not positive.
     pub fn along(self) -> PyResult<Option<Along>> {
         if let Some(seconds) = self.seconds {
             crate::convert::positive("seconds", seconds)?;
@@ -182,6 +184,7 @@ impl Asked<'_> {
                 let own = match file {
                     _ if self.seconds.is_some() => self.seconds,
                     Some(file) => Some(path.end_s(&file).map_err(raised)?),
+                    // A constant motion has one row, at 0 s, and no end.
                     None => Some(path.duration_s()).filter(|&end_s| end_s > 0.0),
                 };
                 Ok(Some(Along { path, seconds: own }))

@@ -1,7 +1,7 @@
 //! A player: textures and scenes in real time, for the caller's own sound card or DAQ.
 //!
-//! The player is `stylus-player` with two locks. `fill` gives back the interpreter's lock. The other one keeps a
-//! second thread from filling at the same time.
+//! The player is `stylus-player`. `fill` releases the interpreter's lock while it computes, and a lock of its own
+//! refuses a second thread meanwhile. Another lock keeps what was chosen last.
 
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
@@ -31,7 +31,8 @@ pub struct Player {
     mover: Mover,
     filling: Mutex<Filling>,
     output_rate_hz: u32,
-    /// The library that `choose` plays from if it is given no other, and the sample rate of what was chosen last, Hz.
+    /// The library that `choose` plays from if it is given no other, and the sample rate of what was chosen last, Hz;
+    /// 5000 before the first choice.
     chosen: Mutex<(Py<Library>, SharedLibrary, u32)>,
 }
 
@@ -73,6 +74,7 @@ fn found(
             ));
         }
         (Some(name), None) => {
+            // By its name first, for the error that lists the names that there are.
             let texture = texture_named(&decoded, name).map_err(raised)?;
             let index = decoded.textures().position(|other| other.name() == name);
             (index.map(Selection::Texture), texture.sample_rate_hz())
@@ -95,6 +97,7 @@ fn found(
 impl Player {
     /// Locks the player's only filling side.
     fn filling(&self) -> PyResult<MutexGuard<'_, Filling>> {
+        // It does not wait: two threads in turn would each have only parts of the sound.
         match self.filling.try_lock() {
             Ok(filling) => Ok(filling),
             Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
@@ -192,6 +195,7 @@ impl Player {
             .mover
             .choose(&decoded, selection, Without::default(), seed);
         chosen.map_err(fault)?;
+        // Only after success: a refused choice leaves the library of what plays.
         *locked(&self.chosen) = (library, decoded, rate_hz);
         Ok(())
     }
@@ -227,6 +231,7 @@ impl Player {
         if let Ok(samples) = out.as_slice_mut() {
             py.detach(|| filler.fill(samples));
         } else {
+            // The player fills samples side by side, and those of one channel of several are not.
             buffer.resize(out.len(), 0.0);
             py.detach(|| filler.fill(buffer));
             for (sample, played) in out.as_array_mut().iter_mut().zip(buffer) {

@@ -129,8 +129,10 @@ pub fn compile_scene<'py>(
     let library = library.library(py)?;
     let library = library.get();
     let text = source.extract::<String>().ok();
+    // A text has line breaks, and a path has none.
     let file = match text.filter(|text| text.contains('\n')) {
         Some(text) => {
+            // The path serves errors, and its folder the files that the text names.
             let path = folder.unwrap_or_default().join("scene.toml");
             SceneFile::from_toml(&path, &text)
         }

@@ -99,6 +99,7 @@ impl Recording {
         even_times: bool,
         simulated: bool,
     ) -> PyResult<Self> {
+        // The file is read only later. A wrong path is told here, where it was given.
         if let Err(source) = std::fs::metadata(&path) {
             return Err(raised(Error::io("open", &path)(source)));
         }
@@ -176,6 +177,7 @@ impl Recording {
         let samples = py.detach(|| recording::read_at(&trial, rate_hz));
         let axes = samples.map_err(raised)?.axes;
         let frames = axes.first().map_or(0, Vec::len);
+        // In the order of NumPy, in which the axes of a frame are neighbours.
         let rows = (0..frames).flat_map(|frame| axes.iter().map(move |axis| axis[frame]));
         table(py, rows.collect(), frames)
     }
@@ -234,6 +236,7 @@ fn checked(trial: Trial) -> PyResult<Recording> {
     not_negative("start_s", trial.start_s)?;
     for (name, value) in [
         ("duration_s", trial.duration_s),
+        // A scale may be negative, as in a list.
         ("scale_m_s2", trial.scale_m_s2.map(f64::abs)),
         ("sample_rate_hz", trial.sample_rate_hz),
     ] {
@@ -422,6 +425,7 @@ pub fn segment(
     }
     let axis = |name, given: Option<(f64, f64, f64)>| {
         let parsed =
+            // The command's own parser, so that both refuse the same grids.
             given.map(|(low, high, step)| format!("{low}:{high}:{step}").parse::<GridAxis>());
         parsed
             .transpose()
@@ -432,6 +436,7 @@ pub fn segment(
         axis("forces_n", forces_n)?,
     );
     let files = files.all();
+    // Before the work, so that no time is lost to an output that cannot be written.
     check_folder(&out, overwrite, &files).map_err(raised)?;
     let (recordings, cut) = py
         .detach(|| {
@@ -476,6 +481,7 @@ pub fn simulate_rig(
 ) -> PyResult<Recordings> {
     let rig = match rig {
         None => Ok(RigFile::paper()),
+        // A text has line breaks, and a path has none.
         Some(rig) => match rig
             .extract::<String>()
             .ok()

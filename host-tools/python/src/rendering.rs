@@ -98,7 +98,7 @@ pub fn rendered<'py>(
     made(py, "Rendering", arguments)
 }
 
-/// Rate, samples at full scale, words, and samples in m/s²; a step per second.
+/// Rate, Hz; number of samples at full scale; words; and samples in m/s².
 type Collected = (u32, u32, Vec<i32>, Vec<f32>);
 
 fn collected(mut rendering: playing::Rendering<'_>, steps: &Steps) -> Result<Collected> {
@@ -111,9 +111,11 @@ fn collected(mut rendering: playing::Rendering<'_>, steps: &Steps) -> Result<Col
     };
     let mut words: Vec<i32> = Vec::new();
     let mut samples: Vec<f32> = Vec::new();
+    // An allocation that fails would end the interpreter.
     words.try_reserve_exact(count).map_err(failed)?;
     samples.try_reserve_exact(count).map_err(failed)?;
     while words.len() < count {
+        // One second at a time, so that Ctrl-C ends a long rendering soon.
         for sample in rendering.by_ref().take(rate_hz as usize) {
             words.push(sample.0);
             samples.push(sample.metres_per_second_squared().0);

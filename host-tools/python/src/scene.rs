@@ -116,6 +116,7 @@ impl Scene {
         seed: u64,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        // The scene's own motion beside a given one would be refused as two motions.
         let is_asked = speed_mm_s.is_some() || force_n.is_some() || motion.is_some();
         let (speed_mm_s, force_n) = if is_asked {
             (speed_mm_s, force_n)

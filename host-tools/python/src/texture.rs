@@ -25,6 +25,7 @@ pub fn described<'py>(py: Python<'py>, texture: &Texture<'_>) -> PyResult<Bound<
     let speeds: Vec<f64> = speeds.values().map(as_written).collect();
     let forces: Vec<f64> = forces.values().map(as_written).collect();
     let rate_hz = texture.sample_rate_hz();
+    // Nodes are in the order of speeds, and for each speed in that of forces.
     let places = (speeds.iter()).flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
     let nodes = texture.nodes().zip(places).map(|(node, (speed, force))| {
         let reflection = reflection(node.coefficients);

@@ -1,8 +1,9 @@
 //! Long work: without the interpreter's lock, with progress, ended by Ctrl-C.
 //!
 //! The work runs in a thread of its own. The caller's thread waits for it, and every [`POLL`] lets Python handle
-//! signals and call the function that is told of progress. If either raises, the caller has its exception at once; the
-//! work ends at its next step, by unwinding, and leaves nothing behind, because it only computes.
+//! signals and call the function that is told of progress. If either raises, the work ends at its next step, by
+//! unwinding. The caller has the exception at once, or with [`AfterEnd::Waits`] once the work has ended. Files and
+//! folders get their names at the end, so none is left unfinished.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -64,7 +65,8 @@ impl Steps {
 /// Runs `work` of `total` steps, and calls `progress(done, total)` as steps are done.
 ///
 /// # Errors
-/// The errors of `work`, and the exception that a signal's handler or `progress` raises.
+/// The errors of `work`, the exception that a signal's handler or `progress` raises, or a `RuntimeError` if `work`
+/// panics.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     total: u64,
@@ -74,7 +76,7 @@ pub fn run<T: Send + 'static>(
     run_until(py, total, progress, AfterEnd::Returns, work)
 }
 
-/// Starts `work` in a thread of its own, and returns where its outcome comes; none comes if it panics.
+/// Starts `work` in a thread of its own, and returns where its outcome comes; none comes if it panics or was ended.
 fn started<T: Send + 'static>(
     steps: Arc<Steps>,
     work: impl FnOnce(&Steps) -> Result<T> + Send + 'static,
@@ -123,13 +125,16 @@ pub fn run_until<T: Send + 'static>(
     let mut tell = |all: bool| -> PyResult<()> {
         let done = steps.done.load(Ordering::Relaxed);
         match progress {
+            // A call takes time of the interpreter, so it is made only if something has changed.
             Some(progress) if all || done != told => {
                 told = done;
+                // A play may last some milliseconds longer than its duration.
                 progress.call1((done.min(total), total)).map(drop)
             }
             _ => Ok(()),
         }
     };
+    // `detach` takes only what threads may share, which a receiver alone is not.
     let receiver = Mutex::new(receiver);
     loop {
         let outcome = py.detach(|| match receiver.lock() {
@@ -146,6 +151,8 @@ pub fn run_until<T: Send + 'static>(
                 if let Err(raised) = py.check_signals().and_then(|()| tell(false)) {
                     steps.is_ended.store(true, Ordering::Relaxed);
                     if after_end != AfterEnd::Returns {
+                        // Without the lock of the interpreter, so that other threads of Python go on. The outcome no
+                        // longer matters.
                         py.detach(|| receiver.lock().map(|ended| ended.recv().map(drop)).ok());
                     }
                     return Err(raised);

@@ -99,6 +99,7 @@ fn announced_in(folder: &Path) -> Vec<Announced> {
 
 /// Returns the content of an announcement; none if its virtual stylus is gone, or is still writing it.
 fn read(path: &Path) -> Option<Announced> {
+    // A pipe of this name would block its reader.
     if !fs::symlink_metadata(path).ok()?.is_file() {
         return None;
     }
@@ -106,6 +107,7 @@ fn read(path: &Path) -> Option<Announced> {
     match file.try_lock_shared() {
         Err(TryLockError::WouldBlock) => {}
         Ok(()) => {
+            // Nobody holds the lock, so a virtual stylus that was killed has left the file.
             let _ = fs::remove_file(path);
             return None;
         }

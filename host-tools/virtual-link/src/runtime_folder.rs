@@ -12,8 +12,8 @@ const NAME: &str = "stylus";
 const OTHERS: u32 = 0o077;
 
 /// Returns the folder, and creates it if necessary. It is in `XDG_RUNTIME_DIR`; otherwise it is `.stylus` in the user's
-/// home; otherwise it is in the temporary folder, under a name with the user's number. The folder belongs to this user,
-/// and nobody else may enter it.
+/// home; otherwise it is in the temporary folder, under a name with the user's number. On Unix the folder belongs to
+/// this user, and nobody else may enter it.
 ///
 /// # Errors
 /// A folder that cannot be created, that belongs to another user, or that others may enter.

@@ -89,10 +89,12 @@ impl FromStr for LinkAddress {
 
 /// Parses `HOST:PORT`; an IPv6 address stands in brackets.
 fn host_and_port(target: &str) -> Option<(String, u16)> {
+    // The port follows the last colon, because an IPv6 address has colons of its own.
     let (host, port) = target.rsplit_once(':')?;
     let bare = host
         .strip_prefix('[')
         .and_then(|rest| rest.strip_suffix(']'));
+    // Without brackets the last part of an IPv6 address would be taken for the port.
     if host.is_empty() || (bare.is_none() && host.contains(':')) {
         return None;
     }

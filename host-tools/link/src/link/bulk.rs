@@ -78,6 +78,7 @@ impl<O: BulkOut> WireTx for UsbTx<O> {
         if is_full {
             self.endpoint.submit(Vec::new());
         }
+        // A frame counts as sent when its transfers have ended, so that a queue in the operating system cannot grow.
         while self.endpoint.pending() > 0 {
             let ended = self.endpoint.next().await;
             ended.inspect_err(|failure| self.health.end(failure))?;
@@ -115,7 +116,9 @@ impl<I: BulkIn> WireRx for UsbRx<I> {
         loop {
             let ended = self.endpoint.next().await;
             let frame = ended.inspect_err(|failure| self.health.end(failure))?;
+            // The transfer that has ended is replaced at once, so that always the same number waits for the device.
             self.endpoint.submit(self.bytes);
+            // A frame that fills its whole transfer leaves its closing empty packet to the next one.
             if !frame.is_empty() {
                 return Ok(frame);
             }

@@ -184,6 +184,7 @@ fn ask<'a>(
             "no answer within {} s: it or this computer is busy; try again",
             longest.as_secs()
         );
+        // This stands unless an answer arrives in time.
         attached.identity = Identity::Unknown(late);
         let (sender, identity) = (sender.clone(), identity.clone());
         let link = attached.link.clone();
@@ -229,6 +230,7 @@ pub fn only(route: &Route) -> Result<(LinkAddress, Option<String>)> {
 fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
     let mut styluses: Vec<&Attached> = Vec::new();
     for attached in found {
+        // A probe may be that of any board, so it counts only if a stylus answers behind it.
         let is_one = match attached.kind {
             Kind::Usb => true,
             Kind::Serial => matches!(attached.identity, Identity::Known(_)),

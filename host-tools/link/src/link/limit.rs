@@ -67,6 +67,7 @@ impl Limit {
         let Some(own) = (announced().into_iter()).find(|one| one.links.iter().any(is_its)) else {
             return true;
         };
+        // The virtual time counts from this first look, so the longest wait passes in real and then in virtual time.
         let now = Instant::now();
         let seen = self.seen.get_or_insert(Seen {
             first: own.time,

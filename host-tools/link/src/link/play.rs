@@ -88,12 +88,14 @@ pub fn drive(
         }
         driver.send(plan.motion.as_ref(), elapsed)?;
         driver.listen(&mut heard)?;
+        // The time after sending decides, because sending itself may take longer than a period.
         let due = (begin.elapsed().as_nanos() / period.as_nanos()) as u64;
         let next = slot + 1;
         if plan.motion.is_some() {
             driver.driven.skipped += due.saturating_sub(next);
         }
         slot = next.max(due);
+        // Each instant is computed from the begin, so that late wakings do not add up.
         let wake = period.mul_f64(slot as f64);
         thread::sleep(wake.saturating_sub(begin.elapsed()));
     }
@@ -136,6 +138,7 @@ impl<'a> Driver<'a> {
                 self.driven.skipped += 1;
             }
         }
+        // While motions are skipped, keep-alives show the device that this program still runs.
         if self.last_sent.elapsed() >= Duration::from_millis(KEEP_ALIVE_MS.into())
             || (motion.is_none())
         {
@@ -194,6 +197,7 @@ impl<'a> Driver<'a> {
         }
         if !self.is_status_due && self.last_requested.elapsed() >= STATUS_INTERVAL {
             let (requester, runtime) = self.device.requester();
+            // The answer comes to a task of its own, so that a late one delays no motion.
             let sender = self.statuses.0.clone();
             runtime.spawn(async move { drop(sender.send(requester.status().await)) });
             self.is_status_due = true;
@@ -253,6 +257,7 @@ impl Heard {
     pub fn hear(&mut self, status: &Status) {
         self.mutes = mutes(status).saturating_sub(self.mutes_before);
         self.missed_ticks = status.tick.missed.saturating_sub(self.missed_before);
+        // An output at rest is muted, too, and says nothing about the play.
         if !matches!(status.output.activity, Activity::Playing { .. }) {
             return;
         }
@@ -268,7 +273,7 @@ impl Heard {
         }
     }
 
-    /// The level at the accelerometer; none if no status of the play reported one.
+    /// The level at the accelerometer; none if no status without a mute reported one.
     pub fn vibration(&self) -> Option<Vibration> {
         (self.vibration.greatest_m_s2 > 0.0).then_some(self.vibration)
     }
@@ -285,8 +290,9 @@ impl Heard {
 
     /// Returns why a play that has sent `driven` counts as failed, with the remedy.
     ///
-    /// A play fails if every status shows the output muted. It also fails if less than half of its motions could be
-    /// sent and their rate was below [`MIN_MOTION_RATE_HZ`], because the output then mutes between motions.
+    /// A play fails if it has at least two statuses and each shows the output muted. It also fails if less than half of
+    /// its motions could be sent and their rate was below [`MIN_MOTION_RATE_HZ`], because the output then mutes between
+    /// motions.
     pub fn failure(&self, driven: &Driven) -> Option<String> {
         let due = driven.motions + driven.skipped;
         let per_second = driven.motions as f64 / driven.seconds.max(f64::MIN_POSITIVE);
@@ -303,6 +309,7 @@ impl Heard {
         let muted = is_muted.then(|| format!("the output was muted throughout ({})", self.reasons));
         match (muted, motions) {
             (None, motions) => motions,
+            // Too few motions are the reason for the mute, so their remedy is the only one.
             (Some(muted), Some(motions)) => Some(format!("{muted}; {motions}")),
             (Some(muted), None) => Some(format!("{muted}: {}", self.remedy())),
         }
@@ -324,6 +331,7 @@ pub fn vibration_m_s2(status: &Status) -> f64 {
     if status.levels.samples == 0 {
         return 0.0;
     }
+    // The level is in dB re 1 µm/s², and 1 µm/s² is 10^-6 m/s².
     10f64.powf(f64::from(status.levels.vibration_decibel) / 20.0 - 6.0)
 }
 

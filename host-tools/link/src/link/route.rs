@@ -14,8 +14,8 @@ pub enum Route {
     /// Over a link of this program's own.
     #[default]
     Direct,
-    /// Like [`Route::Direct`], after the end of a broker without clients. Until this program ends, it refuses other
-    /// programs of this user that share links or want the device exclusively.
+    /// Like [`Route::Direct`], after the end of a broker without clients. As long as the device is open, other programs
+    /// of this user that share links or want the device exclusively are refused.
     Alone(String),
     /// Over a link that another program of this user shares, if there is one, and otherwise like [`Route::Direct`].
     /// This is for programs that cannot run as a broker.

@@ -130,6 +130,7 @@ impl<'a> Known<'a> {
     #[must_use]
     pub fn after(self, change: &SettingsChange, settings: &'a Settings) -> Self {
         let unset = match change {
+            // A reset gives every setting its default, and these have none that is known to fit the hardware.
             SettingsChange::Reset => SettingSet::REQUIRED,
             SettingsChange::Set(changes) => {
                 let set = changes.iter().fold(SettingSet::NONE, |set, change| {

@@ -178,6 +178,7 @@ fn wait_for_exchange(device: &mut Device) -> Result<UpdateReport> {
             Ok(Some(report)) if !matches!(report.phase, UpdatePhase::Committed { .. }) => {
                 return Ok(report);
             }
+            // Another protocol stays another one, however long the wait.
             Err(failure @ LinkError::Version { .. }) => return Err(failure),
             Err(failure) if limit.has_passed() => return Err(failure),
             Ok(_) if limit.has_passed() => {

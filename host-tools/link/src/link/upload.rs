@@ -58,6 +58,7 @@ pub fn upload_over(
     mut progress: impl FnMut(usize),
 ) -> Result<Uploaded> {
     let begin = UploadBegin {
+        // A length beyond 32 bits is none that a slot has, so the device refuses it.
         length: u32::try_from(library.len()).unwrap_or(u32::MAX),
         crc32: LIBRARY_CRC.checksum(library),
         replaces_last,
@@ -84,8 +85,8 @@ pub fn upload_over(
     })
 }
 
-/// Repeats `attempt`, which also returns the device's next offset, as long as its failures may pass and it makes
-/// progress. Returns the result, and the number of repetitions.
+/// Repeats `attempt`, which also returns the device's next offset, as long as its failures may pass, and ends after
+/// [`MAX_FAILURES`] failures in a row without progress. Returns the result, and the number of repetitions.
 pub(super) fn retried<T>(
     device: &mut Device,
     mut attempt: impl FnMut(&Device) -> (Result<T>, u32),
@@ -98,6 +99,7 @@ pub(super) fn retried<T>(
             Err(failure) if is_passing(&failure) => failure,
             Err(failure) => return Err(failure),
         };
+        // Only successive failures without progress count, so that a poor link may fail any number of times.
         if next_offset > furthest {
             (furthest, failures) = (next_offset, 0);
         }
@@ -106,6 +108,7 @@ pub(super) fn retried<T>(
         if failures >= MAX_FAILURES {
             return Err(failure);
         }
+        // A refusal has come over the link, so the link is whole.
         if !matches!(failure, LinkError::Upload(_)) {
             device.reconnect()?;
         }

@@ -73,6 +73,7 @@ async fn attached(link: &str) -> Result<Vec<DeviceInfo>> {
 /// share them. The operating system may not report the texts of a device that the user may not open. Missing texts are
 /// not compared.
 fn is_stylus(ids: (u16, u16), product: Option<&str>, serial: Option<&str>) -> bool {
+    // A stylus's serial number is its chip's 96-bit unique id in hexadecimal.
     let is_id = |serial: &str| serial.len() == 24 && serial.bytes().all(|c| c.is_ascii_hexdigit());
     ids == (USB_VENDOR_ID, USB_PRODUCT_ID)
         && product.is_none_or(|product| product == USB_PRODUCT)
@@ -100,6 +101,7 @@ fn choose(mut styluses: Vec<DeviceInfo>, wanted: Option<&str>) -> Result<DeviceI
             .collect()
     };
     let index = match wanted {
+        // A wanted number on an empty bus is a missing stylus, not a wrong number.
         _ if styluses.is_empty() => return Err(LinkError::NoUsbDevice),
         None if styluses.len() == 1 => 0,
         None => return Err(LinkError::SeveralUsbDevices { found: found() }),

@@ -55,6 +55,7 @@ pub(super) fn open(stream: TcpStream) -> (VirtualOut, VirtualIn) {
                 Ok(count) if count > 0 => bytes.extend(&buffer[..count]),
                 _ => return,
             }
+            // A read may hold several messages, and the begin of another.
             while let Ok(Some(message)) = take(&mut bytes) {
                 // An endpoint that was dropped needs no answer.
                 let _ = match message {

@@ -45,11 +45,11 @@ impl PlannedTrial {
     }
 
     /// Reads a CSV list with the columns `speed_mm_s`, in mm/s, and `force_n`, in N. A column `texture` is optional;
-    /// The argument `texture` replaces an empty or missing name.
+    /// the argument `texture` replaces an empty or missing name.
     ///
     /// # Errors
-    /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force
-    /// that is not a number of at least zero.
+    /// A file that cannot be read, a missing or unknown column, no line or more than [`MOST_TRIALS`], or a line without
+    /// a texture or with a speed or force that is not a number of at least zero or that no hand and no drum reaches.
     pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
         let table = CsvTable::read(path, TABLE)?;
         let header = table.header()?;
@@ -146,7 +146,8 @@ impl std::fmt::Display for PlannedTrial {
     }
 }
 
-/// Identifies the trial of a texture at a speed, mm/s, and a force, N. Equal numbers have equal bits.
+/// Identifies the trial of a texture at a speed, mm/s, and a force, N. Equal numbers have equal bits, except for 0 and
+/// -0.
 fn key(texture: &str, speed_mm_s: f64, force_n: f64) -> (String, u64, u64) {
     (texture.to_owned(), speed_mm_s.to_bits(), force_n.to_bits())
 }
@@ -193,6 +194,7 @@ impl Folder {
         }
         if content.next().is_some() {
             let set = RecordingSet::from_list(&list)?;
+            // A trial whose file is gone is recorded again.
             let there = set.trials.iter().filter(|trial| trial.file.is_file());
             folder.done = there
                 .map(|trial| key(&trial.texture, trial.speed_mm_s, trial.force_n))
@@ -261,6 +263,7 @@ impl Folder {
             },
         ])
         .map_err(|failure| Error::file(&file, failure.to_string()))?;
+        // A copy, so that this state stays that of the files if the list cannot be written.
         let mut lines = self.lines.clone();
         match lines.iter_mut().find(|line| first_field(line) == name) {
             Some(earlier) => *earlier = line,
@@ -313,8 +316,8 @@ fn first_field(line: &str) -> String {
 /// Codes from the middle of the converter's range to its end.
 const HALF_RANGE: f64 = 32_768.0;
 
-/// Acceleration that corresponds to half the range on the axis with the largest scale, m/s². No sample of any axis then
-/// exceeds 1.
+/// Acceleration that corresponds to half the range on the axis with the largest scale, m/s². No sample of an axis whose
+/// zero is at mid-scale then exceeds 1.
 fn scale_m_s2(calibration: &Calibration) -> f64 {
     let largest = calibration
         .m_s2_per_code

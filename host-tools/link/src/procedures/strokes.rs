@@ -33,7 +33,8 @@ pub struct Strokes {
 /// the sample rate in Hz.
 ///
 /// # Errors
-/// A lost link, more samples than a recording can have, or no block within the timeout of an answer.
+/// A lost link, a recording that another program has stopped, more samples than a recording can have, or no block
+/// within the timeout of an answer.
 pub fn record(
     device: &Device,
     seconds: f64,
@@ -49,6 +50,7 @@ pub fn record(
         let arrival = stream.wait()?;
         let start = *start.get_or_insert(arrival.first_tick);
         let offset = arrival.first_tick.saturating_sub(start) as usize;
+        // Ticks that did not arrive become samples without a value, so that each sample stays at its time.
         samples.resize(offset.clamp(samples.len(), wanted), None);
         let rows = arrival.samples.into_iter().zip(arrival.whole);
         samples.extend(rows.map(|(sample, whole)| whole.then_some(sample)));
@@ -68,6 +70,7 @@ impl Strokes {
     /// The speed is 0 where the whole window was lost.
     pub fn speeds_mm_s(&self, calibration: &Calibration) -> Vec<f64> {
         let half = (0.5 * SPEED_WINDOW_S * f64::from(self.rate_hz)) as usize;
+        // Sums up to each sample make each window two subtractions, whatever its length.
         let mut path = vec![0i64];
         let mut known = vec![0usize];
         for sample in &self.samples {
@@ -82,6 +85,7 @@ impl Strokes {
                     (n + half + 1).min(self.samples.len()),
                 );
                 let counts = (path[end] - path[first]) as f64;
+                // Only samples that arrived count, because the counts of lost ones are missing, too.
                 let seconds = (known[end] - known[first]).max(1) as f64 / f64::from(self.rate_hz);
                 counts * calibration.mm_per_count / seconds
             })
@@ -111,6 +115,7 @@ impl Strokes {
                 Some(sample) => {
                     let [x, y, z] = calibration.acceleration(sample);
                     let force = calibration.force(sample);
+                    // A tick is a whole number of microseconds, so six digits are exact.
                     writeln!(text, "{time:.6},{x:.5},{y:.5},{z:.5},{speed:.3},{force:.4}")
                 }
                 None => writeln!(text, "{time:.6},nan,nan,nan,nan,nan"),

@@ -22,7 +22,8 @@ pub(in crate::link) struct Hold {
 /// without clients. Returns `None` if no place for the lock can be determined.
 ///
 /// # Errors
-/// Another program has the device exclusively, or a broker has clients. The error names them.
+/// Another program has the device exclusively, or a broker has clients: the error names them. A lock file that cannot
+/// be made.
 pub(in crate::link) async fn hold(address: &LinkAddress, command: &str) -> Result<Option<Hold>> {
     let Ok(place) = Place::of(address).await else {
         // Opening the link will report what is wrong with the address.
@@ -34,6 +35,7 @@ pub(in crate::link) async fn hold(address: &LinkAddress, command: &str) -> Resul
             place.name_alone(command);
             return Ok(Some(Hold { _lock: lock }));
         }
+        // A broker without clients ends within this time and frees the lock; one that has clients does not.
         if !place.is_held_alone(begin)? && begin.elapsed() > BROKER_END {
             return Err(LinkError::Held {
                 link: place.address.to_string(),

@@ -55,7 +55,8 @@ pub(in crate::link) async fn open<E: Ends>(
 /// Opens a link that another program shares, and passes its two ends to `ends`. Returns `None` if no program shares it.
 ///
 /// # Errors
-/// A program of another version shares the link, or a program has the device exclusively.
+/// A program of another version shares the link, or a program has the device exclusively. A lock file that cannot be
+/// made.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     command: &str,
@@ -71,6 +72,7 @@ pub(in crate::link) async fn join<E: Ends>(
         if let Some(socket) = connect(&place, command, health).await? {
             return Ok(Some(give(socket, health, ends)));
         }
+        // The lock is only tried and freed at once: like a direct link, this one keeps nobody else out.
         if place.lock()?.is_some() {
             return Ok(None);
         }
@@ -85,6 +87,8 @@ fn continue_within(place: &Place, begin: Instant) -> Result<()> {
     if begin.elapsed() < TIMEOUT {
         return Ok(());
     }
+    // A broker of this version would have answered by now. Others listen at sockets of other names, but hold the same
+    // lock.
     Err(unusable(
         &place.address,
         &format!(
@@ -104,6 +108,7 @@ async fn connect(place: &Place, command: &str, health: &Health) -> Result<Option
         Err(failure)
             if matches!(
                 failure.kind(),
+                // A broker that crashed leaves a socket at which nobody listens.
                 io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused
             ) =>
         {
@@ -132,7 +137,7 @@ async fn connect(place: &Place, command: &str, health: &Health) -> Result<Option
     }
 }
 
-/// Starts a broker, and waits until it is ready or reports that another broker already serves the device.
+/// Starts a broker, and waits until it is ready or reports that another program already has the device.
 async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
     let failed = |failure: io::Error| unusable(&place.address, &failure);
     let mut broker = Command::new(&sharing.program)
@@ -161,6 +166,7 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
     drop(tokio::task::spawn_blocking(move || broker.wait()));
     match line.trim_end() {
         BROKER_READY => Ok(()),
+        // The other program holds the lock, but its socket may not be there yet.
         BROKER_TAKEN => {
             tokio::time::sleep(RETRY).await;
             Ok(())

@@ -45,5 +45,5 @@ pub use sharing::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Sharing};
 /// Time without a client after which a broker ends.
 const IDLE: Duration = Duration::from_secs(3);
 
-/// Interval between attempts while another program starts or ends a broker.
+/// Interval between attempts while another program starts or ends a broker, or has the device exclusively.
 const RETRY: Duration = Duration::from_millis(10);

@@ -13,8 +13,8 @@ use crate::link::error::{LinkError, Result};
 use crate::link::{LinkAddress, usb};
 use crate::support::fnv::Fnv;
 
-/// Version of the messages. The socket's name depends on it and on the version of the device's protocol. The lock's
-/// name is the same for all versions.
+/// Version of the messages. The socket's name depends on it and on the hash of the link's messages. The lock's name is
+/// the same for all versions.
 const VERSION: u16 = 2;
 
 /// Prefix of the text in a lock whose holder does not share the device.
@@ -42,7 +42,8 @@ impl Place {
     /// Returns the files of the broker of `address`.
     ///
     /// # Errors
-    /// No such device on USB, or a runtime folder that others might write to.
+    /// No such device on USB, or several if none is named; a runtime folder that cannot be made or that others might
+    /// write to.
     pub(super) async fn of(address: &LinkAddress) -> Result<Self> {
         let address = canonical(address).await?;
         let folder = runtime_folder::own().map_err(|failure| unusable(&address, &failure))?;
@@ -126,6 +127,7 @@ impl Place {
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
         let file = options.open(&self.lock).map_err(failed)?;
+        // The file is never removed: two programs could then hold the locks of two files of the same name.
         match file.try_lock() {
             Ok(()) => Ok(Some(file)),
             Err(TryLockError::WouldBlock) => Ok(None),
@@ -153,6 +155,7 @@ async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
         LinkAddress::Usb { serial } => LinkAddress::Usb {
             serial: usb::serial_number(serial.as_deref(), &address.to_string())
                 .await?
+                // The operating system may hide the number of a device that this user may not open.
                 .or_else(|| serial.clone()),
         },
         LinkAddress::Serial { path } => LinkAddress::Serial {

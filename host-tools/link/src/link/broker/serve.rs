@@ -41,12 +41,12 @@ const MOST_WITH_BLOCKS: usize = 256;
 /// Number of messages waiting for a client from which on the client counts as dead.
 const MOST_MESSAGES: usize = 4096;
 
-/// How a broker ended that did not fail.
+/// Reason for which a broker has ended without a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Served {
     /// No client was left, the link has ended, or the system has asked the process to end.
     Ended,
-    /// Another broker serves this device.
+    /// Another program has the device: a broker, or one that uses it exclusively.
     Taken,
 }
 
@@ -79,6 +79,7 @@ async fn run(
     if lock.is_none() {
         return Ok(Served::Taken);
     }
+    // The names that an earlier holder of the lock left are wrong from now on.
     place.name_clients("");
     let failed = |failure: io::Error| unusable(address, &failure);
     let mut terminated = signal(SignalKind::terminate()).map_err(failed)?;
@@ -125,6 +126,7 @@ async fn run(
         }
     }
     drop(listener);
+    // A program that comes now starts a broker of its own, instead of joining this one at its end.
     let _ = fs::remove_file(&place.socket);
     broker.flush().await;
     Ok(Served::Ended)
@@ -268,6 +270,7 @@ impl Broker<'_> {
                 let actions = self.switchboard.frame_of(client, &frame);
                 self.act(actions, Some(permit));
             }
+            // A client that was removed as dead may still send.
             Event::OfClient(..) => {}
             Event::Left(client) => self.remove(client),
             Event::OfDevice(frame) => {
@@ -290,6 +293,7 @@ impl Broker<'_> {
 
     /// Starts the two tasks of a client.
     fn accept(&mut self, stream: UnixStream) {
+        // A client counts only once it has sent its command. Until then the broker must not end as idle.
         self.idle_since = Instant::now();
         let Ok(peer) = stream.peer_cred() else { return };
         // This is a second check: the folder's permissions already keep other users out.
@@ -301,6 +305,7 @@ impl Broker<'_> {
         let (reader, mut writer) = stream.into_split();
         let (messages, outbox) = mpsc::unbounded_channel();
         let waiting = Arc::new(AtomicUsize::new(0));
+        // The queue itself has no length, so the messages are counted beside it.
         let told = waiting.clone();
         tokio::spawn(async move { write(outbox, &mut writer, &told).await });
         let events = self.events.clone();
@@ -345,10 +350,13 @@ impl Broker<'_> {
                 Action::ToClient(to, message) => {
                     let client = self.clients.get(&to);
                     if client.is_some_and(|client| !client.tell(message)) {
+                        // It is removed below, because its removal adds actions of its own.
                         dead.push(to);
                     }
                 }
                 Action::Block(frame) => {
+                    // A block may be left out, because its number shows the client what it has missed. An answer may
+                    // not.
                     for client in self.clients.values().filter(|client| !client.is_slow()) {
                         client.tell(FromBroker::Frame(frame.clone()));
                     }

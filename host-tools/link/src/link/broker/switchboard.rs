@@ -38,16 +38,17 @@ enum Activity {
     Play,
     /// Lasts until the commit or the abort.
     Upload,
-    /// Measurement of the actuator. Lasts until a response is stored or its client leaves, because nothing may heat the
-    /// coil in the pause between two probes.
+    /// Measurement of the actuator. Lasts until a response is stored or removed, or its client leaves, because nothing
+    /// may heat the coil in the pause between two probes.
     Measurement,
     /// Lasts until its client leaves.
     SelfTest,
     /// Lasts until its client leaves.
     Update,
-    /// A change of settings. Lasts for one request.
+    /// A change of settings. No client stays in it. Its requests are only refused while another client is in an
+    /// activity that they would disturb.
     Settings,
-    /// Lasts for one request.
+    /// Like [`Self::Settings`].
     Activation,
 }
 
@@ -79,6 +80,7 @@ impl Activity {
 
     /// Returns true if `self` of one client and `other` of another client exclude each other.
     fn disturbs(self, other: Self) -> bool {
+        // An upload writes only the slot that is not played. The settings have sectors of their own.
         let beside_upload = |one| matches!(one, Self::Play | Self::Settings);
         !(self == Self::Upload && beside_upload(other)
             || other == Self::Upload && beside_upload(self))
@@ -194,6 +196,7 @@ impl Switchboard {
             return Vec::new();
         };
         let VarKey::Key8(key) = header.key else {
+            // The device refuses a shortened key, and its error goes back to the client.
             return vec![self.ask(Some(client), header, Request::Other, body)];
         };
         let activity = Activity::of(key);
@@ -219,6 +222,8 @@ impl Switchboard {
                     .iter()
                     .filter(|held| moves.contains(&held.activity));
                 let clients: Vec<ClientId> = moving.map(|holder| holder.client).collect();
+                // A measurement stops each probe itself and holds on, because nothing may heat the coil between two
+                // probes.
                 self.held.retain(|holder| holder.activity != Activity::Play);
                 return self.stop(client, header, body, clients);
             }
@@ -254,6 +259,7 @@ impl Switchboard {
         let number = match header.seq_no {
             VarSeq::Seq1(number) => number.into(),
             VarSeq::Seq2(number) => number,
+            // Only blocks have numbers of four bytes, and they were passed on above.
             VarSeq::Seq4(number) => number as u16,
         };
         // A frame that answers no waiting request goes to nobody.
@@ -293,6 +299,7 @@ impl Switchboard {
     }
 
     fn refuse(&self, client: ClientId, header: VarHeader, key: Key, holder: Holder) -> Vec<Action> {
+        // A topic has no answer, so a refusal would have no reader.
         if [MotionTopic::TOPIC_KEY, KeepAliveTopic::TOPIC_KEY].contains(&key) {
             return Vec::new();
         }
@@ -406,6 +413,8 @@ impl Switchboard {
         let mut body = body.to_vec();
         let mut actions = Vec::new();
         match asked.request {
+            // A refused request ends only the activity that it began: a client that plays still plays what it played
+            // before.
             Request::Begin(activity, true) if !is_done => self.end(asked.client, activity),
             Request::End(activity) if !is_error => self.end(asked.client, activity),
             Request::RecordStart if is_done => {
@@ -417,6 +426,7 @@ impl Switchboard {
                         lost_blocks: 0,
                     },
                 });
+                // The client may have left before the device answered.
                 actions = self.end_unwanted_recording();
             }
             Request::RecordStart if !is_error => {

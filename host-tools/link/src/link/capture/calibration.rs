@@ -93,7 +93,7 @@ impl Level {
     }
 }
 
-/// Losses of a recording, in blocks of [`BLOCK_SAMPLES`](model_format::link::BLOCK_SAMPLES) samples.
+/// Losses of a recording. A block has [`BLOCK_SAMPLES`](model_format::link::BLOCK_SAMPLES) samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Loss {
     /// Blocks that arrived.
@@ -104,7 +104,7 @@ pub struct Loss {
     pub on_link: u32,
     /// Frames that arrived and could not be decoded.
     pub broken_frames: u64,
-    /// Samples that arrived with conversions of more than one tick, because the device read them late.
+    /// Samples that arrived with conversions of more than one tick, because the device read them too early or too late.
     pub torn_samples: u32,
 }
 

@@ -20,7 +20,7 @@ pub struct Capture {
     pub rate_hz: u32,
     /// Tick of the first sample.
     pub first_tick: u64,
-    /// Losses before this stretch and after it.
+    /// Losses of the whole recording. Within this stretch no block is lost, but samples may be torn.
     pub loss: Loss,
     /// Number of holes. After each hole the capture began again.
     pub holes: u32,
@@ -38,7 +38,8 @@ const MOST_TORN: f64 = 0.01;
 /// will have at its end, and the sample rate in Hz.
 ///
 /// # Errors
-/// A lost link, more samples than a recording can have, or no stretch without a hole in four times its length.
+/// A lost link, a recording that another program has stopped, more samples than a recording can have, no stretch
+/// without a hole in four times its length, or more than 1 % torn samples.
 pub fn capture(
     device: &Device,
     seconds: f64,
@@ -74,6 +75,7 @@ pub fn capture(
         samples.extend(arrival.samples);
         whole.extend(arrival.whole);
         heard(&samples, settle + wanted, rate_hz);
+        // Without a hole the loop ends by itself.
         if holes > 0 && arrival.first_tick.saturating_sub(start) > most_ticks {
             let loss = stream.stop()?;
             return Err(LinkError::Lossy {

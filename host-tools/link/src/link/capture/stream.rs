@@ -35,7 +35,7 @@ pub struct Arrival {
     pub whole: [bool; BLOCK_SAMPLES],
     /// Tick of the first sample.
     pub first_tick: u64,
-    /// True if the samples follow those of the block before without a hole.
+    /// True if the samples follow those of the block before without a hole; also true for the first block.
     pub is_continuous: bool,
 }
 
@@ -43,7 +43,8 @@ impl<'a> Stream<'a> {
     /// Starts a recording.
     ///
     /// # Errors
-    /// A recording that is already in progress, a lost link, or a device with another block length.
+    /// A recording that is already in progress, a lost link, or a device with another block length or another rate than
+    /// a file may have.
     pub fn start(device: &'a Device) -> Result<Self> {
         let broken_before = device.broken_frames();
         let (started, blocks) = device.record_start()?;
@@ -93,7 +94,7 @@ impl<'a> Stream<'a> {
     /// Returns the next block, or `None` if none arrives within `within`.
     ///
     /// # Errors
-    /// A lost link.
+    /// A lost link, or a recording that another program has stopped.
     pub fn next(&mut self, within: Duration) -> Result<Option<Arrival>> {
         let Some(block) = self.blocks.next(self.device, within)? else {
             return match self.device.stopped_by() {
@@ -123,7 +124,7 @@ impl<'a> Stream<'a> {
     /// Returns the next block.
     ///
     /// # Errors
-    /// A lost link, or no block within the timeout of an answer.
+    /// A lost link, a recording that another program has stopped, or no block within the timeout of an answer.
     pub fn wait(&mut self) -> Result<Arrival> {
         let timeout = self.device.timeouts().answer;
         self.next(timeout)?.ok_or_else(|| LinkError::Lossy {
@@ -141,6 +142,7 @@ impl<'a> Stream<'a> {
     /// # Errors
     /// A lost link, or a recording that another program has stopped.
     pub fn stop(mut self) -> Result<Loss> {
+        // From here on nothing stops the recording a second time, not even the drop after an error.
         self.is_running = false;
         // A request to stop could end a recording that yet another program has begun since.
         if let Some(by) = self.device.stopped_by() {
@@ -160,6 +162,7 @@ impl<'a> Stream<'a> {
     }
 
     fn loss(&self, stopped: RecordStopped) -> Loss {
+        // The device counts from the start of a shared recording, which this program may have joined later.
         let (blocks_before, lost_before) = self.device.before_joining();
         let in_device = stopped.lost_blocks.saturating_sub(lost_before);
         let blocks = stopped.blocks.saturating_sub(blocks_before);

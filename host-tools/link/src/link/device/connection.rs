@@ -92,6 +92,7 @@ impl Device {
         is_any: bool,
     ) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
+            // The link has two tasks that mostly wait, so one thread serves both.
             .worker_threads(1)
             .thread_name("stylus-link")
             .enable_all()
@@ -167,6 +168,7 @@ impl Device {
                         info.serial, self.info.serial
                     )));
                 }
+                // Another protocol stays another one, however long the wait.
                 Err(failure @ LinkError::Version { .. }) => return Err(failure),
                 Err(failure) if limit.has_passed() => return Err(failure),
                 Err(_) => thread::sleep(RECONNECT_INTERVAL),
@@ -220,6 +222,7 @@ impl Device {
         let mut limit = self.limit(timeout);
         loop {
             match self.request_within::<E>(name, timeout, request) {
+                // The device's queue of jobs for the flash is full.
                 Err(LinkError::Frame {
                     error: WireError::FailedToSpawn,
                     ..
@@ -403,12 +406,12 @@ impl Requester {
     }
 }
 
-/// Longest waits for the device, each from the start of a request.
+/// Longest waits for the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timeouts {
     /// Timeout of a request that does not touch the flash.
     pub answer: Duration,
-    /// Timeout of a request that may erase or write flash.
+    /// Timeout of a request that may read, erase or write flash.
     pub flash: Duration,
     /// Time that a broken link may take to come back.
     pub reconnect: Duration,

@@ -56,6 +56,7 @@ impl Device {
             SlotState::Valid(library) => library.textures,
             _ => 0,
         };
+        // An index has one byte: a library holds at most 256 textures.
         (0..=u8::MAX)
             .take(usize::from(count))
             .map(|index| {
@@ -115,6 +116,7 @@ impl Device {
     /// A refusal, after which the device continues to play what it played before, or an answer that names another
     /// request. If the library lacks the requested name, the error lists the names that it has.
     pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
+        // Before the request, because the broker may report a stop as soon as the play has begun.
         self.requester.health.begin();
         let answer = self.request::<PlayEndpoint>("play", request)?;
         let playing = answer.map_err(|refusal| self.with_names(refusal))?;
@@ -183,6 +185,7 @@ impl Device {
         };
         let mut limit = self.limit(self.timeouts().answer);
         loop {
+            // The output first falls to mid-scale by the ramp of `mute-ramp`.
             let output = self.status()?.output;
             if output.activity == Activity::Idle {
                 return Ok((was_playing, output));
@@ -233,7 +236,9 @@ impl Device {
     /// # Errors
     /// A refusal, a lost link or a missing answer.
     pub(in crate::link) fn record_start(&self) -> Result<(RecordStarted, Blocks)> {
+        // Before the request, because the broker reports a joined recording before its answer.
         self.requester.health.begin();
+        // The subscription precedes the request, because the first blocks may arrive before its answer.
         let client = &self.requester.client;
         let subscription = self
             .runtime()
@@ -337,6 +342,7 @@ impl Device {
         let wrong = match &proposal.change {
             SettingsChange::Set(values) => values
                 .iter()
+                // Settings are stored and sent as the same 32-bit floats, so equality is exact.
                 .find(|change| settings.get(change.setting) != change.value)
                 .map(|change| change.setting),
             SettingsChange::Reset => settings

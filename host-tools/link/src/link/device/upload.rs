@@ -79,6 +79,7 @@ impl Device {
             let sent = self
                 .runtime()
                 .block_on(self.send_window(library, at, |next| {
+                    // Each answered chunk is progress, so the wait for a full queue begins anew.
                     (at, limit) = (next as usize, self.limit(self.timeouts().flash));
                     progress(next);
                 }));
@@ -128,7 +129,7 @@ impl Device {
                 Some(Ok(there)) => progress(there.next_offset),
                 Some(Err(failure)) => {
                     // After a refused chunk the device refuses the chunks that follow. Their answers are awaited here,
-                    // because they would be mistaken for answers to what is sent next.
+                    // so that none of them takes a place in the device's queue when the next chunks are sent.
                     if matches!(failure, LinkError::Frame { .. } | LinkError::Upload(_)) {
                         while first_answer(&mut chunks).await.is_some() {}
                     }

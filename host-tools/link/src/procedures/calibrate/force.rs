@@ -88,10 +88,11 @@ impl ForceScale {
     /// Fits the scale to measurements, which are in the [`order`] of their weights.
     ///
     /// # Errors
-    /// A sensor that hardly reacts, does not return to its zero, or is not linear in the weight.
+    /// A sensor that hardly reacts, shows other values on the way back, or is not linear in the weight.
     pub fn of(measured: &[Weighed]) -> Result<Self, ForceFault> {
         let codes = |weighed: &Weighed| weighed.at_rest.mean[3];
         let count = measured.len() as f64;
+        // A straight line by least squares. It need not pass through zero, because the zero is a setting of its own.
         let mean = |of: &dyn Fn(&Weighed) -> f64| measured.iter().map(of).sum::<f64>() / count;
         let force = |weighed: &Weighed| newtons(weighed.grams);
         let (mean_n, mean_codes) = (mean(&force), mean(&codes));
@@ -105,6 +106,7 @@ impl ForceScale {
             return Err(ForceFault::Insensitive(grams, change.abs()));
         }
         let most = |codes: f64, one: f64| f64::max(codes, (one / codes_per_n).abs());
+        // The order of the weights is the same backwards, so each pair has the same weight.
         let back = measured.iter().zip(measured.iter().rev());
         let hysteresis_n = back
             .map(|(up, down)| codes(up) - codes(down))
@@ -113,6 +115,7 @@ impl ForceScale {
         let residuals = measured.iter().map(|one| codes(one) - line(one));
         let residual_n = residuals.fold(0.0, most);
         let percent = |newtons: f64| 100.0 * newtons / most_n;
+        // Hysteresis is asked first, because it also shows as a deviation from the line.
         if hysteresis_n > MOST_SHARE * most_n {
             return Err(ForceFault::Hysteresis(hysteresis_n, percent(hysteresis_n)));
         }

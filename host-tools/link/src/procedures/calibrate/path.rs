@@ -43,6 +43,7 @@ impl Travel {
         let mut travel = Self::default();
         let mut left = stream.samples_in(ARRIVAL_S)?;
         while left > 0 {
+            // The wait counts blocks and not time, because a virtual stylus may be slower than real time.
             if ended() {
                 left = left.saturating_sub(BLOCK_SAMPLES);
             }
@@ -112,7 +113,7 @@ impl PathScale {
     /// Computes the scale from a distance of `mm`, moved there and back.
     ///
     /// # Errors
-    /// Ways that are too short, not straight, or not equal.
+    /// Ways that are too short, not straight, in the same direction, or not equal.
     pub fn of(mm: f64, [there, back]: [Travel; 2]) -> Result<Self, PathFault> {
         for way in [there, back] {
             let counts = way.counts.abs();
@@ -129,6 +130,7 @@ impl PathScale {
         if there.counts.signum() == back.counts.signum() {
             return Err(PathFault::SameDirection);
         }
+        // The way back has the opposite sign.
         let mean = (there.counts - back.counts) as f64 / 2.0;
         let share = ((there.counts + back.counts) as f64 / mean).abs();
         if share > MOST_SHARE {

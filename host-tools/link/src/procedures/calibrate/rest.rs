@@ -168,7 +168,8 @@ fn zero(setting: Setting, mean: f64) -> SettingChange {
 /// Measures the force again, and verifies that it is zero.
 ///
 /// # Errors
-/// A lost link, or a force whose mean is further from the zero than its noise and the drift of a measurement allow.
+/// A lost link, a stylus that is playing, a recording with holes, or a force whose mean is further from the zero than
+/// its noise and the drift of a measurement allow.
 pub fn verify(device: &Device, seconds: f64) -> Result<AtRest> {
     let settings = device.settings()?;
     let Some(again) = AtRest::measure(device, seconds, || true)? else {

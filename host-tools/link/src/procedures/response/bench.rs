@@ -23,7 +23,7 @@ pub struct Probe<'a> {
 pub struct Played {
     /// Acceleration of the three axes over whole periods, m/s².
     pub axes: [Vec<f64>; 3],
-    /// True if a code of the accelerometer was at a rail of the converter.
+    /// True if a code of the accelerometer was within [`RAIL_CODES`] of an end of the range.
     pub saturated: bool,
     /// True if a limit of the output or the thermal limiter acted.
     pub limited: bool,

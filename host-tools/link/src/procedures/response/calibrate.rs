@@ -53,6 +53,7 @@ pub fn calibrate(
         options,
         identified.fit.is_positive,
     )?;
+    // The device plays the proof through the proposal, and stores only what was proposed.
     let mut response = record(bench, &identified, &design, measured_at)?;
     bench.propose(&response)?;
     let before = {
@@ -141,6 +142,8 @@ fn prove(
         .iter()
         .map(|sample| sample * design.output_gain)
         .collect();
+    // The samples at the pin are in V per m/s², so the bound of voltage gives an acceleration. The tip follows it, once
+    // it is equalised.
     let peak_m_s2 = bounds.volts(&pin, SHARE_OF_RMS).min(bounds.range_m_s2);
     let probe = Probe {
         codes: &wave.codes(),

@@ -8,7 +8,7 @@ use super::bench::{Bench, Probe, usable};
 use super::identify::{Bounds, SHARE_OF_RMS, excitation};
 use crate::dsp::response::{Bandwidths, Fit, Measured, Spectra};
 
-/// Periods of the probe; with the soft start it takes two seconds.
+/// Periods of the probe. With one period to settle and a soft start of at most 0.4 s, it takes two seconds.
 const PERIODS: usize = 3;
 
 /// Peak of the probe, as a fraction of the largest peak that is allowed.
@@ -31,9 +31,9 @@ pub struct Checked {
     pub ok: bool,
     /// Descriptions of the changes; empty if nothing has changed.
     pub moved: Vec<String>,
-    /// Change of the gain, dB.
+    /// Change of the gain, dB; NaN if no band is trusted now and in the stored response, and -∞ if nothing moves.
     pub gain_db: f64,
-    /// Present resonance, Hz.
+    /// Present resonance, Hz; none if it is not found.
     pub resonance_hz: Option<f64>,
     /// Angle between the present and the stored direction of motion, degrees.
     pub axis_deg: f64,
@@ -47,6 +47,7 @@ impl Checked {
     fn changes(&self, then_hz: f64, worst_band: Option<(usize, f64)>) -> Vec<String> {
         let (gain_db, axis_deg) = (self.gain_db, self.axis_deg);
         let mut moved = Vec::new();
+        // Without a band in common the gain is not known, which must not pass as unchanged.
         if gain_db.is_nan() || gain_db.abs() >= GAIN_DB {
             moved.push(format!("the gain has changed by {gain_db:+.1} dB"));
         }
@@ -62,6 +63,7 @@ impl Checked {
                 "the direction of motion has turned by {axis_deg:.0} degrees"
             ));
         }
+        // A moved resonance changes bands, too. A band is named only if nothing else explains it.
         if let Some((band, off_db)) =
             worst_band.filter(|worst| worst.1.abs() > BAND_DB && moved.is_empty())
         {
@@ -114,6 +116,7 @@ pub fn check(
     .collect();
     let mut changes: Vec<f64> = bands.iter().map(|&(_, change)| change).collect();
     changes.sort_by(f64::total_cmp);
+    // The median, because a resonance that has moved changes some of the bands by much more than the gain.
     let gain_db = changes.get(changes.len() / 2).copied().unwrap_or(f64::NAN);
     let off = bands.iter().map(|&(band, change)| (band, change - gain_db));
     let worst = off.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
@@ -125,6 +128,7 @@ pub fn check(
         .zip(stored.axis)
         .map(|(now, then)| now * f64::from(then))
         .sum();
+    // Both vectors have length 1 except for rounding, which could lead out of the domain of the arc cosine.
     let axis_deg = cosine.clamp(-1.0, 1.0).acos().to_degrees();
     let mut checked = Checked {
         ok: true,

@@ -65,7 +65,7 @@ pub(super) fn response(measured: &Measured) -> Result<Response> {
 /// Designs equalisers and level for `measured`.
 ///
 /// # Errors
-/// Limits that leave too little of the band, or an output gain out of its range.
+/// A response with too few trusted lines, limits that leave too little of the band, or an output gain out of its range.
 pub(super) fn design(
     measured: &Measured,
     bounds: &Bounds,
@@ -83,6 +83,7 @@ pub(super) fn design(
     }
     let known = measured.points();
     let (first, last) = (known[0].0, known[known.len() - 1].0);
+    // A level below the floor counts as the floor, so that the equaliser asks for no voltage beyond the limits.
     let floored = known
         .iter()
         .map(|&(hz, level_db)| (hz, level_db.max(floor_db)))
@@ -122,6 +123,7 @@ fn beyond(low_hz: f64, high_hz: f64) -> Failure {
 
 /// Returns the band around the middle of [`NEEDED_HZ`] in which the response is at least `floor_db`, Hz.
 fn allowed(response: &Response, floor_db: f64) -> [f64; 2] {
+    // The search goes outwards from the middle, so that what lies beyond a gap does not count.
     let middle = (NEEDED_HZ[0] * NEEDED_HZ[1]).sqrt();
     let is_low = |point: &&(f64, f64)| point.1 < floor_db;
     let points = || response.points().iter();
@@ -142,5 +144,6 @@ fn invert(sections: &mut Vec<Biquad>) {
     if sections.is_empty() {
         sections.push(Biquad::IDENTITY);
     }
+    // The sign of one section is that of the whole cascade.
     sections[0].numerator = sections[0].numerator.map(|value| -value);
 }

@@ -81,6 +81,7 @@ impl<'a> DeviceBench<'a> {
             }
             let arrival = stream.wait()?;
             for (sample, tick) in arrival.samples.into_iter().zip(arrival.first_tick..) {
+                // Samples after a hole are left out, so that the length shows the hole.
                 if tick < end && tick == first + samples.len() as u64 {
                     samples.push(sample);
                 }
@@ -119,6 +120,7 @@ impl Bench for DeviceBench<'_> {
         }
         let crc32 = self.loaded.as_ref().map_or(0, |(_, crc32)| *crc32);
         let ramp = f64::from(self.settings.get(Setting::SoftStart)) / 1e3 * RATE_HZ / PERIOD as f64;
+        // Only whole periods are left out, so that the recording begins at the phase of the waveform.
         let settle = SETTLE + ramp.ceil() as u64;
         let periods = settle + probe.periods as u64;
         let start = ProbeStart {
@@ -132,6 +134,7 @@ impl Bench for DeviceBench<'_> {
         for _ in 0..TRIES {
             self.check_not_stopped()?;
             let (limits, mutes) = self.limits_and_mutes()?;
+            // The recording begins before the probe, so that it contains the first tick of the probe.
             let mut stream = Stream::start(self.device)?;
             let started = self.device.start_probe(&start)?;
             let begin = started.first_tick + settle * PERIOD as u64;
@@ -143,6 +146,7 @@ impl Bench for DeviceBench<'_> {
             stream.stop()?;
             self.seconds += periods as f64 * PERIOD as f64 / RATE_HZ;
             let (limits_after, mutes_after) = self.limits_and_mutes()?;
+            // A probe that was muted would look as if nothing moved.
             if mutes_after == mutes {
                 let limited = limits_after != limits;
                 return Ok(Played::of(&samples, &self.settings, limited));

@@ -18,19 +18,19 @@ use crate::support::error::{Error, Result};
 const SECONDS: f64 = 0.7;
 const SETTLE_S: f64 = 0.2;
 
-/// Demand in a third-octave band, of the node that is loudest there.
+/// Demand in a third-octave band. Each figure is the largest of all nodes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BandHeadroom {
     /// Centre frequency, Hz.
     pub hz: f64,
     /// Level that is asked for, m/s² RMS.
     pub asked_m_s2: f64,
-    /// Level at the tip, m/s² RMS, without any limit; none where the response is not known.
+    /// Level at the tip, m/s² RMS, without any limit; none where the response is not known or not trusted.
     pub tip_m_s2: Option<f64>,
     /// Level at the pin, V RMS.
     pub pin_volts: f64,
-    /// Amount by which this band by itself, with the texture's crest factor, exceeds the tightest limit, dB; negative
-    /// if it stays below.
+    /// Amount by which this band by itself, with the crest factor of the node's voltage, exceeds the tightest limit,
+    /// dB; negative if it stays below.
     pub over_db: f64,
 }
 
@@ -103,6 +103,7 @@ pub fn headroom(
     let output = Output {
         limits: Config::new(settings, 1.0).output_limits(settings),
         gain: f64::from(settings.get(Setting::OutputGain)),
+        // The setting is in V/ms.
         slew_per_s: 1e3 * f64::from(settings.get(Setting::SlewLimit)),
         response,
     };
@@ -176,6 +177,7 @@ impl Output<'_> {
                 let demand = self.demand(&asked[skipped..], &pin[skipped..], rate_hz);
                 let most =
                     |over_db: [f64; 3]| over_db.into_iter().fold(f64::NEG_INFINITY, f64::max);
+                // Silence is -∞ dB, which exceeds nothing. The second condition gives a silent texture a node, too.
                 if most(demand.over_db) > most(worst.over_db)
                     || worst.bands.is_empty() && worst.at == [0.0; 2]
                 {
@@ -200,6 +202,7 @@ impl Output<'_> {
         let peak = dense
             .iter()
             .fold(0.0f64, |most, volts| most.max(volts.abs()));
+        // Interpolation leaves the power as it is, so the samples suffice for it.
         let square = pin.iter().map(|volts| volts * volts).sum::<f64>() / pin.len() as f64;
         let slope = dense
             .windows(2)
@@ -281,6 +284,7 @@ fn between(samples: &[f64]) -> Vec<f64> {
         .collect();
     let at = |near: &[f64], weights: &[f64]| near.iter().zip(weights).map(|(x, w)| x * w).sum();
     samples
+        // The ends, which the windows do not cover, are left out.
         .windows(2 * REACH)
         .flat_map(|near| weights.iter().map(move |weights| at(near, weights)))
         .collect()

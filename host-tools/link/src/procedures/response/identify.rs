@@ -26,7 +26,7 @@ pub(super) const SHARE_OF_RMS: f64 = 0.6;
 /// only two seconds, and shows clipping and knocking.
 const SHARE_OF_RMS_AT_TOP: f64 = 1.2;
 
-/// Largest peak at the tip, as a fraction of the converter's range.
+/// Largest peak at the tip, as a fraction of half the converter's range.
 const SHARE_OF_RANGE: f64 = 0.45;
 
 /// First peak, as a fraction of the largest peak.
@@ -110,7 +110,7 @@ pub struct Level {
     pub even: f64,
     /// Distortion of odd order, relative to what was asked for.
     pub odd: f64,
-    /// Noise that grows with the level, relative to what was asked for.
+    /// Noise of one period, relative to what was asked for. If it grows with the level, something knocks.
     pub restless: f64,
 }
 
@@ -147,9 +147,11 @@ impl Bounds {
             .fold(f64::INFINITY, f64::min);
         Self {
             peak_volts: (SHARE_OF_PEAK * f64::from(limits.peak_volt))
+                // The device refuses a probe above this peak.
                 .min(f64::from(MAX_PROBE_M_S2) * gain),
             rms_volts: f64::from(limits.mean_square).sqrt(),
             // Between two samples the interpolated slope is up to 1.5 times the slope of the samples.
+            // At 5 kHz a sample takes 0.2 ms, and the setting is in V/ms.
             volts_per_sample: f64::from(settings.get(Setting::SlewLimit)) * 0.2 / 1.5,
             output_gain: gain,
             range_m_s2: SHARE_OF_RANGE * narrowest * 32_768.0,
@@ -217,6 +219,7 @@ impl<B: Bench> Probing<'_, B> {
         loop {
             let (played, measured) = self.play(top, UPWARDS)?;
             let bent = measured.as_ref().is_some_and(|measured| {
+                // In a weak motion, noise in the empty lines looks like distortion.
                 measured.over_noise > CLEAR && measured.even.max(measured.odd) > TOO_BENT
             });
             let peak = played
@@ -225,8 +228,10 @@ impl<B: Bench> Probing<'_, B> {
                 .map(|axis| swing(axis))
                 .fold(0.0, f64::max);
             let next = (2.0 * top)
+                // The tip follows the voltage in proportion, so this is the peak at which it would reach its bound.
                 .min(top * self.bounds.range_m_s2 / peak)
                 .min(most);
+            // A step of less than 5 % would cost a measurement and show nothing new.
             if bent || next < 1.05 * top {
                 return Ok(top);
             }
@@ -284,6 +289,7 @@ pub fn identify(
         return Err(verdict.failure(seen));
     };
     let levels: Vec<Level> = found.iter().flatten().map(|(level, ..)| *level).collect();
+    // Knocking is noise, too, so it is judged before the lines are found too noisy.
     if let Some(fault) = bent(&levels) {
         return Err(fault.into());
     }
@@ -324,6 +330,7 @@ fn swing(axis: &[f64]) -> f64 {
 fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     let probe = Probe {
         codes: &[0; PERIOD],
+        // All samples are 0, so the peak plays no role. The device refuses a peak of 0.
         peak_m_s2: 1e-3 / bounds.output_gain.max(1e-3),
         periods: REST,
         through: ProbeThrough::Nothing,
@@ -332,6 +339,7 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     // Only differences between periods count. A hum may show on all axes, so it does not prove that an axis works.
     let spectra = Spectra::of(&played.axes);
     let deviations =
+        // A line of amplitude a has the power a²/2. Bin 0 is the mean, which may drift.
         [0, 1, 2].map(|axis| (0.5 * spectra.variance[axis][1..].iter().sum::<f64>()).sqrt());
     let largest = deviations.into_iter().fold(0.0, f64::max);
     for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
@@ -361,6 +369,7 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
             |best, now| if now.1 > best.1 { now } else { best },
         );
     amplitudes.sort_by(f64::total_cmp);
+    // The median is the noise between the few lines of a hum.
     if m_s2 > HUM.0 && m_s2 > HUM.1 * amplitudes[amplitudes.len() / 2] {
         let hz = (bins[0] + loudest) as f64 * STEP_HZ;
         let seen = format!("{m_s2:.2} m/s² at {hz:.1} Hz while nothing is played");
@@ -381,6 +390,8 @@ fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> 
         resonance: fit.map(|fit| fit.resonance),
         even: measured.even,
         odd: measured.odd,
+        // `over_noise` compares with the noise of the mean over all periods, whose power is that of one period divided
+        // by their number.
         restless: (periods as f64 / measured.over_noise).sqrt(),
     }
 }
@@ -401,7 +412,9 @@ pub(super) fn trusted(measured: &Measured) -> f64 {
 /// Returns the fault of an actuator that, according to the levels, is not linear.
 fn bent(levels: &[Level]) -> Option<Fault> {
     let (first, last) = (levels.first()?, levels.last()?);
+    // Noise that is as strong at the lowest level was not caused by the motion.
     let distortion = last.even.max(last.odd).max(last.restless - first.restless);
+    // A change that noise hides at either level counts as none.
     let loss_db = first
         .gain_db
         .zip(last.gain_db)
@@ -420,6 +433,7 @@ fn bent(levels: &[Level]) -> Option<Fault> {
         .resonance
         .is_none_or(|resonance| resonance.hz_deviation > ROUGH * resonance.hz);
     Some(match resonances {
+        // A clipped signal is distorted, too, so the loss of gain is asked first.
         _ if loss_db > changed_db => Verdict::Clipped.seen(format!(
             "the gain falls by {loss_db:.1} dB towards {volts:.3} V of peak, at all frequencies alike"
         )),

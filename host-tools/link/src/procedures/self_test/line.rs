@@ -37,7 +37,7 @@ pub struct Line {
     pub limits: String,
     /// The verdict.
     pub verdict: Verdict,
-    /// Remedy; empty where the verdict is good.
+    /// Remedy, or how to have it measured; empty where the verdict is good.
     pub remedy: String,
 }
 

@@ -153,6 +153,7 @@ fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec
             judge::output(&values, device.status()?.tick_histogram.core_hz)
         }
         Ok(SelfTestValues::Rest(values)) => judge::rest(&values),
+        // The encoder is judged by what `movement` has seen.
         Ok(SelfTestValues::Encoder(_)) => Vec::new(),
         Ok(SelfTestValues::Flash(values)) => judge::flash(&values),
         Err(LinkError::SelfTest(refusal)) => match *refusal {
@@ -175,6 +176,7 @@ fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec
 /// Lines of the flash, measured in a slot that is empty or that the user has named.
 fn flash(device: &Device, erasable: Option<SlotId>) -> Result<Vec<Line>> {
     let slots = device.slots()?;
+    // An empty slot has no library to lose. The slot that is played is never erased.
     let empty = (SlotId::ALL.into_iter())
         .find(|slot| slots.slots[slot.index()] == SlotState::Empty && slots.active != Some(*slot));
     let Some(slot) = erasable.or(empty) else {

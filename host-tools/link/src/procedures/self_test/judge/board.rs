@@ -17,6 +17,7 @@ const FLASH_KB: u16 = 2048;
 /// Judges the silicon of the device that `info` describes.
 pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
     let revision = SiliconRevision(values.revision);
+    // The serial number has the bytes in the order of memory, which is little-endian.
     let [first, second, third] = values.unique_id.map(u32::swap_bytes);
     let serial = format!("{first:08X}{second:08X}{third:08X}");
     vec![
@@ -170,6 +171,7 @@ fn with(ram: &[u8; RAM_MONITORS], bits: u8) -> String {
         .filter(|(status, _)| **status & bits != 0)
         .map(|(_, name)| name)
         .collect();
+    // Memories of two monitors are neighbours in the list.
     names.dedup();
     if names.is_empty() {
         "none".to_owned()
@@ -180,6 +182,7 @@ fn with(ram: &[u8; RAM_MONITORS], bits: u8) -> String {
 
 /// Judges the memories.
 pub fn memory(values: &ErrorCorrectionValues) -> Vec<Line> {
+    // Bit 0: a corrected error; bits 1 and 2: errors that could not be corrected.
     let (corrected, failed) = (with(&values.ram, 0b001), with(&values.ram, 0b110));
     let mut lines = vec![
         Line::exact(
@@ -223,7 +226,7 @@ pub fn memory(values: &ErrorCorrectionValues) -> Vec<Line> {
 
 const SET_THEM: &str = "set the option bytes to the factory's values with STM32CubeProgrammer";
 
-/// Upper half of the flash's address, where the image begins.
+/// Upper half of the flash's address, where the bootloader begins.
 const BOOT_ADDRESS: u32 = 0x0800;
 
 /// Returns true if `register`, such as `FLASH_PRAR` or `FLASH_SCAR`, defines an area. It does not if the area's start

@@ -143,6 +143,7 @@ const DISTURBED: &str = "the reference or the ground is disturbed: keep the prob
 pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
     let means = means(values);
     let (slope, middle) = line_through(&means);
+    // With so small a slope, offset and delays would only show noise.
     if slope.abs() < 0.1 {
         return vec![Line::judged(
             "output at PA4",

@@ -147,11 +147,13 @@ pub fn traffic(link: &str, values: &Traffic) -> Vec<Line> {
         "close other programs that use the link, use another cable, without a hub, and test again";
     let Traffic { before, after, .. } = values;
     let name = |what: &str| format!("{link}: {what}");
+    // The counters wrap; the difference is right all the same.
     let during = |count: fn(&Status) -> u32| count(after).wrapping_sub(count(before));
     let mut trips: Vec<f64> = (values.round_trips.iter())
         .map(|trip| trip.as_secs_f64() * 1e3)
         .collect();
     trips.sort_by(f64::total_cmp);
+    // Without a round trip both values are NaN, which no limit passes.
     let median = trips.get(trips.len() / 2).copied().unwrap_or(f64::NAN);
     let longest = trips.last().copied().unwrap_or(f64::NAN);
     let loss = &values.loss;
