@@ -27,7 +27,7 @@ const FOLDS: usize = 4;
 /// Least number of windows of the recordings: two of each part.
 const FEWEST: usize = 2 * FOLDS;
 
-/// Weight of the squared coefficients relative to the mean loss of a window.
+/// Weight of half the sum of the squared coefficients, relative to the mean loss of a window.
 const RIDGE: f64 = 0.02;
 
 /// Number of steps of the gradient descent, and their length. The ridge and the standardised features keep the descent
@@ -45,7 +45,7 @@ pub struct Windows([Vec<Features>; 2]);
 
 impl Windows {
     /// Cuts a recording and the signal in its place into whole windows, with features below `high_hz`. Returns `None`
-    /// if one of the signals is shorter than 1 s, or silent during some window.
+    /// if one of the signals is shorter than 1 s, or silent.
     pub fn of(recorded: &[f64], other: &[f64], rate_hz: f64, high_hz: f64) -> Option<Self> {
         let of = |signal| features(signal, rate_hz, high_hz);
         let (mut recorded, mut other) = (of(recorded)?, of(other)?);
@@ -69,8 +69,8 @@ impl Windows {
     }
 }
 
-/// Returns the area under the ROC curve over all `places`. Places with a lower sample rate than others are left out.
-/// Returns `None` without two seconds of recordings.
+/// Returns the area under the ROC curve over all `places`. Places with fewer bands than others, as at a lower sample
+/// rate, are left out. Returns `None` without two seconds of recordings.
 pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
     let mut places: Vec<&Windows> = places.collect();
     let most = places.iter().map(|windows| windows.features()).max()?;
@@ -110,7 +110,7 @@ fn share_above(mut first: Vec<f64>, second: &[f64]) -> f64 {
     second.iter().map(below).sum::<f64>() / (first.len() * second.len()) as f64
 }
 
-/// The features of each whole window; `None` if one is not finite.
+/// The features of each whole window; `None` if one is not finite, or if the signal is shorter than 1 s.
 fn features(signal: &[f64], rate_hz: f64, high_hz: f64) -> Option<Vec<Features>> {
     let range_hz = (band_edges_hz(FIRST_BAND).0, high_hz);
     let length = (WINDOW_S * rate_hz).round() as usize;

@@ -48,8 +48,8 @@ pub struct Options {
     pub conditioning: Conditioning,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis, s. It is at least the duration of the recording. A longer synthesis gives more exact
-    /// band levels.
+    /// Duration of each synthesis, s; it is longer if what judges it is longer. A longer synthesis gives more exact band
+    /// levels.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
     pub seed: u64,
@@ -140,7 +140,7 @@ pub struct Comparison {
     pub recording: Vec<f64>,
     /// The held-out recording in blocks; one block if nothing of it was fitted.
     pub judged: Vec<Vec<f64>>,
-    /// Another recording, to be compared with `beside`: the fitted blocks, or the fitted take.
+    /// Another recording, to be compared with `beside`: the blocks that a fit to blocks uses, or the set's own take.
     pub other: Vec<Vec<f64>>,
     /// Recording that `other` is compared with. If empty, that is `judged`.
     beside: Vec<Vec<f64>>,
@@ -512,8 +512,8 @@ fn refit(
     };
     let fit_options = fit::Options {
         conditioning: options.conditioning,
-        // A strict fit is not necessary: a lattice needs no proof of stability between nodes, and the models are the
-        // same. Findings of triage were accepted when the library was fitted.
+        // A strict fit has the same models. It only refuses findings of triage and samples without a scale, which were
+        // accepted when the library was fitted.
         strict: false,
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
@@ -539,7 +539,7 @@ impl Comparison {
         slices(if is_all { &self.judged } else { &self.beside })
     }
 
-    /// Cuts a synthesis into blocks as long as those of the judge.
+    /// Cuts a synthesis into blocks as long as the longest of the judge.
     fn in_blocks<'s>(&self, synthesised: &'s [f64]) -> Vec<&'s [f64]> {
         let len = self.longest_block().len().max(1);
         synthesised.chunks_exact(len).collect()

@@ -18,7 +18,7 @@ pub enum Judge {
     OtherTake(Trial),
     /// The recording judges the library as it is, because the library's fit did not use the recording.
     Unseen,
-    /// Nothing judges, because it is not known what the library was fitted to, or its options are unknown.
+    /// Nothing judges, because it is not known what the library was fitted to.
     Nothing,
 }
 

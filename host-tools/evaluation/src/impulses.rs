@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::liveliness::{Role, TrialLiveliness};
 use crate::dsp::liveliness::median;
 
-/// Difference of kurtosis from which on a trial's impulses are off, octaves.
+/// Difference of kurtosis above which a trial's impulses are off, octaves.
 pub const OFF_OCTAVES: f64 = 1.0;
 
 /// Impulses of a texture's trials, by the kurtosis of the residual.

@@ -14,7 +14,7 @@ use crate::dsp::sums::{sliding, upper_median};
 /// Duration of a window, s.
 const WINDOW_S: f64 = 0.005;
 
-/// Ratio to the recordings, relative to the ratio between recordings, from which on events are too strong.
+/// Ratio to the recordings, relative to the ratio between recordings, above which events are too strong.
 ///
 /// Simulated textures with impulses as near as those of other recordings reach 1.6 in the loudest of 120 trials, with
 /// syntheses ten times as long as the recordings.

@@ -9,8 +9,8 @@
 //! | balance, dB | 10 log10 of the ratio of the power below 100 Hz to the power above |
 //!
 //! e_b is the level of the second signal relative to the first, dB. s_b² is the variance that e_b has between two
-//! estimates of one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of
-//! the same noise scores 0 on average. A gain of -6 dB scores 2.7.
+//! estimates of one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of 2n₁ and 2n₂ squares, so that another
+//! seed of the same noise scores 0 on average. A gain of -6 dB scores 2.7.
 //!
 //! Sources. JND of level 2.2 to 2.5 dB: Israr 2006. Energy per critical band predicts the realism of textures: arXiv
 //! 2605.23804. Balance of low and high as the main cue: Bernard 2023.

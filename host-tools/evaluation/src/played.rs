@@ -64,7 +64,7 @@ pub fn parts(texture: &Texture<'_>) -> PartsSpec {
     texture_spec(texture).parts
 }
 
-/// Parts in words: `Gaussian` where there are none.
+/// Parts in words: `Gaussian` where no excitation is stored.
 pub fn in_words(parts: &PartsSpec) -> String {
     let PartsSpec {
         excitation,

@@ -60,7 +60,8 @@ impl Stroke {
     /// Creates the stroke of `recording`, which was read from `file`.
     ///
     /// # Errors
-    /// A recording that is shorter than a window or that cannot be reduced to one axis.
+    /// A recording without samples or of an impossible rate, a speed or force that no hand reaches, or axes that cannot
+    /// be reduced to one.
     pub fn of(file: &Path, recording: Freehand, conditioning: Conditioning) -> Result<Self> {
         let motion = motion_of(&recording)?;
         let Freehand {
@@ -217,7 +218,7 @@ pub struct AlongStrokes {
 /// with the nearest motion, window by window.
 ///
 /// # Errors
-/// A texture of another rate than 5 kHz, or strokes without motion in contact.
+/// A texture of another rate than 5 kHz, no stroke of one kind, or a stroke without motion in contact.
 pub fn along_strokes(
     texture: Texture<'_>,
     fitted: &[Stroke],

@@ -323,7 +323,7 @@ pub struct TrialEvaluation {
     pub judge: JudgeKind,
     /// File of the other take, if that take is the judge.
     pub other_take: Option<String>,
-    /// Frequencies that were judged; none if the judge is too short.
+    /// Frequencies that were judged; none if a recording is too short, or its sample rate too low.
     pub range: Option<ScoringRange>,
     /// True if the judge or the stylus is silent; there are no scores then.
     pub is_silent: bool,

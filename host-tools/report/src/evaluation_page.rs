@@ -190,7 +190,7 @@ impl<'a> Report<'a> {
         Ok(())
     }
 
-    /// Writes the tables, all but one folded, and lists the takes that judged nothing.
+    /// Writes the scores, all tables but one folded, then the removed-node test and the takes that judged nothing.
     fn figures(&mut self) {
         let Inputs {
             evaluation,

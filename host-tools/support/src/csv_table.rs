@@ -5,7 +5,7 @@
 //! mark, and each line may end with a separator, as spreadsheets write it. Lines that begin with `#` or `%` are
 //! comments, and so is a logger's preamble. An exception is a comment with names directly above the first row of
 //! numbers, as NumPy's `savetxt` writes it: it is the header. Empty lines are ignored, and so are spaces around a
-//! field. An error states the line, the column and the separator.
+//! field. An error about a field states the line, the column and the separator.
 //!
 //! A file is read row by row, so that memory does not grow with its size, unless it is in UTF-16.
 
@@ -60,7 +60,7 @@ impl CsvTable {
     /// only once.
     ///
     /// # Errors
-    /// The file cannot be read or is larger than the limit, or its first lines are not UTF-8.
+    /// The file cannot be read or is larger than the limit, or one of its first lines is too long or not UTF-8.
     pub fn read(path: &Path, limit: Limit) -> Result<Self> {
         let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
         let text = if !is_file {
@@ -76,7 +76,7 @@ impl CsvTable {
     /// Creates the table in `text`; `path` is used only in errors.
     ///
     /// # Errors
-    /// A line is longer than a row may be.
+    /// One of the first lines is longer than a row may be.
     pub fn of(path: &Path, text: String) -> Result<Self> {
         Self::with(path, Text::Memory(text))
     }

@@ -60,7 +60,7 @@ pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()
     Ok(())
 }
 
-/// Returns true if both paths lead to the same file, by another spelling, a link or a hard link.
+/// Returns true if both paths lead to the same file, by another spelling, a link or, on Unix, a hard link.
 fn is_same(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     if let (Ok(one), Ok(other)) = (fs::metadata(one), fs::metadata(other)) {
@@ -152,7 +152,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
 struct Content {
     /// Files and links, except the list and litter.
     files: Vec<PathBuf>,
-    /// Folders without files.
+    /// Folders that contain nothing, or only litter.
     empty: Vec<PathBuf>,
     litter: Vec<PathBuf>,
 }

@@ -16,9 +16,9 @@ use crate::support::error::Result;
 pub enum Verdict {
     /// Everything that is promised held.
     Held,
-    /// A limit cycle below 1 % of full scale remains when the drive stops.
+    /// A limit cycle of at most 1 % of full scale remains after the drive, an overdrive or a glitch.
     Residue,
-    /// Level, noise or spectrum is outside its promised bound, or the state's norm grows.
+    /// Level, mean, noise or spectrum is outside its promised bound, or the state's norm grows.
     Inaccurate,
     /// The signal was at full scale while the structure was driven as it is meant to be.
     Saturates,

@@ -38,7 +38,7 @@ pub const INTERVALS: [usize; 6] = [1, 2, 5, 10, 25, 50];
 /// The device's clock, Hz.
 pub const DEVICE_CLOCK_HZ: f64 = 400e6;
 
-/// Clocks of other microcontrollers with a Cortex-M4, for which the time of a sample is shown, Hz.
+/// Clocks at which the time of a sample in a Cortex-M4's cycles is shown, Hz.
 pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];
 
 /// Options of a comparison.

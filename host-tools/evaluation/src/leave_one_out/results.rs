@@ -81,7 +81,7 @@ impl FromStr for Given {
 }
 
 impl Row {
-    /// Every row, in the table's order.
+    /// The rows of the removed-node test, in the table's order.
     pub fn all() -> Vec<Self> {
         let methods = Method::ALL.map(Self::Interpolated);
         [&methods[..], &[Self::Densified, Self::Own]].concat()
@@ -140,10 +140,10 @@ pub struct Outcome {
     pub judged: Judged,
     /// True if the device could play the prediction.
     pub is_playable: bool,
-    /// Order of the predicted model.
+    /// Order of the predicted model; 0 if the row plays no model.
     pub order: usize,
     /// Variance of the predicted excitation minus the variance that was fitted to the recording, (m/s²)²; none if the
-    /// prediction is not playable.
+    /// prediction is not playable or is no model.
     pub excitation_error: Option<f64>,
 }
 
@@ -334,7 +334,7 @@ pub struct Summary {
     /// Mean magnitude of the bands' errors, dB, over the playable predictions.
     pub mean_band_error_db: f64,
     /// Fraction of all bands within the amplitude JND of 2.2 dB. Bands of predictions that could not be played count as
-    /// outside.
+    /// outside, and so do bands at which a recording cannot be judged.
     pub bands_within_jnd: f64,
     /// Mean log-spectral distance from 30 to 1000 Hz, dB, over the playable predictions.
     pub mean_log_spectral_distance_db: f64,

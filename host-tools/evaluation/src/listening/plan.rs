@@ -1,4 +1,4 @@
-//! The plan of a listening test: which sounds are heard in which trial. It depends only on the seed.
+//! The plan of a listening test: which sounds are heard in which trial. Its random choices depend only on the seed.
 
 use model_format::Library;
 use rand::SeedableRng;
@@ -153,8 +153,8 @@ pub struct Compared<'a> {
     pub record: Option<&'a FitRecord>,
 }
 
-/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. The
-/// trials of a texture come in random order, and textures take turns.
+/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. Trials
+/// of the set are taken from each texture in turn, in random order.
 ///
 /// # Errors
 /// Those of [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording
@@ -345,7 +345,7 @@ impl Planner<'_> {
         })
     }
 
-    /// The excerpts of a trial of the set; `None` if it is silent or too short.
+    /// The excerpts of a trial of the set; `None` if it is too short. A silent signal has no excerpts.
     fn heard(&self, index: usize) -> Result<Option<Heard>> {
         let (library, evaluation) = &self.fitted;
         let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;

@@ -177,7 +177,7 @@ impl Strands {
 }
 
 /// Plans the staircase of `part` with the signals `strands`, of at most `trials` trials. Returns `None` if the signals
-/// lack the part or are too short.
+/// lack the part, are too short or are silent in a window.
 pub(super) fn track(
     part: Part,
     strands: &Strands,

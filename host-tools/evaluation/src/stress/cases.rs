@@ -159,7 +159,8 @@ fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
 /// The length of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// Every model and every grid, each just long enough to be meaningful. This length is for every run of the tests.
+    /// Every model, and every grid but that of pole radius 0.99999, each just long enough to be meaningful. This length
+    /// is for every run of the tests.
     Short,
     /// Long enough for accurate levels and means.
     Full,

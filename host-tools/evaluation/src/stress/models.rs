@@ -21,7 +21,7 @@ pub struct NamedModel {
     pub name: String,
     /// Reflection coefficients, the first stage first.
     pub reflection: Vec<f64>,
-    /// Largest magnitude of the model's poles, or a little more.
+    /// Largest magnitude of the model's poles, or a bound of it.
     pub pole_radius: f64,
 }
 
@@ -119,7 +119,7 @@ pub fn library(nodes: &[(&NamedModel, f64)]) -> Result<Vec<u8>> {
     library_of("hard", &grid)
 }
 
-/// Number of frequencies from 0 to half the sample rate at which spectra are compared, in addition to those near a
+/// Number of steps from 0 to half the sample rate at which spectra are compared, in addition to the frequencies near a
 /// model's strongest line.
 const POINTS: usize = 32_768;
 
@@ -200,8 +200,8 @@ mod tests {
             Shape::new(a, 1.0)
         };
         assert!(line(0.5).largest_difference_db(&line(0.5)) < 1e-9);
-        // The lines are apart by their half width at half power. They differ by 3 dB at one line's peak, and by 7 dB on
-        // the flank.
+        // The lines are apart by their half width at half power. They differ by 3 dB at one line's peak, and by up to
+        // 4.2 dB on the flank; see `spectrum_limit_db`.
         let difference = line(0.5).largest_difference_db(&line(0.5001));
         assert!((3.0..9.0).contains(&difference), "{difference}");
     }

@@ -111,7 +111,7 @@ impl Mean {
         let mean = self.means.iter().sum::<f64>() / count;
         let scatter: f64 = self.means.iter().map(|batch| (batch - mean).powi(2)).sum();
         // The error follows from the means of batches, because the samples of a correlated signal are not independent.
-        // A batch is longer than the signal's correlation.
+        // A batch is longer than the signal's correlation, unless a narrow line rings for longer.
         let error = (scatter / (count - 1.0) / count).sqrt();
         if error > 0.0 { mean.abs() / error } else { 0.0 }
     }

@@ -274,7 +274,7 @@ pub struct Axis<'a> {
 /// Smallest number of numbers along an axis. Fewer do not show its scale.
 const FEWEST_TICKS: usize = 3;
 
-/// Largest number of numbers that is requested from plotters.
+/// Upper bound, not reached, of the number of numbers to which a request to plotters is raised.
 const MOST_TICKS: usize = 16;
 
 /// The ticks along an axis, with their numbers or names.
@@ -537,7 +537,7 @@ pub fn colour_bar(
     draw_upwards(area, quantity, middle, bottom - top)
 }
 
-/// Returns a range that includes zero and all finite `values`, with a small margin; 0 to 1 without values.
+/// Returns a range that includes zero and all finite `values`, with a small margin; 0 to 1 if none differs from zero.
 pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     const ROOM: f64 = 1.06;
     let (mut low, mut high) = (0.0f64, 0.0f64);
@@ -551,8 +551,8 @@ pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     }
 }
 
-/// Returns the range symmetric about zero that includes all finite `values`, with a small margin; -1 to 1 without
-/// values.
+/// Returns the range symmetric about zero that includes all finite `values`, with a small margin; -1 to 1 if none
+/// differs from zero.
 pub fn range_around_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let most = range_with_zero(values.into_iter().map(f64::abs)).end;
     -most..most

@@ -69,7 +69,7 @@ pub fn front_chart(
     let lowest = places().reduce(f64::min).unwrap_or(0.0);
     let highest = places().reduce(f64::max).unwrap_or(0.0);
     let first = lowest.floor();
-    // At least three octaves, because fewer numbers do not show the scale.
+    // At least three octaves are written, because fewer numbers do not show the scale.
     let start = lowest - first - 0.5;
     let end = (highest - first + 0.3).max(start.ceil() + 2.0);
     let octaves = (0..=end.min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());

@@ -63,11 +63,11 @@ const MARKS: [(NodeFlags, Mark, &str); 3] = [
 ];
 
 /// Draws a heat map `width` shown pixels wide. Values are written in the cells where they fit, and run from pale at
-/// zero to dark at the largest. Marks show nodes that are not fitted to good recordings: silent, interpolated,
-/// extrapolated or doubtful.
+/// zero to dark at the largest. Marks show nodes that are not fitted to good recordings: interpolated, extrapolated or
+/// doubtful. A silent node without a value has a word in place of a mark.
 ///
 /// # Errors
-/// The number of cells is not the number of nodes, or the picture cannot be laid out.
+/// The number of cells is not the number of nodes, or is zero, or the picture cannot be laid out.
 pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<Svg> {
     let (columns, rows) = (map.speeds_mm_s.len(), map.forces_n.len());
     // The layout divides by the numbers of columns and rows.

@@ -109,7 +109,7 @@ impl Windows {
             len,
             spare,
             // Windows are a quarter of their length apart, so that a click is within an eighth of the middle of some
-            // window, where the weight is at least 0.85.
+            // window, where the weight is at least 0.85. Over a long signal they are farther apart.
             count: (4 * spare / len + 1).min(COLUMNS),
             rate_hz,
         }
