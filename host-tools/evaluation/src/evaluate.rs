@@ -48,8 +48,8 @@ pub struct Options {
     pub conditioning: Conditioning,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis, s; it is longer if what judges it is longer. A longer synthesis gives more exact band
-    /// levels.
+    /// Duration of each synthesis, s; it is longer if what judges it is longer. A longer synthesis gives more exact
+    /// band levels.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
     pub seed: u64,

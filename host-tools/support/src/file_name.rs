@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{MAIN_SEPARATOR, Path};
 
-/// Largest number of characters of a stem that [`Stems`] returns, without a `_` put before it and a number put after it.
+/// Largest number of characters of a stem that [`Stems`] returns, without a `_` put before it or a number put after.
 const MOST_CHARACTERS: usize = 64;
 
 /// Names of devices on Windows, with any extension and in any case. COM and LPT followed by a digit are devices too.

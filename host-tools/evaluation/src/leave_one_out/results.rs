@@ -140,7 +140,7 @@ pub struct Outcome {
     pub judged: Judged,
     /// True if the device could play the prediction.
     pub is_playable: bool,
-    /// Order of the predicted model; 0 if the row plays no model.
+    /// Order of the predicted model; 0 if no model is played.
     pub order: usize,
     /// Variance of the predicted excitation minus the variance that was fitted to the recording, (m/s²)²; none if the
     /// prediction is not playable or is no model.
