@@ -49,6 +49,7 @@ impl Windows {
     pub fn of(recorded: &[f64], other: &[f64], rate_hz: f64, high_hz: f64) -> Option<Self> {
         let of = |signal| features(signal, rate_hz, high_hz);
         let (mut recorded, mut other) = (of(recorded)?, of(other)?);
+        // A synthesis is longer than its recording, and with all of its windows it would outweigh it in the fit.
         let count = recorded.len().min(other.len());
         recorded.truncate(count);
         other.truncate(count);
@@ -73,6 +74,8 @@ impl Windows {
 /// rate, are left out. Returns `None` without two seconds of recordings.
 pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
     let mut places: Vec<&Windows> = places.collect();
+    // One regression serves all places: fitted to one place, it would find any error of a band there, and every method
+    // would score 1. So all windows must have the same features.
     let most = places.iter().map(|windows| windows.features()).max()?;
     places.retain(|windows| windows.features() == most);
     if places
@@ -101,6 +104,7 @@ pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
 
 /// Returns the fraction of all pairs in which the second score is above the first. Pairs of equal scores count half.
 fn share_above(mut first: Vec<f64>, second: &[f64]) -> f64 {
+    // Sorted once, so that each score of the other side takes two binary searches.
     first.sort_by(f64::total_cmp);
     let below = |score: &f64| {
         let below = first.partition_point(|x| x < score);
@@ -127,6 +131,7 @@ fn features(signal: &[f64], rate_hz: f64, high_hz: f64) -> Option<Vec<Features>>
 fn of_window(window: &[f64], rate_hz: f64, high_hz: f64) -> Option<Features> {
     let spectrum = PowerSpectrum::of_blocks(&[window], window.len(), rate_hz);
     let bands = (FIRST_BAND..).map(band_edges_hz);
+    // Edges are rounded powers of ten. With this tolerance, a range that ends at an edge includes the band.
     let bands = bands.take_while(|edges| edges.1 <= high_hz * (1.0 + 1e-9));
     let decibels = |power: f64| 10.0 * power.log10();
     let mut features: Features = bands
@@ -151,6 +156,7 @@ fn of_window(window: &[f64], rate_hz: f64, high_hz: f64) -> Option<Features> {
         (spread / LEVELS as f64).sqrt(),
         jumps.fold(0.0, f64::max),
     ]);
+    // Silence has levels of minus infinity, which no weight can take.
     features
         .iter()
         .all(|value| value.is_finite())
@@ -191,6 +197,7 @@ impl Ranking {
         let means: Vec<f64> = (0..features).map(|at| mean(&|window| window[at])).collect();
         let scale = |at: usize| {
             let deviation = mean(&|window| (window[at] - means[at]).powi(2)).sqrt();
+            // A feature that is the same in all windows distinguishes nothing, and would be divided by zero.
             if deviation > 0.0 {
                 1.0 / deviation
             } else {

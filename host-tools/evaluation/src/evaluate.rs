@@ -172,6 +172,7 @@ impl Comparison {
     /// The frequencies that can be judged; `None` if blocks are too short.
     fn range(&self) -> Option<ScoringRange> {
         let blocks = [&self.judged, &self.other, &self.beside];
+        // All spectra of a comparison have segments of one length, so that the window's leakage is the same in them.
         let shortest = blocks.into_iter().flatten().map(Vec::len).min();
         ScoringRange::of_filtered(self.source_rate_hz, shortest?, self.cut_hz)
     }
@@ -236,6 +237,7 @@ fn without_noise(
     };
     let options = fit::Options {
         conditioning,
+        // A search for lines would take them out of the signals that judge.
         lines: Lines::None,
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
@@ -267,10 +269,12 @@ fn read(signal: Signal, judge: &Judge, conditioning: Conditioning) -> Result<Com
         Judge::Blocks => (left, fitted, Vec::new()),
         Judge::OtherTake(take) => {
             let take = fit::signal(take, conditioning)?;
+            // Frequencies that either recording lacks cannot be judged.
             source_rate_hz = source_rate_hz.min(take.source_rate_hz);
             cut_hz = cut_hz.into_iter().chain(take.cut_hz).reduce(f64::max);
             (vec![take.samples], vec![own.clone()], Vec::new())
         }
+        // All of it judges. Its two halves in blocks only show how far parts of one recording are from each other.
         Judge::Unseen | Judge::Nothing => (vec![own.clone()], fitted, left),
     };
     let recording = match judge {
@@ -386,6 +390,7 @@ pub fn evaluate(
         .into_iter()
         .map(|name| {
             let own = evaluation.trials.iter_mut().filter(|t| t.texture == name);
+            // This must come before the summary and the verdict, which read the ratios that it sets.
             loudness::set_around(&mut own.filter_map(TrialEvaluation::placed).collect::<Vec<_>>());
             let mut texture = summarise(name, &evaluation.trials);
             let own = evaluation.trials.iter().filter(|t| t.texture == name);
@@ -452,6 +457,7 @@ impl Evaluation {
         let refitted = self
             .refitted
             .iter()
+            // Other trials of the same texture may be judged by other takes, which judge the library itself.
             .find(|(name, _)| *name == trial.texture && self.judges[index] == Judge::Blocks);
         let refitted = refitted.map(|(_, bytes)| decoded(bytes)).transpose()?;
         let texture = texture_named(refitted.as_ref().unwrap_or(library), &trial.texture)?;
@@ -465,6 +471,7 @@ impl Evaluation {
             Ok((synthesised, saturations))
         };
         let (played, saturations) = play(&texture, options.played)?;
+        // The refitted models never saw half of the recording, so that a click of the library could hide from them.
         let of_library = match refitted {
             Some(_) => Some(play(&texture_named(library, &trial.texture)?, options.played)?.0),
             None => None,
@@ -541,6 +548,7 @@ impl Comparison {
 
     /// Cuts a synthesis into blocks as long as the longest of the judge.
     fn in_blocks<'s>(&self, synthesised: &'s [f64]) -> Vec<&'s [f64]> {
+        // `chunks_exact` panics on 0, the length without a block.
         let len = self.longest_block().len().max(1);
         synthesised.chunks_exact(len).collect()
     }
@@ -567,6 +575,7 @@ fn judged(
     let scores = scores.unwrap_or(Scores::NONE);
     let is_held_out = judge != JudgeKind::Nothing;
     let is_judged = is_held_out && !is_silent;
+    // These figures need no data that are held out, because no model takes part.
     let others = usable.map(|range| scores_of(&comparison.beside(), &other, &range, options));
     let block = comparison.longest_block().len();
     TrialEvaluation {

@@ -121,6 +121,7 @@ pub fn chosen(
 /// Returns in words what was held out, a sentence per kind of judge; `blocks_s` are the shortest and the longest block.
 pub(super) fn in_words(judges: &[Judge], blocks_s: (f64, f64)) -> String {
     let (shortest, longest) = blocks_s;
+    // Lengths this near are the same, or one step apart, with the two decimals that are written.
     let block = if longest - shortest < 0.005 {
         format!("{} s", decimals(longest))
     } else {
@@ -195,6 +196,7 @@ pub fn takes(
     record: Option<&FitRecord>,
     conditioning: Conditioning,
 ) -> Result<Vec<Take>> {
+    // A file of the set itself is no other take, even if no record of a fit names it. The options do not matter here.
     let of_set = FitRecord::of(set, &fit::Options::default(), &[])?;
     let take = |trial: &Trial| {
         let mut seen = None;
@@ -209,6 +211,7 @@ pub fn takes(
                     Some(signal) => signal,
                     None => signal.insert(fit::signal(trial, conditioning)?.samples),
                 };
+                // The correlation with silence is not a number, so that a silent take counts as no copy.
                 let samples = fit::signal(other, conditioning)?.samples;
                 (correlation(trials, &samples) >= COPY_CORRELATION)
                     .then(|| "the same samples, in another file, were fitted".to_owned())

@@ -103,6 +103,7 @@ impl TrialLiveliness {
             let measured: Vec<Liveliness> = pieces
                 .map(|piece| Liveliness::of(piece, rate_hz, line_hz))
                 .collect();
+            // A signal with fewer blocks than the judge is one piece.
             if measured.is_empty() {
                 Liveliness::of(of, rate_hz, line_hz)
             } else {

@@ -65,13 +65,16 @@ impl TrialLoudness {
             level: synthesised.median_m_s2 / recorded.median_m_s2,
         };
         own.compare(Around::of(&own));
+        // A silent judge would make the ratios infinite.
         (own.recorded_m_s2 > 0.0).then_some(own)
     }
 
     /// Compares with the recordings around.
     fn compare(&mut self, around: Around) {
+        // The library was fitted to all blocks, so that it may be as loud as any of them.
         let library = self.library_m_s2.unwrap_or(0.0) / around.all_m_s2;
         let synthesis = self.synthesised_m_s2 / around.judges_m_s2;
+        // A level below 1 would raise the events of a synthesis that is too soft.
         self.times = synthesis.max(library) / self.level.max(1.0);
         self.times_other = self.other_m_s2 / around.judges_m_s2;
     }
@@ -112,6 +115,7 @@ struct Windows {
 impl Windows {
     fn of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> Self {
         let samples = (WINDOW_S * f64::from(SAMPLE_RATE_HZ)).round() as usize;
+        // Block by block, so that no window crosses the join of two blocks.
         let energies = blocks.flat_map(|block| {
             let squares: Vec<f64> = block.iter().map(|x| x * x).collect();
             sliding(&squares, &vec![1.0; samples])
@@ -141,6 +145,7 @@ pub(super) struct Placed<'a> {
 
 /// Compares each of a texture's `trials` with the recordings up to one step of speed and force away.
 pub(super) fn set_around(trials: &mut [Placed<'_>]) {
+    // A step is to the next recorded value, however far away it is.
     let (speed, force) = (
         ranks(trials, |t| t.speed_mm_s),
         ranks(trials, |t| t.force_n),

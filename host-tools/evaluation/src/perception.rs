@@ -93,6 +93,7 @@ fn trigamma(mut x: f64) -> f64 {
 
 /// Returns the ratio of the power below [`LOW_HIGH_HZ`] to the power above, within `range`, dB.
 fn balance_db(spectrum: &PowerSpectrum, range: &ScoringRange) -> Option<f64> {
+    // If the range lies on one side of the division, the other side has no power, and the balance is not finite.
     let low = spectrum.power_between(range.low_hz, LOW_HIGH_HZ.min(range.high_hz));
     let high = spectrum.power_between(LOW_HIGH_HZ.max(range.low_hz), range.high_hz);
     Some(10.0 * (low / high).log10()).filter(|balance| balance.is_finite())
@@ -137,6 +138,7 @@ impl ScoringRange {
         let range = Self {
             low_hz: lowest_hz.max(resolved_hz),
             high_hz: highest_hz.min(own_hz),
+            // From the first bin of a block's transform on: the mean is no part of a texture.
             cost_hz: (rate_hz / block as f64, own_hz),
             segment,
         };

@@ -95,6 +95,7 @@ pub fn with<T>(
 ) -> Result<T> {
     let spec = texture_spec(texture);
     let parts = played.of(&spec.parts);
+    // The same parts need no other library.
     if parts == spec.parts {
         return work(*texture);
     }

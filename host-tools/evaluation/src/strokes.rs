@@ -77,8 +77,10 @@ impl Stroke {
             held: Some(HeldSamples::new(rate_hz, axes, false)?.into()),
             ..Trial::of(file, "", 0.0, 0.0)
         };
+        // Nothing may be cut, because samples share their times with the motion.
         let signal = fit::whole_signal(&trial, conditioning)?;
         let per_window = rate_hz * WINDOW_S;
+        // The signal is at 5 kHz, speed and force at the recording's own rate; both must contain the last window.
         let count =
             (signal.samples.len() / WINDOW).min((speed_mm_s.len() as f64 / per_window) as usize);
         let window = |index: usize| {
@@ -256,6 +258,7 @@ fn of_library(
 ) -> Result<[Nearness; 2]> {
     let play = |index: usize| {
         let of_seed = |playing: u64| {
+            // No two playings of the comparison have the same noise.
             let own = (index as u64).wrapping_mul(PLAYINGS).wrapping_add(playing);
             judges[index].played(texture, seed.wrapping_add(own))
         };
@@ -305,6 +308,7 @@ fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Optio
         .collect();
     let replayed: Vec<f64> = (judges.iter().zip(&nearest))
         .flat_map(|(stroke, near)| {
+            // A shorter stroke is repeated.
             near.levels_db()
                 .into_iter()
                 .cycle()

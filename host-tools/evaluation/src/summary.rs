@@ -77,6 +77,7 @@ impl Means {
             mean_log_spectral_distance_db: mean(
                 scores.iter().filter_map(|s| s.log_spectral_distance_db),
             ),
+            // Negative squares count in the mean. If each became 0 before, the scatter of noise would not cancel.
             level_error_jnd: mean(perceived().filter_map(|p| p.level_error_squared_jnd))
                 .map(|square| square.max(0.0).sqrt()),
             mean_balance_error_db: mean(

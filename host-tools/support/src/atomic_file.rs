@@ -125,6 +125,7 @@ impl<'a> Unnamed<'a> {
     ) -> Result<(Self, T)> {
         let target = target(path)?;
         let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
+        // In the target's folder, because a file can be renamed only within one file system.
         let (temporary, mut file) = Temporary::file_in(folder_of(&target), permissions.clone())
             .map_err(Error::io("create", path))?;
         // Permissions are set before the content is written, which must never be readable by more users than the

@@ -89,6 +89,7 @@ pub fn folded(name: &str) -> String {
 }
 
 fn is_device(name: &str) -> bool {
+    // Windows ignores what follows the first dot, and spaces before it.
     let before = name.split('.').next().unwrap_or(name).trim_end();
     let word = before.to_ascii_lowercase();
     let numbered = |word: &str| {

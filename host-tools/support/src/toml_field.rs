@@ -27,6 +27,7 @@ pub fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
 /// Returns the error that `text`, the content of `path`, cannot be parsed, with its line.
 fn parse_failure(path: &Path, text: &str, failure: &toml::de::Error) -> Error {
     let start = failure.span().map_or(0, |span| span.start);
+    // A message of this project is one line.
     let problem = failure.message().trim_end().replace('\n', "; ");
     Error::line(path, line_at(text, start), problem)
 }

@@ -85,7 +85,8 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
         return Ok(Verdict::Refused);
     };
     if structure.is_direct() {
-        // A small growth of a direct form's state does not count.
+        // A small growth of a direct form's state does not count. Only the norm of a lattice's state cannot grow,
+        // because each of its stages is a rotation.
         for rest in [
             &mut outcome.stopped,
             &mut outcome.overdriven,
@@ -102,12 +103,14 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
 fn verdict(outcome: &Outcome) -> Verdict {
     let rests = [outcome.stopped, outcome.overdriven, outcome.glitched];
     let endless = || rests.iter().filter(|rest| rest.silent_after.is_none());
+    // The worst comes first: a signal that latches usually saturates, too.
     if endless().any(|rest| rest.left > LOUD) {
         Verdict::Latches
     } else if outcome.saturated > 0 {
         Verdict::Saturates
     } else if outcome.broken().is_empty() {
         Verdict::Held
+    // Every promise that is broken is that of silence.
     } else if endless().next().is_some() && outcome.broken().len() == endless().count() {
         Verdict::Residue
     } else {

@@ -278,6 +278,7 @@ pub(super) fn mark_fronts(frontier: &mut Frontier) {
         let points = frontier.points.iter().map(|point| {
             let filter = &frontier.filters[point.filter];
             let is_played = filter.still.refused == 0 && filter.refused_textures.is_empty();
+            // `pareto` leaves out what is not a number.
             let error = if is_played && holds(filter) {
                 point.total_error_db
             } else {
@@ -301,6 +302,7 @@ fn pareto(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|&index| points[index].0.is_finite() && points[index].1.is_finite())
         .collect();
+    // Of pairs of one cost, the lowest error comes first, so that none of the others is marked.
     order.sort_by(|&a, &b| {
         let (a, b) = (points[a], points[b]);
         a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
@@ -329,6 +331,7 @@ fn knee(places: &[(f64, f64)]) -> Option<usize> {
     let below = |&(x, y): &(f64, f64)| {
         (x - first.0) * (last.1 - first.1) - (y - first.1) * (last.0 - first.0)
     };
+    // Of equals, `max_by` returns the last: both ends are on the chord, and the finest choice is the last.
     (0..logs.len()).max_by(|&a, &b| below(&logs[a]).total_cmp(&below(&logs[b])))
 }
 

@@ -214,6 +214,7 @@ fn rubbed(
         moved
     });
     let moved = moved.collect::<Result<Vec<Option<Moving>>>>()?;
+    // Parallel iterators keep the order, so the textures of an interval follow each other.
     let of_intervals = moved.chunks(libraries.len());
     let points = of_intervals.zip(INTERVALS).map(|(moved, interval)| {
         let moved = moved.iter().flatten().copied().reduce(Moving::and);

@@ -91,6 +91,7 @@ pub fn play(
     let speed = MillimetresPerSecond(texture.speed_axis().value(0));
     let force = Newton(texture.force_axis().value(0));
     let motion = Motion::new(speed, force).map_err(|error| Error::Model(error.to_string()))?;
+    // At rest one update is enough, and its ramp of the level ends long before the warm-up does.
     voice.follow(motion, UPDATE_INTERVAL_SAMPLES);
     let length = warm_up + recording.len().max(in_samples(playing.synthesis_s));
     let mut synthesis = Vec::with_capacity(length);
@@ -102,6 +103,7 @@ pub fn play(
         .enumerate()
         .take(warm_up + in_samples(REFERENCE_S))
     {
+        // The reference plays the warm-up, too, because its state must have the same past as the filter's.
         let exact = reference.next_m_s2();
         if n >= warm_up {
             deviation.add(exact, played);

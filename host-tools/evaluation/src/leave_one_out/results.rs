@@ -267,6 +267,7 @@ impl LeaveOneOut {
     fn papers_figures(&self) -> Option<(Vec<Option<PaperColumn>>, PaperColumn)> {
         let column = |name: &str| {
             let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
+            // A user's own recordings may have the same names, and are of other surfaces.
             known.copied().filter(|_| self.simulated)
         };
         let by_texture: Vec<Option<PaperColumn>> =
@@ -363,6 +364,7 @@ pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option
         .map(f64::abs)
         .collect();
     let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
+    // All bands of all predictions: otherwise a method whose predictions cannot be played would gain by that.
     let bands: usize = outcomes
         .iter()
         .map(|outcome| outcome.judged.band_errors_db.len())

@@ -254,6 +254,7 @@ impl Planner<'_> {
         let read = self
             .order
             .iter()
+            // A pair's trials would not reach further recordings.
             .take(options.trials)
             .map(|n| self.heard(*n));
         let heard: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
@@ -324,6 +325,7 @@ impl Planner<'_> {
     /// Signals that the texture of a trial of the set plays, with parts and without.
     fn strands(&self, index: usize) -> Result<Strands> {
         let evaluate = evaluate::Options {
+            // Beside the texture without its lines, a comparison plays the other two versions: whole and Gaussian.
             played: Played::Residual,
             ..*self.evaluate
         };

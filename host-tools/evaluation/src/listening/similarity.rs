@@ -86,6 +86,8 @@ pub(super) fn ratings(
 /// at every place, and equally often directly after every other condition. An odd number of conditions requires twice
 /// as many rows.
 fn latin_square(conditions: usize) -> Vec<Vec<usize>> {
+    // The row 0, 1, n-1, 2, n-2, ...: modulo an even n its steps are all different, so each pair of neighbours occurs
+    // once in the shifted rows. Modulo an odd n each step occurs twice, and the reversed rows add the opposite steps.
     let first = |place: usize| match place % 2 {
         0 => (conditions - place / 2) % conditions,
         _ => place.div_ceil(2),

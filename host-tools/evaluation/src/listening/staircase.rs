@@ -46,6 +46,7 @@ impl Part {
         match self {
             Self::Level => ("dB", 8.0, 2f64.powf(0.25)),
             Self::Codebook => ("power share", 1.0, 2f64.powf(0.25)),
+            // A quarter octave of the lines' amplitude.
             Self::Lines => ("power share", 1.0, 2f64.sqrt()),
         }
     }
@@ -168,6 +169,7 @@ impl Strands {
             return None;
         }
         let mut heard = excerpts(&[&signal[..WINDOWS * samples]], samples);
+        // All excerpts have an RMS of 1 here, so that this gain is the whole difference.
         if part == Part::Level {
             let gain = 10f64.powf(strength / 20.0);
             heard.iter_mut().flatten().for_each(|x| *x *= gain);

@@ -160,6 +160,7 @@ impl Shape {
             let peak = (0..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]));
             let peak = std::f64::consts::PI * peak.unwrap_or(0) as f64 / POINTS as f64;
             let step = std::f64::consts::PI / POINTS as f64;
+            // Steps of 9.6e-8 rad, a hundredth of the half width of a line at pole radius 0.99999.
             for n in -2000..=2000 {
                 let frequency = peak + step * f64::from(n) / 1000.0;
                 largest = largest.max(difference(&self.at(frequency), &other.at(frequency)));

@@ -89,6 +89,7 @@ pub fn picture(
 ) -> Result<Svg> {
     let title = caption.title;
     let mut drawn = String::new();
+    // plotters borrows the text until the drawing is dropped, at the end of this closure.
     let outcome = (|| -> Drawn<Vec<Panel>> {
         let root = SVGBackend::with_string(&mut drawn, (px(width), px(height))).into_drawing_area();
         root.fill(&WHITE)?;

@@ -72,6 +72,7 @@ pub fn front_chart(
     // At least three octaves are written, because fewer numbers do not show the scale.
     let start = lowest - first - 0.5;
     let end = (highest - first + 0.3).max(start.ceil() + 2.0);
+    // Bounded, because values of any size may be drawn.
     let octaves = (0..=end.min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
     let octaves: Vec<String> = octaves.map(|value| value.to_string()).collect();
     let octaves: Vec<&str> = octaves.iter().map(String::as_str).collect();

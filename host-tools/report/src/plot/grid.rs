@@ -205,6 +205,7 @@ impl Layout {
 
     /// Returns the left edge of a speed's column; for the number after the last speed, the right edge of the map.
     fn column(&self, speed: i32) -> i32 {
+        // Multiplied first, so that the last column ends at the right edge.
         self.left + (self.right - self.left) * speed / self.columns
     }
 
@@ -266,6 +267,7 @@ impl Scale {
         let step = 0.5 * 10f64.powf(most.log10().floor());
         let rounded = (most / step).ceil() * step;
         Self {
+            // Without values the step is zero, and this is not a number.
             end: if rounded > 0.0 { rounded } else { 1.0 },
         }
     }

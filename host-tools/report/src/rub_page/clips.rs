@@ -136,6 +136,7 @@ impl Thinning {
             kept(counts.0, every.0) * kept(counts.1, every.1)
         };
         let duration_s = |every| {
+            // A library may have no recorded node.
             let clips = (recorded as f64 * share_of_nodes(every)).max(1.0);
             BUDGET_BYTES / clips / f64::from(SAMPLE_RATE_HZ)
         };
