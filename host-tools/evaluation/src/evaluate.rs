@@ -179,6 +179,7 @@ impl Comparison {
 
     /// Filters a synthesis like the recording that it is compared with.
     fn condition(&self, synthesised: &mut [f64]) {
+        // The model fills the band below the cut of the recordings, and their kurtosis and levels lack that band.
         if let Some(cut_hz) = self.cut_hz {
             high_pass(synthesised, f64::from(SAMPLE_RATE_HZ), cut_hz);
         }
@@ -525,6 +526,7 @@ fn refit(
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
     };
+    // All signals are held, because the excitation is fitted to them.
     let recordings = fit::read(&part, &fit_options, Part::Blocks, usize::MAX, &|_| ())?;
     let lengths = recordings.iter().flat_map(|own| &own.trials);
     let blocks_s = lengths.map(|own| Blocks::of(own.samples().len()).block_s());
@@ -563,6 +565,7 @@ fn judged(
 ) -> TrialEvaluation {
     let judged_blocks = slices(&comparison.judged);
     let other = slices(&comparison.other);
+    // Amplitudes of signals of different lengths cannot be compared.
     let played = comparison.in_blocks(&comparison.synthesised);
     let (recorded_rms, synthesised_rms) = (
         rms(&comparison.judged.concat()),

@@ -107,6 +107,7 @@ pub fn chosen(
             Take::Other(_) => (),
         }
     }
+    // Trials without a take keep no others from being judged, but takes of no trial at all are a mistake.
     if !without.is_empty() && without.len() == found.len() {
         let problem = format!("no trial has an other take; the first: {}", without[0]);
         return Err(Error::Request(problem));

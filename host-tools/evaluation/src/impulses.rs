@@ -114,6 +114,7 @@ pub(super) fn speeds_in_words(all: &[AtSpeed], is_named: impl Fn(&AtSpeed) -> bo
         if is_named(&run[0]) {
             named.push(match (is_first, is_last) {
                 (true, true) => "at every speed".to_owned(),
+                // A single speed is named as such, even at an end of the grid.
                 _ if run.len() == 1 => format!("at {low} mm/s"),
                 (true, false) => format!("up to {high} mm/s"),
                 (false, true) => format!("at {low} mm/s and above"),

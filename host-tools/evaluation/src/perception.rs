@@ -84,6 +84,7 @@ fn level_error_squared_jnd(
 /// logarithm of a mean of squares of 2x Gaussian numbers has this variance.
 fn trigamma(mut x: f64) -> f64 {
     let mut sum = 0.0;
+    // From 6 on, the first term that is left out, 1/(42 x⁷), is below 1e-7.
     while x < 6.0 {
         sum += 1.0 / (x * x);
         x += 1.0;
@@ -129,6 +130,7 @@ impl ScoringRange {
     pub fn of(source_rate_hz: f64, block: usize) -> Option<Self> {
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let segment = longest_segment(rate_hz).min(block);
+        // A Hann window of one sample is zero.
         if segment < 2 {
             return None;
         }

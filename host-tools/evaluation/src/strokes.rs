@@ -49,7 +49,8 @@ pub struct Stroke {
     /// The signal at the models' rate, m/s².
     signal: Vec<f64>,
     motion: MotionPath,
-    /// Windows in motion and contact, with their number from the stroke's beginning.
+    /// Windows in motion and contact that are neither silent nor have an outlier, with their number from the stroke's
+    /// beginning.
     windows: Vec<(usize, LevelAt)>,
     source_rate_hz: f64,
     cut_hz: Option<f64>,
@@ -171,6 +172,7 @@ fn motion_of(recording: &Freehand) -> Result<MotionPath> {
 /// Level of window `index` of `signal`, dB re 1 m/s².
 fn level_db(signal: &[f64], index: usize) -> f64 {
     let power = energy(&signal[index * WINDOW..(index + 1) * WINDOW]) / WINDOW as f64;
+    // The logarithm of zero is minus infinity, which would take every mean with it.
     (10.0 * power.log10()).max(SILENCE_DB)
 }
 

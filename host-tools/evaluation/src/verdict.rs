@@ -145,6 +145,7 @@ fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
             ));
         }
     }
+    // A median over all trials would hide the speeds that are named already.
     if clauses.is_empty() {
         clauses.push(if beyond_octaves <= NEAR_OCTAVES {
             "impulses as near".into()
@@ -213,6 +214,7 @@ fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
         Some((db, liveliness.line_hz?))
     };
     let mut lines: Vec<(f64, f64)> = heard.iter().filter_map(of).collect();
+    // One trial is chosen, because a range and a frequency of different trials would not belong together.
     lines.sort_by(|a, b| a.0.total_cmp(&b.0));
     lines.get(lines.len() / 2).copied()
 }

@@ -243,6 +243,7 @@ impl<'a> Report<'a> {
         };
         let (title, comparison) = (self.caption(&example.title), &example.comparison);
         let stem = self.stems.of(name);
+        // The picture and the sounds show all of the recording, and C below is of a block that was held out.
         let whole = (
             comparison.recording.as_slice(),
             comparison.synthesised.as_slice(),

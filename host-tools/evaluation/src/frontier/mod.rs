@@ -4,7 +4,8 @@
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and by direct forms, against recordings that
 //! the fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]): a stored
-//! table of instructions, which QEMU counted, and of cycles, which llvm-mca modelled for the device's Cortex-M7.
+//! table of instructions, which QEMU counted, and of cycles, which llvm-mca modelled. Those of the device's Cortex-M7
+//! count.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
 //! third-octave bands. The first comes from the models and the second from following the hand, so the two are
@@ -50,7 +51,7 @@ pub struct Options {
     pub conditioning: Conditioning,
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis at rest, s.
+    /// Duration of each synthesis at rest, s; it is longer if the recording is longer.
     pub synthesis_s: f64,
     /// Seed of the noise.
     pub seed: u64,

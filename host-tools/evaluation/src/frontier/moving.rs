@@ -159,6 +159,7 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
                 f = cos * f - sin * g;
             }
             backward[0] = f;
+            // A normalised lattice passes on the noise's power of one, so the level is a gain behind it.
             f * rms_m_s2(texture, &point)
         })
         .collect();
@@ -188,6 +189,7 @@ pub fn play(
     while signal.len() < Rub::samples() {
         let motion = rub.at(signal.len());
         voice.follow(motion, interval as u32);
+        // An update to other nodes takes longer, and the table of costs has both kinds.
         let at = GridPoint::locate(&texture, motion).nodes;
         moving.updates += 1;
         moving.new_cells += usize::from(nodes != Some(at));

@@ -85,6 +85,7 @@ impl Player for Direct {
     }
 
     fn settles(&self) -> bool {
+        // Between two stable nodes, a direct form may be unstable.
         false
     }
 }

@@ -83,6 +83,7 @@ impl Prepared {
                 Fitted::new(Order::Fixed(order), grids)
             })
             .collect();
+        // These choose an order for each node, so that no cut of another fit has their models.
         for order in [Order::Bayesian, Order::Auto] {
             fitted.push(Fitted::new(order, grids(&fit_at(order)?)));
         }
@@ -142,6 +143,7 @@ impl Prepared {
         let takes: Vec<(f64, f64)> = read.iter().filter_map(|(_, between)| *between).collect();
         let count = takes.len() as f64;
         self.take_cost = takes.iter().map(|take| take.0).sum::<f64>() / count;
+        // Squares are averaged as over nodes at rest, so that both errors can be compared.
         self.take_band_error_db = (takes.iter().map(|take| take.1).sum::<f64>() / count).sqrt();
         self.held_out = read.into_iter().map(|(held_out, _)| held_out).collect();
         Ok(())

@@ -173,6 +173,7 @@ impl Prepared {
     fn libraries(&self, structure: Structure, fitted: &Fitted) -> Vec<Option<Vec<u8>>> {
         let textures = (0..self.names.len()).into_par_iter();
         let libraries = textures.map(|texture| {
+            // The references were made of the same libraries, so none of them fails here.
             let bytes = self.library(fitted, texture).ok()?;
             let holds = decoded(&bytes).is_ok_and(|library| {
                 let mut textures = library.textures();

@@ -63,7 +63,7 @@ pub struct Still {
 pub struct Playing {
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis, s.
+    /// Duration of each synthesis, s; it is longer if the recording is longer.
     pub synthesis_s: f64,
     /// Seed of the noise.
     pub seed: u64,

@@ -87,6 +87,7 @@ impl<'a> Prepared<'a> {
         let ranges = trials.iter().map(scoring_range).collect();
         let signals = trials
             .into_iter()
+            // Every signal is held, so that none is missing and each keeps its trial's index.
             .filter_map(|own| Some(own.signal?.samples))
             .collect();
         let prepared = Self {

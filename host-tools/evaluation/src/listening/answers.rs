@@ -84,6 +84,7 @@ impl Answers {
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
+        // Files of other designs lack columns, but an error about these would not name the reason.
         refuse_other_designs(&table, header.column("design")?)?;
         let columns = Columns::of(&header)?;
         let mut rows: Vec<Answered> = Vec::new();

@@ -277,6 +277,7 @@ impl Planner<'_> {
         for &pair in &pairs {
             let able: Vec<&Heard> = heard.iter().filter(|h| h.has(pair.kinds())).collect();
             for number in 0..options.trials {
+                // Surfaces take turns, so that each is heard as often as the others, give or take one.
                 trials.push(trial(pair, able[number % able.len()], sounds, generator));
             }
         }

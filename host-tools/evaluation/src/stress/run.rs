@@ -186,6 +186,7 @@ impl<'a> Bench<'a> {
                 rest.left = rest.left.max(share);
             }
         }
+        // The last thousand samples of the wait may have begun before the silence did.
         if rest.silent_after.is_some() {
             rest.left = 0.0;
         }

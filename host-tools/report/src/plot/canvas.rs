@@ -108,6 +108,7 @@ pub fn picture(
     })?;
     let mut series = panels.iter().flat_map(|panel| &panel.series);
     let is_map = series.any(|series| series.kind == Kind::Cells);
+    // The rules for a map's shades are long, so other pictures go without them.
     let scale_style = is_map.then(dark_scale_style).unwrap_or_default();
     let origin = if caption.simulated {
         " (SIMULATED)"
@@ -229,6 +230,7 @@ pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>
     let (mut left, mut row) = (at(14), 0);
     for (swatch, name) in entries {
         let needed = swatch_width + gap + text_width(name, TEXT) + at(14);
+        // An entry that is wider than the picture is alone in its row.
         if left + needed > width && left > at(14) {
             (left, row) = (at(14), row + 1);
         }

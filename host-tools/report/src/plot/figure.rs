@@ -336,7 +336,6 @@ fn short(value: f64) -> f64 {
 /// groups, and the lowest and the highest of each group are kept. Points that are not finite are left out.
 pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     const MAX_POINTS: usize = 1500;
-    // plotters has no place for what is not finite.
     let points: Vec<(f64, f64)> = points
         .filter(|(x, y)| x.is_finite() && y.is_finite())
         .collect();

@@ -96,6 +96,7 @@ fn looped(signal: &[f64], samples: usize) -> Option<Vec<f64>> {
 
 /// Returns the code of a value from -1 to 1.
 fn code(value: f64) -> i8 {
+    // `ln_1p` keeps the digits of small values, which 1 + x would lose.
     let magnitude = (MU * value.abs()).ln_1p() / MU.ln_1p();
     (FULL_CODE * magnitude * value.signum()).round() as i8
 }
