@@ -309,6 +309,7 @@ pub fn prepare(
     record: Option<&FitRecord>,
     options: &Options,
 ) -> Result<Evaluation> {
+    // Checked before anything is fitted, which may take minutes.
     for name in set.textures() {
         let rate_hz = texture_named(library, name)?.sample_rate_hz();
         if rate_hz != SAMPLE_RATE_HZ {

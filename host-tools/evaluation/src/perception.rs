@@ -76,6 +76,7 @@ fn level_error_squared_jnd(
         sum += error_db.powi(2) - scatter(reference) - scatter(other);
         count += 1;
     }
+    // Without a band, this is not a number.
     let mean = sum / f64::from(count) / AMPLITUDE_JND_DB.powi(2);
     Some(mean).filter(|mean| mean.is_finite())
 }

@@ -157,6 +157,7 @@ fn motion_of(recording: &Freehand) -> Result<MotionPath> {
     let step = ((recording.rate_hz * MOTION_STEP_S) as usize).max(1);
     let row = |index: usize| MotionRow {
         time_s: index as f64 / recording.rate_hz,
+        // The sign of a speed is its direction. Lines are tied to position, and go back with the hand.
         speed_mm_s: if recording.is_backward[index] {
             -recording.speed_mm_s[index]
         } else {
@@ -402,6 +403,7 @@ fn band_error_db(strokes: &[Stroke], others: &[Vec<&[f64]>]) -> Option<f64> {
     let mut errors = Vec::new();
     for (stroke, other) in strokes.iter().zip(others) {
         let own = stroke.parts(&stroke.signal);
+        // The shortest part that may count decides what can be resolved.
         let (rate_hz, shortest) = (stroke.source_rate_hz, SPECTRUM_WINDOWS * WINDOW);
         let range = ScoringRange::of_filtered(rate_hz, shortest, stroke.cut_hz);
         let Some(range) = range.filter(|_| !own.is_empty() && !other.is_empty()) else {

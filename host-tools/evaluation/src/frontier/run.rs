@@ -48,6 +48,7 @@ impl Prepared {
             .flat_map(|structure| (0..self.fitted.len()).map(move |order| (structure, order)))
             .collect();
         let (mut filters, mut points) = (Vec::new(), Vec::new());
+        // One choice after the other: each plays in parallel, and the libraries of one choice are in memory.
         for (structure, order) in choices {
             let fitted = &self.fitted[order];
             let still = self.still(structure, fitted, options, &progress)?;

@@ -142,6 +142,7 @@ pub fn summarise(nodes: &[Option<Node>]) -> Still {
         nodes: played.len(),
         refused: nodes.len() - played.len(),
         cost: mean(&mut played.iter().filter_map(|node| node.cost)),
+        // All nodes count alike, whatever the number of their bands.
         band_error_db: mean(&mut played.iter().map(|node| node.band_square_db)).sqrt(),
         bands_within_jnd: within as f64 / bands.max(1) as f64,
         lowest_snr_db: snrs().reduce(f64::min).unwrap_or(f64::NAN),

@@ -175,6 +175,7 @@ impl<'p, 's> Removal<'p, 's> {
             .zip(range)
             .and_then(|(played, range)| play::judge(recorded, &played, range, self.options));
         let own = self.texture().model(self.target.place);
+        // The variance of the excitation is the power of the output times Π(1 - k²).
         let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {
             power * error_share(&voice.model.reflection)
                 - own.output_power * error_share(&own.reflection)

@@ -62,6 +62,7 @@ pub(super) fn ratings(
                 std::mem::swap(&mut a, &mut b);
             }
             let of_a = generator.random_range(0..heard.of(a).len());
+            // Of one kind, B is any excerpt but that of A.
             let of_b = if a == b {
                 (of_a + generator.random_range(1..heard.of(a).len())) % heard.of(a).len()
             } else {

@@ -196,6 +196,7 @@ pub(super) fn track(
         let heard = strands.excerpts(part, strength, seconds)?;
         Some(heard.iter().map(|one| sounds.index_of(one)).collect())
     };
+    // All sounds are made here, and the page only chooses among them.
     let reference = kept(0.0)?;
     let changed = strengths.iter().map(|s| kept(*s)).collect::<Option<_>>()?;
     let coins = (0..trials).map(|_| {

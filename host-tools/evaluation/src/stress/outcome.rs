@@ -55,6 +55,7 @@ impl Outcome {
             }
         };
         unless(self.saturated == 0, format!("{} saturated", self.saturated));
+        // What is not known breaks no promise.
         let level = self.level_db.unwrap_or(0.0);
         unless(level.abs() <= LEVEL_DB, format!("level {level:+.2} dB"));
         let snr = self.snr_db.unwrap_or(f64::INFINITY);

@@ -174,7 +174,7 @@ impl Swatch {
     }
 }
 
-/// Marks at the edge of a cell, which leave its middle free.
+/// Marks at the edge of a cell, which leave its middle free, and a cross.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A filled triangle in the upper left corner.
@@ -354,6 +354,7 @@ impl<'a> Axis<'a> {
         let (scale, from, to) = match self.ticks {
             Ticks::Numbers(_) => (AxisScale::Linear, start, end),
             Ticks::Octaves { lowest, .. } => {
+                // The data have the values themselves, and the drawing has their octaves.
                 let ends = ((start + lowest).exp2(), (end + lowest).exp2());
                 (AxisScale::Log, ends.0, ends.1)
             }

@@ -127,6 +127,7 @@ fn panel(map: &GridMap<'_>, frame: Frame) -> Panel {
     let x = AxisData::of_cells(SPEED, names(map.speeds_mm_s));
     let y = AxisData::of_cells(FORCE, names(map.forces_n));
     let note = |cell: &GridCell| {
+        // A silent node has a word in its cell and no mark, so it is not among `MARKS`.
         let silent = (NodeFlags::SILENT, Mark::Cross, "silent");
         let known = MARKS.into_iter().chain([silent]);
         let set = known.filter(|(flag, ..)| cell.flags.contains(*flag));

@@ -49,6 +49,7 @@ pub fn spectrograms(
     rate_hz: f64,
     highest_hz: f64,
 ) -> Result<Svg> {
+    // The same duration of both, so that they have one axis of time.
     let len = recorded.len().min(synthesised.len());
     let highest_hz = highest_hz.min(0.5 * rate_hz);
     let signals = [("recorded", recorded), ("synthesised", synthesised)];

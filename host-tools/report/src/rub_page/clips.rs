@@ -58,6 +58,7 @@ impl Clip {
         }
         let codes: Vec<u8> = looped
             .iter()
+            // Relative to the peak, so that a quiet clip has as many steps as a loud one.
             .map(|&x| code(x / peak).cast_unsigned())
             .collect();
         let name = file.file_name().unwrap_or(file.as_os_str());
