@@ -173,6 +173,7 @@ fn within(signal: &[f64], rate_hz: f64, (low_hz, high_hz): (f64, f64)) -> Vec<f6
             *value = Complex::default();
         }
     }
+    // The inverse transform is not scaled.
     let scale = 1.0 / signal.len() as f64;
     let signal = fourier::inverse(&mut spectrum, signal.len());
     signal.iter().map(|x| scale * x).collect()

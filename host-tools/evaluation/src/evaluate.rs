@@ -121,6 +121,7 @@ impl Excerpt {
             let len = samples.min(signal.len());
             let begin = (signal.len() - len) / 2;
             let part = signal[begin..begin + len].iter();
+            // Pages keep 16 bits per sample, so single precision is enough.
             part.map(|value| *value as f32).collect()
         };
         Self {
@@ -408,6 +409,7 @@ pub fn evaluate(
 impl Options {
     /// The seed of trial `index`.
     fn seed_of(&self, index: usize) -> u64 {
+        // A user may give any seed, up to the largest.
         self.seed.wrapping_add(index as u64)
     }
 }

@@ -62,6 +62,7 @@ pub fn judges(
 ) -> Result<Vec<Judge>> {
     let mut takes = takes.into_iter();
     let judge = |trial: &Trial| {
+        // Takes and trials advance together. Without takes, there is none for any trial.
         if let Some(Take::Other(take)) = takes.next() {
             return Ok(Judge::OtherTake(take));
         }

@@ -74,6 +74,7 @@ impl Impulses {
     /// The impulses of `trials`, each with its speed, mm/s.
     pub(super) fn of<'a>(trials: impl Iterator<Item = (f64, &'a TrialLiveliness)>) -> Self {
         let mut all: Vec<Kurtosis> = trials.filter_map(|(v, own)| Kurtosis::of(v, own)).collect();
+        // `chunk_by` below joins neighbours only.
         all.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
         let is_off = |octaves: f64| octaves.abs() > OFF_OCTAVES;
         let by_speed = all.chunk_by(|a, b| a.speed_mm_s == b.speed_mm_s);

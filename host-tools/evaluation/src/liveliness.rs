@@ -212,7 +212,7 @@ pub fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<S
             .filter(|(_, signal)| signal.role == role)
             .collect();
         let parts = signals.first()?.1.parts.clone();
-        // Models that are fitted to blocks lack parts that the library may have.
+        // Models that are fitted to blocks may lack parts that the library has.
         let are_alike = signals.iter().all(|(_, signal)| signal.parts == parts);
         let measures: Vec<Liveliness> = signals.iter().map(|(_, signal)| signal.measures).collect();
         let differences: Vec<Differences> = signals

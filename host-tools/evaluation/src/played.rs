@@ -48,6 +48,7 @@ impl Played {
     pub fn beside(self, stored: &PartsSpec) -> Vec<Self> {
         let mut known = vec![self.of(stored)];
         let mut beside = Vec::new();
+        // Gaussian comes first: a choice that leaves no parts is called by that name.
         for choice in [Self::Gaussian, Self::Residual, Self::Fitted] {
             let parts = choice.of(stored);
             if !known.contains(&parts) {

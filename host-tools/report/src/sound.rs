@@ -30,6 +30,7 @@ pub fn node_seconds(trials: usize) -> Option<f64> {
 
 /// Converts a node's signal to a clip of 16-bit samples.
 pub(super) fn clip(signal: &[f32], full_scale: f64) -> Vec<i16> {
+    // The scale of silence must be a number, too.
     let scale = f64::from(i16::MAX) * 0.9 / full_scale.max(f64::MIN_POSITIVE);
     let sample = |value: &f32| (f64::from(*value) * scale).round() as i16;
     signal.iter().map(sample).collect()

@@ -38,6 +38,7 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
         let names = names.filter_map(|entry| entry.file_name().into_string().ok());
         names.take(MOST_NAMES).collect::<Vec<_>>()
     };
+    // Only the name of a file that is missing may be misspelt.
     let wanted = wanted.filter(|_| source.kind() == io::ErrorKind::NotFound);
     let source = match wanted.and_then(|wanted| Some(nearly(wanted, &there())?.to_owned())) {
         Some(name) => io::Error::new(source.kind(), format!("{source}; did you mean '{name}'?")),

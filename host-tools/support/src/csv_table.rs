@@ -192,6 +192,7 @@ impl CsvTable {
     /// Returns the line, from 1, of the row with this index; 0 if there is no such row. Row 0 is the first line that is
     /// not a comment. After it, rows without a number, such as units, do not count.
     pub fn line_of_row(&self, index: usize) -> u64 {
+        // The table is read again, because only an error needs the line of a row.
         let line = |mut rows: Rows<'_>| {
             let mut before = 0;
             loop {

@@ -38,6 +38,7 @@ impl Stems {
         let safe = safe(name);
         let mut stem = safe.clone();
         let mut number = 2;
+        // Some systems treat names that differ only in case as the same.
         while !self.taken.insert(stem.to_ascii_lowercase()) {
             stem = format!("{safe}-{number}");
             number += 1;

@@ -67,6 +67,7 @@ const LOUD: f64 = 0.01;
 pub fn of_order(case: &Case, order: usize) -> Case {
     let mut case = case.clone();
     for (model, _) in &mut case.models {
+        // The first stages of a lattice are the model of lower order.
         model.reflection.truncate(order);
     }
     case

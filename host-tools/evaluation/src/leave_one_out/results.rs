@@ -59,6 +59,7 @@ impl Given {
             .filter(|end| end.is_relative())
             .map(|end| self.folder.join(end))
             .collect();
+        // If there is no such file, the error names the place in the folder itself.
         let file = below.iter().find(|file| file.is_file()).or(below.last());
         let file = file.unwrap_or(&self.folder);
         let played = Trial::of(file, &trial.texture, trial.speed_mm_s, trial.force_n);

@@ -71,6 +71,7 @@ fn low_pass(cut_off_hz: f64, order: i32, floor: f64) -> Vec<f64> {
 
 /// A model of one pair of poles of this radius.
 pub fn resonance(radius: f64, frequency_hz: f64) -> NamedModel {
+    // The step-down recursion of the polynomial 1 - 2r cos ω z⁻¹ + r² z⁻².
     let k2 = radius * radius;
     let k1 = -2.0 * radius * (TAU * frequency_hz / RATE_HZ).cos() / (1.0 + k2);
     NamedModel {

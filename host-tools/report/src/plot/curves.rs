@@ -129,6 +129,7 @@ fn draw_front_series(
     let path = if is_front { steps(&joined) } else { joined };
     plot.path(path, stroke)?;
     let (radius, style) = if is_front {
+        // Rings, which leave the dots of the same choices visible.
         (at(6), line(INK, 3))
     } else {
         (at(3), stroke.colour.filled())

@@ -194,6 +194,7 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
             amplitude
                 .iter()
                 .take(bins)
+                // Silence is minus infinity here, and gets the lowest colour.
                 .map(|a| 20.0 * a.log10() + scale_db)
                 .collect()
         })
