@@ -154,7 +154,7 @@ pub struct Comparison {
     pub saturations: u32,
     /// The parts that the synthesis plays, in words.
     pub parts: String,
-    /// Other versions of the texture with the same seed and fewer parts, if it has parts.
+    /// Versions of the texture with other parts and the same seed, if it has parts.
     pub versions: Vec<Version>,
     /// The lowest sample rate of the compared files, Hz.
     source_rate_hz: f64,

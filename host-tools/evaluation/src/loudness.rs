@@ -1,7 +1,7 @@
 //! Loudest events, in windows of 5 ms: the synthesis compared with the recordings around its place on the grid.
 //!
 //! A single event changes neither a spectrum nor a median over windows. Because events vary, a synthesis is compared
-//! with the loudest of all recordings that are up to one step of speed and force away. The target, which is the other
+//! with the loudest of the recordings that are up to one step of speed and force away. The target, which is the other
 //! recording, is compared in the same way.
 
 use std::collections::BTreeMap;

@@ -104,7 +104,7 @@ fn code(value: f64) -> i8 {
 
 /// The choice of the nodes that have clips, and the clips' duration.
 pub struct Thinning {
-    /// One clip per this number of speeds and of forces, counted from the last.
+    /// One clip per this number of speeds and of forces, counted from the last ones of the largest grid.
     every: (usize, usize),
     /// Numbers of speeds and of forces of the largest grid.
     counts: (usize, usize),
