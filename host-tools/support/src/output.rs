@@ -37,7 +37,7 @@ const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=Tr
 /// # Errors
 /// The first of these conditions that does not hold, with the remedy.
 pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
-    // `Path` would ignore a separator at the end, and the file would get the name of the folder that the user means.
+    // `Path` ignores a separator at the end, with which the user means a folder.
     let last = path.as_os_str().as_encoded_bytes().last();
     if last.is_none_or(|&last| std::path::is_separator(last as char)) {
         let problem = "names a folder, where a file is to be written: name a file in it";

@@ -86,8 +86,8 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
         return Ok(Verdict::Refused);
     };
     if structure.is_direct() {
-        // A small growth of a direct form's state does not count. Only the norm of a lattice's state cannot grow,
-        // because each of its stages is a rotation.
+        // A small growth of a direct form's state does not count. A lattice's norm cannot grow, because its stages are
+        // rotations, but that of the outputs may grow for a while even in a stable direct form.
         for rest in [
             &mut outcome.stopped,
             &mut outcome.overdriven,
@@ -104,7 +104,7 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
 fn verdict(outcome: &Outcome) -> Verdict {
     let rests = [outcome.stopped, outcome.overdriven, outcome.glitched];
     let endless = || rests.iter().filter(|rest| rest.silent_after.is_none());
-    // The worst comes first: a signal that latches usually saturates, too.
+    // A case may latch and saturate. To latch is worse, so it is looked for first.
     if endless().any(|rest| rest.left > LOUD) {
         Verdict::Latches
     } else if outcome.saturated > 0 {

@@ -80,7 +80,6 @@ pub fn play_with(
     outcome.overdriven = bench.rest();
 
     let mut bench = Bench::new(case, texture, again());
-    // Until its first motion, a player's frame is silent.
     bench.move_on();
     let mut signs = Excitation::new(99);
     bench.player.glitch(&mut signs);
