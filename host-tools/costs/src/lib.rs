@@ -115,7 +115,7 @@ pub enum Origin {
     Reference,
 }
 
-/// A filter of 400 taps or stages on a Cortex-M4, per sample; one sample per call unless the name says otherwise.
+/// A filter of 400 taps or stages, per sample; one sample per call unless the name says otherwise.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Peer {
     /// The library and the filter.
@@ -126,7 +126,7 @@ pub struct Peer {
     pub includes: String,
     /// Stages or taps.
     pub order: u32,
-    /// Instructions, counted on QEMU.
+    /// Instructions on a Cortex-M4, counted on QEMU.
     pub instructions: u32,
     /// Cycles on a Cortex-M4 as llvm-mca models it; none for a reference.
     #[serde(default, skip_serializing_if = "Option::is_none")]

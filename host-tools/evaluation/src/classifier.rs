@@ -27,7 +27,7 @@ const FOLDS: usize = 4;
 /// Least number of windows of the recordings: two of each part.
 const FEWEST: usize = 2 * FOLDS;
 
-/// Weight of the squared coefficients relative to the mean loss of a window.
+/// Weight of half the sum of the squared coefficients, relative to the mean loss of a window.
 const RIDGE: f64 = 0.02;
 
 /// Number of steps of the gradient descent, and their length. The ridge and the standardised features keep the descent
@@ -45,10 +45,11 @@ pub struct Windows([Vec<Features>; 2]);
 
 impl Windows {
     /// Cuts a recording and the signal in its place into whole windows, with features below `high_hz`. Returns `None`
-    /// if one of the signals is shorter than 1 s, or silent during some window.
+    /// if one of the signals is shorter than 1 s, or silent.
     pub fn of(recorded: &[f64], other: &[f64], rate_hz: f64, high_hz: f64) -> Option<Self> {
         let of = |signal| features(signal, rate_hz, high_hz);
         let (mut recorded, mut other) = (of(recorded)?, of(other)?);
+        // A synthesis is longer than its recording, and with all of its windows it would outweigh it in the fit.
         let count = recorded.len().min(other.len());
         recorded.truncate(count);
         other.truncate(count);
@@ -69,10 +70,12 @@ impl Windows {
     }
 }
 
-/// Returns the area under the ROC curve over all `places`. Places with a lower sample rate than others are left out.
-/// Returns `None` without two seconds of recordings.
+/// Returns the area under the ROC curve over all `places`. Places with fewer bands than others, as at a lower sample
+/// rate, are left out. Returns `None` without two seconds of recordings.
 pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
     let mut places: Vec<&Windows> = places.collect();
+    // One regression serves all places: fitted to one place, it would find any error of a band there, and every method
+    // would score 1. So all windows must have the same features.
     let most = places.iter().map(|windows| windows.features()).max()?;
     places.retain(|windows| windows.features() == most);
     if places
@@ -101,6 +104,7 @@ pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
 
 /// Returns the fraction of all pairs in which the second score is above the first. Pairs of equal scores count half.
 fn share_above(mut first: Vec<f64>, second: &[f64]) -> f64 {
+    // Sorted once, so that each score of the other side takes two binary searches.
     first.sort_by(f64::total_cmp);
     let below = |score: &f64| {
         let below = first.partition_point(|x| x < score);
@@ -110,7 +114,7 @@ fn share_above(mut first: Vec<f64>, second: &[f64]) -> f64 {
     second.iter().map(below).sum::<f64>() / (first.len() * second.len()) as f64
 }
 
-/// The features of each whole window; `None` if one is not finite.
+/// The features of each whole window; `None` if one is not finite, or if the signal is shorter than 1 s.
 fn features(signal: &[f64], rate_hz: f64, high_hz: f64) -> Option<Vec<Features>> {
     let range_hz = (band_edges_hz(FIRST_BAND).0, high_hz);
     let length = (WINDOW_S * rate_hz).round() as usize;
@@ -127,6 +131,7 @@ fn features(signal: &[f64], rate_hz: f64, high_hz: f64) -> Option<Vec<Features>>
 fn of_window(window: &[f64], rate_hz: f64, high_hz: f64) -> Option<Features> {
     let spectrum = PowerSpectrum::of_blocks(&[window], window.len(), rate_hz);
     let bands = (FIRST_BAND..).map(band_edges_hz);
+    // Edges are rounded powers of ten. With this tolerance, a range that ends at an edge includes the band.
     let bands = bands.take_while(|edges| edges.1 <= high_hz * (1.0 + 1e-9));
     let decibels = |power: f64| 10.0 * power.log10();
     let mut features: Features = bands
@@ -151,6 +156,7 @@ fn of_window(window: &[f64], rate_hz: f64, high_hz: f64) -> Option<Features> {
         (spread / LEVELS as f64).sqrt(),
         jumps.fold(0.0, f64::max),
     ]);
+    // Silence has levels of minus infinity, which no weight can take.
     features
         .iter()
         .all(|value| value.is_finite())
@@ -167,6 +173,7 @@ fn within(signal: &[f64], rate_hz: f64, (low_hz, high_hz): (f64, f64)) -> Vec<f6
             *value = Complex::default();
         }
     }
+    // The inverse transform is not scaled.
     let scale = 1.0 / signal.len() as f64;
     let signal = fourier::inverse(&mut spectrum, signal.len());
     signal.iter().map(|x| scale * x).collect()
@@ -191,6 +198,7 @@ impl Ranking {
         let means: Vec<f64> = (0..features).map(|at| mean(&|window| window[at])).collect();
         let scale = |at: usize| {
             let deviation = mean(&|window| (window[at] - means[at]).powi(2)).sqrt();
+            // A feature that is the same in all windows distinguishes nothing, and would be divided by zero.
             if deviation > 0.0 {
                 1.0 / deviation
             } else {

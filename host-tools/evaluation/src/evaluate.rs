@@ -48,7 +48,7 @@ pub struct Options {
     pub conditioning: Conditioning,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis, s. It is at least the duration of the recording. A longer synthesis gives more exact
+    /// Duration of each synthesis, s; it is longer if what judges it is longer. A longer synthesis gives more exact
     /// band levels.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
@@ -121,6 +121,7 @@ impl Excerpt {
             let len = samples.min(signal.len());
             let begin = (signal.len() - len) / 2;
             let part = signal[begin..begin + len].iter();
+            // Pages keep 16 bits per sample, so single precision is enough.
             part.map(|value| *value as f32).collect()
         };
         Self {
@@ -140,7 +141,7 @@ pub struct Comparison {
     pub recording: Vec<f64>,
     /// The held-out recording in blocks; one block if nothing of it was fitted.
     pub judged: Vec<Vec<f64>>,
-    /// Another recording, to be compared with `beside`: the fitted blocks, or the fitted take.
+    /// Another recording, to be compared with `beside`: the blocks that a fit to blocks uses, or the set's own take.
     pub other: Vec<Vec<f64>>,
     /// Recording that `other` is compared with. If empty, that is `judged`.
     beside: Vec<Vec<f64>>,
@@ -153,7 +154,7 @@ pub struct Comparison {
     pub saturations: u32,
     /// The parts that the synthesis plays, in words.
     pub parts: String,
-    /// Other versions of the texture with the same seed and fewer parts, if it has parts.
+    /// Versions of the texture with other parts and the same seed, if it has parts.
     pub versions: Vec<Version>,
     /// The lowest sample rate of the compared files, Hz.
     source_rate_hz: f64,
@@ -172,12 +173,14 @@ impl Comparison {
     /// The frequencies that can be judged; `None` if blocks are too short.
     fn range(&self) -> Option<ScoringRange> {
         let blocks = [&self.judged, &self.other, &self.beside];
+        // All spectra of a comparison have segments of one length, so that the window's leakage is the same in them.
         let shortest = blocks.into_iter().flatten().map(Vec::len).min();
         ScoringRange::of_filtered(self.source_rate_hz, shortest?, self.cut_hz)
     }
 
     /// Filters a synthesis like the recording that it is compared with.
     fn condition(&self, synthesised: &mut [f64]) {
+        // The model fills the band below the cut of the recordings, and their kurtosis and levels lack that band.
         if let Some(cut_hz) = self.cut_hz {
             high_pass(synthesised, f64::from(SAMPLE_RATE_HZ), cut_hz);
         }
@@ -236,6 +239,7 @@ fn without_noise(
     };
     let options = fit::Options {
         conditioning,
+        // A search for lines would take them out of the signals that judge.
         lines: Lines::None,
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
@@ -267,10 +271,12 @@ fn read(signal: Signal, judge: &Judge, conditioning: Conditioning) -> Result<Com
         Judge::Blocks => (left, fitted, Vec::new()),
         Judge::OtherTake(take) => {
             let take = fit::signal(take, conditioning)?;
+            // Frequencies that either recording lacks cannot be judged.
             source_rate_hz = source_rate_hz.min(take.source_rate_hz);
             cut_hz = cut_hz.into_iter().chain(take.cut_hz).reduce(f64::max);
             (vec![take.samples], vec![own.clone()], Vec::new())
         }
+        // All of it judges. Its two halves in blocks only show how far parts of one recording are from each other.
         Judge::Unseen | Judge::Nothing => (vec![own.clone()], fitted, left),
     };
     let recording = match judge {
@@ -304,6 +310,7 @@ pub fn prepare(
     record: Option<&FitRecord>,
     options: &Options,
 ) -> Result<Evaluation> {
+    // Checked before anything is fitted, which may take minutes.
     for name in set.textures() {
         let rate_hz = texture_named(library, name)?.sample_rate_hz();
         if rate_hz != SAMPLE_RATE_HZ {
@@ -386,6 +393,7 @@ pub fn evaluate(
         .into_iter()
         .map(|name| {
             let own = evaluation.trials.iter_mut().filter(|t| t.texture == name);
+            // This must come before the summary and the verdict, which read the ratios that it sets.
             loudness::set_around(&mut own.filter_map(TrialEvaluation::placed).collect::<Vec<_>>());
             let mut texture = summarise(name, &evaluation.trials);
             let own = evaluation.trials.iter().filter(|t| t.texture == name);
@@ -401,6 +409,7 @@ pub fn evaluate(
 impl Options {
     /// The seed of trial `index`.
     fn seed_of(&self, index: usize) -> u64 {
+        // A user may give any seed, up to the largest.
         self.seed.wrapping_add(index as u64)
     }
 }
@@ -452,6 +461,7 @@ impl Evaluation {
         let refitted = self
             .refitted
             .iter()
+            // Other trials of the same texture may be judged by other takes, which judge the library itself.
             .find(|(name, _)| *name == trial.texture && self.judges[index] == Judge::Blocks);
         let refitted = refitted.map(|(_, bytes)| decoded(bytes)).transpose()?;
         let texture = texture_named(refitted.as_ref().unwrap_or(library), &trial.texture)?;
@@ -465,6 +475,7 @@ impl Evaluation {
             Ok((synthesised, saturations))
         };
         let (played, saturations) = play(&texture, options.played)?;
+        // The refitted models never saw half of the recording, so that a click of the library could hide from them.
         let of_library = match refitted {
             Some(_) => Some(play(&texture_named(library, &trial.texture)?, options.played)?.0),
             None => None,
@@ -512,12 +523,13 @@ fn refit(
     };
     let fit_options = fit::Options {
         conditioning: options.conditioning,
-        // A strict fit is not necessary: a lattice needs no proof of stability between nodes, and the models are the
-        // same. Findings of triage were accepted when the library was fitted.
+        // A strict fit has the same models. It only refuses findings of triage and samples without a scale, which were
+        // accepted when the library was fitted.
         strict: false,
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
     };
+    // All signals are held, because the excitation is fitted to them.
     let recordings = fit::read(&part, &fit_options, Part::Blocks, usize::MAX, &|_| ())?;
     let lengths = recordings.iter().flat_map(|own| &own.trials);
     let blocks_s = lengths.map(|own| Blocks::of(own.samples().len()).block_s());
@@ -539,8 +551,9 @@ impl Comparison {
         slices(if is_all { &self.judged } else { &self.beside })
     }
 
-    /// Cuts a synthesis into blocks as long as those of the judge.
+    /// Cuts a synthesis into blocks as long as the longest of the judge.
     fn in_blocks<'s>(&self, synthesised: &'s [f64]) -> Vec<&'s [f64]> {
+        // `chunks_exact` panics on 0, the length without a block.
         let len = self.longest_block().len().max(1);
         synthesised.chunks_exact(len).collect()
     }
@@ -555,6 +568,7 @@ fn judged(
 ) -> TrialEvaluation {
     let judged_blocks = slices(&comparison.judged);
     let other = slices(&comparison.other);
+    // Amplitudes of signals of different lengths cannot be compared.
     let played = comparison.in_blocks(&comparison.synthesised);
     let (recorded_rms, synthesised_rms) = (
         rms(&comparison.judged.concat()),
@@ -567,6 +581,7 @@ fn judged(
     let scores = scores.unwrap_or(Scores::NONE);
     let is_held_out = judge != JudgeKind::Nothing;
     let is_judged = is_held_out && !is_silent;
+    // These figures need no data that are held out, because no model takes part.
     let others = usable.map(|range| scores_of(&comparison.beside(), &other, &range, options));
     let block = comparison.longest_block().len();
     TrialEvaluation {

@@ -18,7 +18,7 @@ pub enum Judge {
     OtherTake(Trial),
     /// The recording judges the library as it is, because the library's fit did not use the recording.
     Unseen,
-    /// Nothing judges, because it is not known what the library was fitted to, or its options are unknown.
+    /// Nothing judges, because it is not known what the library was fitted to.
     Nothing,
 }
 
@@ -62,6 +62,7 @@ pub fn judges(
 ) -> Result<Vec<Judge>> {
     let mut takes = takes.into_iter();
     let judge = |trial: &Trial| {
+        // Takes and trials advance together. Without takes, there is none for any trial.
         if let Some(Take::Other(take)) = takes.next() {
             return Ok(Judge::OtherTake(take));
         }
@@ -107,6 +108,7 @@ pub fn chosen(
             Take::Other(_) => (),
         }
     }
+    // Trials without a take keep no others from being judged, but takes of no trial at all are a mistake.
     if !without.is_empty() && without.len() == found.len() {
         let problem = format!("no trial has an other take; the first: {}", without[0]);
         return Err(Error::Request(problem));
@@ -121,6 +123,7 @@ pub fn chosen(
 /// Returns in words what was held out, a sentence per kind of judge; `blocks_s` are the shortest and the longest block.
 pub(super) fn in_words(judges: &[Judge], blocks_s: (f64, f64)) -> String {
     let (shortest, longest) = blocks_s;
+    // Lengths this near are the same, or one step apart, with the two decimals that are written.
     let block = if longest - shortest < 0.005 {
         format!("{} s", decimals(longest))
     } else {
@@ -195,6 +198,7 @@ pub fn takes(
     record: Option<&FitRecord>,
     conditioning: Conditioning,
 ) -> Result<Vec<Take>> {
+    // A file of the set itself is no other take, even if no record of a fit names it. The options do not matter here.
     let of_set = FitRecord::of(set, &fit::Options::default(), &[])?;
     let take = |trial: &Trial| {
         let mut seen = None;
@@ -209,6 +213,7 @@ pub fn takes(
                     Some(signal) => signal,
                     None => signal.insert(fit::signal(trial, conditioning)?.samples),
                 };
+                // The correlation with silence is not a number, so that a silent take counts as no copy.
                 let samples = fit::signal(other, conditioning)?.samples;
                 (correlation(trials, &samples) >= COPY_CORRELATION)
                     .then(|| "the same samples, in another file, were fitted".to_owned())

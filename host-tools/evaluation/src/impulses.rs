@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::liveliness::{Role, TrialLiveliness};
 use crate::dsp::liveliness::median;
 
-/// Difference of kurtosis from which on a trial's impulses are off, octaves.
+/// Difference of kurtosis above which a trial's impulses are off, octaves.
 pub const OFF_OCTAVES: f64 = 1.0;
 
 /// Impulses of a texture's trials, by the kurtosis of the residual.
@@ -74,6 +74,7 @@ impl Impulses {
     /// The impulses of `trials`, each with its speed, mm/s.
     pub(super) fn of<'a>(trials: impl Iterator<Item = (f64, &'a TrialLiveliness)>) -> Self {
         let mut all: Vec<Kurtosis> = trials.filter_map(|(v, own)| Kurtosis::of(v, own)).collect();
+        // `chunk_by` below joins neighbours only.
         all.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
         let is_off = |octaves: f64| octaves.abs() > OFF_OCTAVES;
         let by_speed = all.chunk_by(|a, b| a.speed_mm_s == b.speed_mm_s);
@@ -114,6 +115,7 @@ pub(super) fn speeds_in_words(all: &[AtSpeed], is_named: impl Fn(&AtSpeed) -> bo
         if is_named(&run[0]) {
             named.push(match (is_first, is_last) {
                 (true, true) => "at every speed".to_owned(),
+                // A single speed is named as such, even at an end of the grid.
                 _ if run.len() == 1 => format!("at {low} mm/s"),
                 (true, false) => format!("up to {high} mm/s"),
                 (false, true) => format!("at {low} mm/s and above"),

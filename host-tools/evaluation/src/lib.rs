@@ -1,6 +1,7 @@
 //! Judgements of textures: against recordings, against removed nodes, against hard cases, and against their costs.
 //!
-//! Invariant: results are data. Nothing here draws, prints or writes a file.
+//! Invariant: results are data. Nothing here draws or prints, and only the recordings that the frontier simulates are
+//! written to files.
 
 // The crates below this one, under the names that this crate uses for them.
 use stylus_fit::{fit, scene, texture};

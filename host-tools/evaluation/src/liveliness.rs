@@ -103,6 +103,7 @@ impl TrialLiveliness {
             let measured: Vec<Liveliness> = pieces
                 .map(|piece| Liveliness::of(piece, rate_hz, line_hz))
                 .collect();
+            // A signal with fewer blocks than the judge is one piece.
             if measured.is_empty() {
                 Liveliness::of(of, rate_hz, line_hz)
             } else {
@@ -211,6 +212,7 @@ pub fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<S
             .filter(|(_, signal)| signal.role == role)
             .collect();
         let parts = signals.first()?.1.parts.clone();
+        // Models that are fitted to blocks may lack parts that the library has.
         let are_alike = signals.iter().all(|(_, signal)| signal.parts == parts);
         let measures: Vec<Liveliness> = signals.iter().map(|(_, signal)| signal.measures).collect();
         let differences: Vec<Differences> = signals

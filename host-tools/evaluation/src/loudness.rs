@@ -1,7 +1,7 @@
 //! Loudest events, in windows of 5 ms: the synthesis compared with the recordings around its place on the grid.
 //!
 //! A single event changes neither a spectrum nor a median over windows. Because events vary, a synthesis is compared
-//! with the loudest of all recordings that are up to one step of speed and force away. The target, which is the other
+//! with the loudest of the recordings that are up to one step of speed and force away. The target, which is the other
 //! recording, is compared in the same way.
 
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use crate::dsp::sums::{sliding, upper_median};
 /// Duration of a window, s.
 const WINDOW_S: f64 = 0.005;
 
-/// Ratio to the recordings, relative to the ratio between recordings, from which on events are too strong.
+/// Ratio to the recordings, relative to the ratio between recordings, above which events are too strong.
 ///
 /// Simulated textures with impulses as near as those of other recordings reach 1.6 in the loudest of 120 trials, with
 /// syntheses ten times as long as the recordings.
@@ -65,13 +65,16 @@ impl TrialLoudness {
             level: synthesised.median_m_s2 / recorded.median_m_s2,
         };
         own.compare(Around::of(&own));
+        // A silent judge would make the ratios infinite.
         (own.recorded_m_s2 > 0.0).then_some(own)
     }
 
     /// Compares with the recordings around.
     fn compare(&mut self, around: Around) {
+        // The library was fitted to all blocks, so that it may be as loud as any of them.
         let library = self.library_m_s2.unwrap_or(0.0) / around.all_m_s2;
         let synthesis = self.synthesised_m_s2 / around.judges_m_s2;
+        // A level below 1 would raise the events of a synthesis that is too soft.
         self.times = synthesis.max(library) / self.level.max(1.0);
         self.times_other = self.other_m_s2 / around.judges_m_s2;
     }
@@ -112,6 +115,7 @@ struct Windows {
 impl Windows {
     fn of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> Self {
         let samples = (WINDOW_S * f64::from(SAMPLE_RATE_HZ)).round() as usize;
+        // Block by block, so that no window crosses the join of two blocks.
         let energies = blocks.flat_map(|block| {
             let squares: Vec<f64> = block.iter().map(|x| x * x).collect();
             sliding(&squares, &vec![1.0; samples])
@@ -141,6 +145,7 @@ pub(super) struct Placed<'a> {
 
 /// Compares each of a texture's `trials` with the recordings up to one step of speed and force away.
 pub(super) fn set_around(trials: &mut [Placed<'_>]) {
+    // A step is to the next recorded value, however far away it is.
     let (speed, force) = (
         ranks(trials, |t| t.speed_mm_s),
         ranks(trials, |t| t.force_n),

@@ -9,8 +9,8 @@
 //! | balance, dB | 10 log10 of the ratio of the power below 100 Hz to the power above |
 //!
 //! e_b is the level of the second signal relative to the first, dB. s_b² is the variance that e_b has between two
-//! estimates of one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of n squares each, so that another seed of
-//! the same noise scores 0 on average. A gain of -6 dB scores 2.7.
+//! estimates of one Gaussian noise, (10/ln 10)² (ψ′(n₁) + ψ′(n₂)) for means of 2n₁ and 2n₂ squares, so that another
+//! seed of the same noise scores 0 on average. A gain of -6 dB scores 2.7.
 //!
 //! Sources. JND of level 2.2 to 2.5 dB: Israr 2006. Energy per critical band predicts the realism of textures: arXiv
 //! 2605.23804. Balance of low and high as the main cue: Bernard 2023.
@@ -76,6 +76,7 @@ fn level_error_squared_jnd(
         sum += error_db.powi(2) - scatter(reference) - scatter(other);
         count += 1;
     }
+    // Without a band, this is not a number.
     let mean = sum / f64::from(count) / AMPLITUDE_JND_DB.powi(2);
     Some(mean).filter(|mean| mean.is_finite())
 }
@@ -84,6 +85,7 @@ fn level_error_squared_jnd(
 /// logarithm of a mean of squares of 2x Gaussian numbers has this variance.
 fn trigamma(mut x: f64) -> f64 {
     let mut sum = 0.0;
+    // From 6 on, the first term that is left out, 1/(42 x⁷), is below 1e-7.
     while x < 6.0 {
         sum += 1.0 / (x * x);
         x += 1.0;
@@ -93,6 +95,7 @@ fn trigamma(mut x: f64) -> f64 {
 
 /// Returns the ratio of the power below [`LOW_HIGH_HZ`] to the power above, within `range`, dB.
 fn balance_db(spectrum: &PowerSpectrum, range: &ScoringRange) -> Option<f64> {
+    // If the range lies on one side of the division, the other side has no power, and the balance is not finite.
     let low = spectrum.power_between(range.low_hz, LOW_HIGH_HZ.min(range.high_hz));
     let high = spectrum.power_between(LOW_HIGH_HZ.max(range.low_hz), range.high_hz);
     Some(10.0 * (low / high).log10()).filter(|balance| balance.is_finite())
@@ -128,6 +131,7 @@ impl ScoringRange {
     pub fn of(source_rate_hz: f64, block: usize) -> Option<Self> {
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let segment = longest_segment(rate_hz).min(block);
+        // A Hann window of one sample is zero.
         if segment < 2 {
             return None;
         }
@@ -137,6 +141,7 @@ impl ScoringRange {
         let range = Self {
             low_hz: lowest_hz.max(resolved_hz),
             high_hz: highest_hz.min(own_hz),
+            // From the first bin of a block's transform on: the mean is no part of a texture.
             cost_hz: (rate_hz / block as f64, own_hz),
             segment,
         };

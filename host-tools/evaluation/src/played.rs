@@ -48,6 +48,7 @@ impl Played {
     pub fn beside(self, stored: &PartsSpec) -> Vec<Self> {
         let mut known = vec![self.of(stored)];
         let mut beside = Vec::new();
+        // Gaussian comes first: a choice that leaves no parts is called by that name.
         for choice in [Self::Gaussian, Self::Residual, Self::Fitted] {
             let parts = choice.of(stored);
             if !known.contains(&parts) {
@@ -64,7 +65,7 @@ pub fn parts(texture: &Texture<'_>) -> PartsSpec {
     texture_spec(texture).parts
 }
 
-/// Parts in words: `Gaussian` where there are none.
+/// Parts in words: `Gaussian` where no excitation is stored.
 pub fn in_words(parts: &PartsSpec) -> String {
     let PartsSpec {
         excitation,
@@ -95,6 +96,7 @@ pub fn with<T>(
 ) -> Result<T> {
     let spec = texture_spec(texture);
     let parts = played.of(&spec.parts);
+    // The same parts need no other library.
     if parts == spec.parts {
         return work(*texture);
     }

@@ -49,7 +49,8 @@ pub struct Stroke {
     /// The signal at the models' rate, m/s².
     signal: Vec<f64>,
     motion: MotionPath,
-    /// Windows in motion and contact, with their number from the stroke's beginning.
+    /// Windows in motion and contact that are neither silent nor have an outlier, with their number from the stroke's
+    /// beginning.
     windows: Vec<(usize, LevelAt)>,
     source_rate_hz: f64,
     cut_hz: Option<f64>,
@@ -60,7 +61,8 @@ impl Stroke {
     /// Creates the stroke of `recording`, which was read from `file`.
     ///
     /// # Errors
-    /// A recording that is shorter than a window or that cannot be reduced to one axis.
+    /// A recording without samples or of an impossible rate, a speed or force that no hand reaches, or axes that cannot
+    /// be reduced to one.
     pub fn of(file: &Path, recording: Freehand, conditioning: Conditioning) -> Result<Self> {
         let motion = motion_of(&recording)?;
         let Freehand {
@@ -76,8 +78,10 @@ impl Stroke {
             held: Some(HeldSamples::new(rate_hz, axes, false)?.into()),
             ..Trial::of(file, "", 0.0, 0.0)
         };
+        // Nothing may be cut, because samples share their times with the motion.
         let signal = fit::whole_signal(&trial, conditioning)?;
         let per_window = rate_hz * WINDOW_S;
+        // The signal is at 5 kHz, speed and force at the recording's own rate; both must contain the last window.
         let count =
             (signal.samples.len() / WINDOW).min((speed_mm_s.len() as f64 / per_window) as usize);
         let window = |index: usize| {
@@ -153,6 +157,7 @@ fn motion_of(recording: &Freehand) -> Result<MotionPath> {
     let step = ((recording.rate_hz * MOTION_STEP_S) as usize).max(1);
     let row = |index: usize| MotionRow {
         time_s: index as f64 / recording.rate_hz,
+        // The sign of a speed is its direction. Lines are tied to position, and go back with the hand.
         speed_mm_s: if recording.is_backward[index] {
             -recording.speed_mm_s[index]
         } else {
@@ -168,6 +173,7 @@ fn motion_of(recording: &Freehand) -> Result<MotionPath> {
 /// Level of window `index` of `signal`, dB re 1 m/s².
 fn level_db(signal: &[f64], index: usize) -> f64 {
     let power = energy(&signal[index * WINDOW..(index + 1) * WINDOW]) / WINDOW as f64;
+    // The logarithm of zero is minus infinity, which would take every mean with it.
     (10.0 * power.log10()).max(SILENCE_DB)
 }
 
@@ -217,7 +223,7 @@ pub struct AlongStrokes {
 /// with the nearest motion, window by window.
 ///
 /// # Errors
-/// A texture of another rate than 5 kHz, or strokes without motion in contact.
+/// A texture of another rate than 5 kHz, no stroke of one kind, or a stroke without motion in contact.
 pub fn along_strokes(
     texture: Texture<'_>,
     fitted: &[Stroke],
@@ -255,6 +261,7 @@ fn of_library(
 ) -> Result<[Nearness; 2]> {
     let play = |index: usize| {
         let of_seed = |playing: u64| {
+            // No two playings of the comparison have the same noise.
             let own = (index as u64).wrapping_mul(PLAYINGS).wrapping_add(playing);
             judges[index].played(texture, seed.wrapping_add(own))
         };
@@ -304,6 +311,7 @@ fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Optio
         .collect();
     let replayed: Vec<f64> = (judges.iter().zip(&nearest))
         .flat_map(|(stroke, near)| {
+            // A shorter stroke is repeated.
             near.levels_db()
                 .into_iter()
                 .cycle()
@@ -395,6 +403,7 @@ fn band_error_db(strokes: &[Stroke], others: &[Vec<&[f64]>]) -> Option<f64> {
     let mut errors = Vec::new();
     for (stroke, other) in strokes.iter().zip(others) {
         let own = stroke.parts(&stroke.signal);
+        // The shortest part that may count decides what can be resolved.
         let (rate_hz, shortest) = (stroke.source_rate_hz, SPECTRUM_WINDOWS * WINDOW);
         let range = ScoringRange::of_filtered(rate_hz, shortest, stroke.cut_hz);
         let Some(range) = range.filter(|_| !own.is_empty() && !other.is_empty()) else {

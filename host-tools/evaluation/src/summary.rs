@@ -77,6 +77,7 @@ impl Means {
             mean_log_spectral_distance_db: mean(
                 scores.iter().filter_map(|s| s.log_spectral_distance_db),
             ),
+            // Negative squares count in the mean. If each became 0 before, the scatter of noise would not cancel.
             level_error_jnd: mean(perceived().filter_map(|p| p.level_error_squared_jnd))
                 .map(|square| square.max(0.0).sqrt()),
             mean_balance_error_db: mean(
@@ -323,7 +324,7 @@ pub struct TrialEvaluation {
     pub judge: JudgeKind,
     /// File of the other take, if that take is the judge.
     pub other_take: Option<String>,
-    /// Frequencies that were judged; none if the judge is too short.
+    /// Frequencies that were judged; none if a recording is too short, or its sample rate too low.
     pub range: Option<ScoringRange>,
     /// True if the judge or the stylus is silent; there are no scores then.
     pub is_silent: bool,

@@ -36,6 +36,7 @@ impl Table {
             headings = own;
             cells
         });
+        // The rows are collected before the headings are read, because that sets the headings.
         let rows: Vec<Vec<String>> = rows.collect();
         Self::new(title, headings, rows)
     }

@@ -73,6 +73,7 @@ pub(super) fn further(own: f64, target: f64) -> f64 {
 
 fn spectrum(own: &Means, target: &Means, other: &str) -> Option<String> {
     let distance_db = |means: &Means| means.mean_log_spectral_distance_db;
+    // Without a target, the whole distance counts.
     let further_db = further(distance_db(own)?, distance_db(target).unwrap_or(0.0));
     let near = if further_db <= NEAR_DB {
         format!("spectrum as near as {other}")
@@ -91,6 +92,7 @@ fn spectrum(own: &Means, target: &Means, other: &str) -> Option<String> {
 /// recording's deviation, if this can be felt.
 fn worst_band(heard: &[&TrialEvaluation]) -> Option<String> {
     let level = |of: fn(&TrialEvaluation) -> &Scores, band: usize| {
+        // With their signs, so that the scatter of single trials averages out.
         mean(heard.iter().filter_map(|t| of(t).band_errors_db[band]))
     };
     let bands = (0..BAND_COUNT).filter_map(|band| {
@@ -122,6 +124,7 @@ fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
     let beyond_octaves = beyond(summaries, |d| d.residual_kurtosis_octaves)?;
     let is_off = |at: &AtSpeed, is_weak: bool| {
         let target = at.octaves_other.map_or(0.0, f64::abs);
+        // At some speeds, recordings differ from each other by more than an octave.
         let is_beyond = at.octaves.abs() > OFF_OCTAVES.max(target + NEAR_OCTAVES);
         is_beyond && (at.octaves < 0.0) == is_weak
     };
@@ -142,6 +145,7 @@ fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
             ));
         }
     }
+    // A median over all trials would hide the speeds that are named already.
     if clauses.is_empty() {
         clauses.push(if beyond_octaves <= NEAR_OCTAVES {
             "impulses as near".into()
@@ -210,6 +214,7 @@ fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
         Some((db, liveliness.line_hz?))
     };
     let mut lines: Vec<(f64, f64)> = heard.iter().filter_map(of).collect();
+    // One trial is chosen, because a range and a frequency of different trials would not belong together.
     lines.sort_by(|a, b| a.0.total_cmp(&b.0));
     lines.get(lines.len() / 2).copied()
 }

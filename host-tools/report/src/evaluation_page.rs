@@ -190,7 +190,7 @@ impl<'a> Report<'a> {
         Ok(())
     }
 
-    /// Writes the tables, all but one folded, and lists the takes that judged nothing.
+    /// Writes the scores, all tables but one folded, then the removed-node test and the takes that judged nothing.
     fn figures(&mut self) {
         let Inputs {
             evaluation,
@@ -243,6 +243,7 @@ impl<'a> Report<'a> {
         };
         let (title, comparison) = (self.caption(&example.title), &example.comparison);
         let stem = self.stems.of(name);
+        // The picture and the sounds show all of the recording, and C below is of a block that was held out.
         let whole = (
             comparison.recording.as_slice(),
             comparison.synthesised.as_slice(),

@@ -76,6 +76,7 @@ fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     };
     let total = series(|structure| {
         let own = points_of(frontier, structure).filter(|own| {
+            // A choice with an order per node has no place on a line of orders.
             own.interval == DEVICE_INTERVAL && is_fixed(&frontier.filters[own.filter])
         });
         own.map(&point).collect()

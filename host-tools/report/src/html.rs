@@ -275,7 +275,7 @@ fn players(sounds: &[Sound]) -> String {
     format!("<div class=\"sounds\">\n{players}</div>")
 }
 
-/// Letters and digits of `text`, with one hyphen for all characters between them.
+/// ASCII letters, in lower case, and digits of `text`, with one hyphen for all characters between them.
 fn slug(text: &str) -> String {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric());
     let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();

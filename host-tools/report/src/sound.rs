@@ -22,6 +22,7 @@ const NODE_S: [f64; 2] = [0.2, 1.0];
 /// Returns how many seconds of each of `trials` recordings, and of its synthesis, the page keeps; `None` if there are
 /// too many trials.
 pub fn node_seconds(trials: usize) -> Option<f64> {
+    // Two signals, and two bytes per sample.
     let bytes_per_s = 2 * 2 * SAMPLE_RATE_HZ as usize;
     let seconds = NODES_BYTES as f64 / (bytes_per_s * trials.max(1)) as f64;
     (seconds >= NODE_S[0]).then_some(seconds.min(NODE_S[1]))
@@ -29,6 +30,7 @@ pub fn node_seconds(trials: usize) -> Option<f64> {
 
 /// Converts a node's signal to a clip of 16-bit samples.
 pub(super) fn clip(signal: &[f32], full_scale: f64) -> Vec<i16> {
+    // The scale of silence must be a number, too.
     let scale = f64::from(i16::MAX) * 0.9 / full_scale.max(f64::MIN_POSITIVE);
     let sample = |value: &f32| (f64::from(*value) * scale).round() as i16;
     signal.iter().map(sample).collect()

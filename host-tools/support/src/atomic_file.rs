@@ -12,8 +12,9 @@ use crate::temporaries::Temporary;
 
 /// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
 ///
-/// An earlier file stays until then, and stays after any failure. The permissions of a replaced file pass to the new
-/// file. A link is followed: the file to which it leads is replaced, and the link stays. Returns the value of `write`.
+/// An earlier file stays until then, and stays after any failure. On Unix, the permissions of a replaced file pass to
+/// the new file. A link is followed: the file to which it leads is replaced, and the link stays. Returns the value of
+/// `write`.
 ///
 /// # Errors
 /// The error of `write`; something at `path` that is not a regular file; or a file that cannot be created, flushed to
@@ -30,7 +31,7 @@ pub fn write_with<T>(
 /// Writes `bytes` to `path`, whole or not at all.
 ///
 /// # Errors
-/// A file that cannot be created, written or replaced.
+/// Something at `path` that is not a regular file, or a file that cannot be created, written or replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_together(&[(path, bytes)])
 }
@@ -124,6 +125,7 @@ impl<'a> Unnamed<'a> {
     ) -> Result<(Self, T)> {
         let target = target(path)?;
         let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
+        // In the target's folder, because a file can be renamed only within one file system.
         let (temporary, mut file) = Temporary::file_in(folder_of(&target), permissions.clone())
             .map_err(Error::io("create", path))?;
         // Permissions are set before the content is written, which must never be readable by more users than the

@@ -38,6 +38,7 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
         let names = names.filter_map(|entry| entry.file_name().into_string().ok());
         names.take(MOST_NAMES).collect::<Vec<_>>()
     };
+    // Only the name of a file that is missing may be misspelt.
     let wanted = wanted.filter(|_| source.kind() == io::ErrorKind::NotFound);
     let source = match wanted.and_then(|wanted| Some(nearly(wanted, &there())?.to_owned())) {
         Some(name) => io::Error::new(source.kind(), format!("{source}; did you mean '{name}'?")),
@@ -53,6 +54,7 @@ impl Limit {
     /// # Errors
     /// The file cannot be opened, is not a regular file, or is larger than the limit.
     pub fn open(&self, path: &Path) -> Result<File> {
+        // To open a pipe would mean to wait for its other end.
         let found = std::fs::metadata(path).map_err(|source| absent("open", path, source))?;
         if let Some(other) = other_than_a_file(&found) {
             let problem = format!(
@@ -81,11 +83,13 @@ impl Limit {
     /// The file cannot be read, or is larger than the limit.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
         let file = File::open(path).map_err(|source| absent("read", path, source))?;
+        // On Unix a folder can be opened, and reading it fails with words that name no remedy.
         if file.metadata().is_ok_and(|found| found.is_dir()) {
             let problem = format!("is a folder, and {} is read from a file: name one", self.of);
             return Err(Error::file(path, problem));
         }
         let mut bytes = Vec::new();
+        // One byte more than allowed is enough to know that there are too many.
         let mut counted = file.take(self.bytes + 1);
         counted
             .read_to_end(&mut bytes)

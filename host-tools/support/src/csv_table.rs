@@ -5,7 +5,7 @@
 //! mark, and each line may end with a separator, as spreadsheets write it. Lines that begin with `#` or `%` are
 //! comments, and so is a logger's preamble. An exception is a comment with names directly above the first row of
 //! numbers, as NumPy's `savetxt` writes it: it is the header. Empty lines are ignored, and so are spaces around a
-//! field. An error states the line, the column and the separator.
+//! field. An error about a field states the line, the column and the separator.
 //!
 //! A file is read row by row, so that memory does not grow with its size, unless it is in UTF-16.
 
@@ -60,7 +60,7 @@ impl CsvTable {
     /// only once.
     ///
     /// # Errors
-    /// The file cannot be read or is larger than the limit, or its first lines are not UTF-8.
+    /// The file cannot be read or is larger than the limit, or one of its first lines is too long or not UTF-8.
     pub fn read(path: &Path, limit: Limit) -> Result<Self> {
         let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
         let text = if !is_file {
@@ -76,7 +76,7 @@ impl CsvTable {
     /// Creates the table in `text`; `path` is used only in errors.
     ///
     /// # Errors
-    /// A line is longer than a row may be.
+    /// One of the first lines is longer than a row may be.
     pub fn of(path: &Path, text: String) -> Result<Self> {
         Self::with(path, Text::Memory(text))
     }
@@ -110,6 +110,7 @@ impl CsvTable {
     }
 
     fn lines(&self) -> Result<Lines<'_>> {
+        // Each pass reads the file anew, so that nothing of it is kept.
         let reader: Box<dyn BufRead> = match &self.text {
             Text::File(limit) => Box::new(BufReader::new(limit.open(&self.path)?)),
             Text::Memory(text) => Box::new(text.as_bytes()),
@@ -191,6 +192,7 @@ impl CsvTable {
     /// Returns the line, from 1, of the row with this index; 0 if there is no such row. Row 0 is the first line that is
     /// not a comment. After it, rows without a number, such as units, do not count.
     pub fn line_of_row(&self, index: usize) -> u64 {
+        // The table is read again, because only an error needs the line of a row.
         let line = |mut rows: Rows<'_>| {
             let mut before = 0;
             loop {
@@ -239,10 +241,12 @@ impl CsvTable {
             (false, false) => None,
         };
         let plain = if has_comma {
+            // Only the first: with a second comma, the text must be no number.
             Cow::Owned(field.replacen(',', ".", 1))
         } else {
             Cow::Borrowed(field)
         };
+        // Only a number decides the decimal sign, not a name with a point in it.
         let value = plain.parse().ok()?;
         let before = self.decimal_sign.get();
         if sign.is_some() && before.is_some() && before != sign {
@@ -276,6 +280,7 @@ fn utf_16(path: &Path, limit: Limit) -> Result<Option<String>> {
         (2, [0xfe, 0xff]) => u16::from_be_bytes,
         _ => return Ok(None),
     };
+    // Lines are sought as bytes, so this text is converted as a whole.
     let bytes = limit.read(path)?;
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let characters = char::decode_utf16(units);
@@ -299,6 +304,7 @@ impl Lines<'_> {
     /// Reads the next line; returns false at the end.
     fn advance(&mut self) -> Result<bool> {
         self.bytes.clear();
+        // A byte more than a row may have shows that it is too long, before a file without line feeds fills the memory.
         let most = MOST_ROW_BYTES as u64 + 1;
         let read = (&mut self.reader)
             .take(most)
@@ -318,6 +324,7 @@ impl Lines<'_> {
                     .iter()
                     .all(|byte| byte.is_ascii() || SIGNS.contains(byte)) =>
             {
+                // Bytes of this code page have the numbers of their characters in Unicode.
                 self.bytes.iter().map(|&byte| char::from(byte)).collect()
             }
             Err(_) => return Err(self.error("is not UTF-8 text: save the file as UTF-8")),
@@ -556,6 +563,7 @@ impl<'a> Rows<'a> {
         if count > width && (width..count).all(|index| self.fields.is_empty_at(index)) {
             self.fields.ends.truncate(width);
         } else if count != width {
+            // Only the last line of a file can lack its line feed.
             let is_short = count < width && self.lines.bytes.last() != Some(&b'\n');
             if self.may_be_cut_off && is_short {
                 self.is_cut_off = true;
@@ -593,6 +601,7 @@ impl<'a> Rows<'a> {
     /// Parses the row that begins in the current line. If a quoted field extends over the following lines, they are
     /// included.
     fn parse(&mut self) -> Result<()> {
+        // The memory of the row before is used again: a table may have millions of rows.
         let mut text = std::mem::take(&mut self.fields.text).into_bytes();
         let ends = &mut self.fields.ends;
         text.resize(self.lines.line.len(), 0);
@@ -607,12 +616,14 @@ impl<'a> Rows<'a> {
             ended += fields;
             match result {
                 ReadRecordResult::InputEmpty => {
+                    // A quoted field goes on in the next line. Empty input tells the parser that the text has ended.
                     input = if self.lines.advance()? {
                         self.lines.line.as_bytes()
                     } else {
                         &[]
                     };
                 }
+                // A quotation mark that is never closed would take in the rest of the file.
                 ReadRecordResult::OutputFull if written > MOST_ROW_BYTES => {
                     return Err(self.lines.too_long());
                 }

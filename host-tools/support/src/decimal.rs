@@ -15,12 +15,14 @@ pub fn significant(value: f64) -> f64 {
         return 0.0;
     }
     let digits = 3 - value.abs().log10().floor() as i32;
+    // Powers of ten are exact up to 10²², and their inverses are not, so a division replaces a negative power.
     let factor = 10f64.powi(digits.abs());
     let rounded = if digits < 0 {
         (value / factor).round() * factor
     } else {
         (value * factor).round() / factor
     };
+    // The smallest numbers have an infinite factor, and the largest may be rounded up to infinity.
     if rounded.is_finite() { rounded } else { value }
 }
 

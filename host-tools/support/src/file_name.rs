@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{MAIN_SEPARATOR, Path};
 
-/// Largest number of characters of a stem that [`Stems`] returns, without a number at its end.
+/// Largest number of characters of a stem that [`Stems`] returns, without a `_` put before it or a number put after.
 const MOST_CHARACTERS: usize = 64;
 
 /// Names of devices on Windows, with any extension and in any case. COM and LPT followed by a digit are devices too.
@@ -28,8 +28,8 @@ pub struct Stems {
 }
 
 impl Stems {
-    /// Returns the stem for `name`, which is the same in every call. A name of at most 64 ASCII letters, digits, `-`
-    /// and `_` is its own stem. Exceptions are names that begin with `-`, like options of programs; names of Windows'
+    /// Returns the stem for `name`, which is the same in every call. A name of 1 to 64 ASCII letters, digits, `-` and
+    /// `_` is its own stem. Exceptions are names that begin with `-`, like options of programs; names of Windows'
     /// devices; and names that differ from an earlier stem only in case, or not at all.
     pub fn of(&mut self, name: &str) -> String {
         if let Some(stem) = self.given.get(name) {
@@ -38,6 +38,7 @@ impl Stems {
         let safe = safe(name);
         let mut stem = safe.clone();
         let mut number = 2;
+        // Some systems treat names that differ only in case as the same.
         while !self.taken.insert(stem.to_ascii_lowercase()) {
             stem = format!("{safe}-{number}");
             number += 1;
@@ -89,6 +90,7 @@ pub fn folded(name: &str) -> String {
 }
 
 fn is_device(name: &str) -> bool {
+    // Windows ignores what follows the first dot, and spaces before it.
     let before = name.split('.').next().unwrap_or(name).trim_end();
     let word = before.to_ascii_lowercase();
     let numbered = |word: &str| {

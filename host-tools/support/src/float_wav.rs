@@ -7,7 +7,8 @@ use hound::{SampleFormat, WavSpec, WavWriter};
 /// Returns the bytes of a file with `channels` channels, whose `samples` are interleaved.
 ///
 /// # Errors
-/// There are more samples than a WAV file can hold, or their number is not a multiple of the number of channels.
+/// The number of samples is not a multiple of the number of channels. More samples than a WAV file can hold, four
+/// gigabytes, are not noticed.
 pub fn float_wav(
     channels: usize,
     sample_rate: u32,

@@ -1,15 +1,15 @@
 //! Reuse of memory that was freed and is soon needed again.
 
-/// Size of a block, bytes. Once a block of this size is freed, glibc keeps this much free memory.
+/// Size of a block, bytes. Once a block of this size is freed, glibc keeps up to twice as much free memory.
 const KEPT: usize = 4 << 20;
 
 /// Makes the allocator keep freed memory instead of returning it to the system at once.
 ///
 /// By default, glibc returns memory when 128 KB are free at the end of the heap, and requests each block of at least
 /// that size directly from the kernel. The work on a recording needs several megabytes of such blocks and frees them
-/// before the next recording, so each page would be returned and requested again for every recording. glibc raises both
-/// thresholds to the size of the largest block that it has freed, up to 32 MB (`M_MMAP_THRESHOLD` in mallopt(3)). With
-/// other allocators, this function has no effect.
+/// before the next recording, so each page would be returned and requested again for every recording. glibc raises the
+/// second threshold to the size of the largest such block that it has freed, up to 32 MB, and the first to twice that
+/// size (`M_MMAP_THRESHOLD` in mallopt(3)). With other allocators, this function has no effect.
 pub fn keep() {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(KEPT)));
 }

@@ -15,6 +15,7 @@ pub fn in_order<I: Sync, T: Send, E: Send>(
 ) -> Result<Vec<T>, E> {
     let first_failed = AtomicUsize::new(usize::MAX);
     let results = items.par_iter().enumerate().map(|(index, item)| {
+        // A stale value does no harm: the item is only worked on in vain.
         if first_failed.load(Ordering::Relaxed) < index {
             return None;
         }

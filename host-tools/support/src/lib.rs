@@ -1,9 +1,9 @@
 //! Tools that every other wing needs: the error type, files read up to a limit, tables as CSV, WAV files, dates, files
-//! and folders written whole or not at all, decimals, names of files, numbers of options, bounds of a hand's motion,
-//! hashes of content, safe display of text, warnings by kind, parallel work in order, progress bars, fields of a TOML
-//! text, and a setting of how the allocator handles freed memory.
+//! and folders written whole or not at all, decimals, names of files, names like a given one, numbers of options,
+//! bounds of a hand's motion, hashes of content, safe display of text, warnings by kind, parallel work in order,
+//! progress bars, fields of a TOML text, and a setting of how the allocator handles freed memory.
 //!
-//! Invariant: nothing here knows of signals, textures or devices, and nothing here imports another wing.
+//! Invariant: nothing here works on signals, textures or devices, and nothing here imports another wing.
 
 pub mod atomic_file;
 pub mod bounded_file;

@@ -37,6 +37,7 @@ const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=Tr
 /// # Errors
 /// The first of these conditions that does not hold, with the remedy.
 pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
+    // `Path` ignores a separator at the end, with which the user means a folder.
     let last = path.as_os_str().as_encoded_bytes().last();
     if last.is_none_or(|&last| std::path::is_separator(last as char)) {
         let problem = "names a folder, where a file is to be written: name a file in it";
@@ -60,7 +61,7 @@ pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()
     Ok(())
 }
 
-/// Returns true if both paths lead to the same file, by another spelling, a link or a hard link.
+/// Returns true if both paths lead to the same file, by another spelling, a link or, on Unix, a hard link.
 fn is_same(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     if let (Ok(one), Ok(other)) = (fs::metadata(one), fs::metadata(other)) {
@@ -117,6 +118,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
         );
         return Err(Error::file(path, problem));
     }
+    // A list that leads to a device without an end is refused here, before it is read.
     let list = match LIST_TEXT.open(&folder.join(LIST)) {
         Ok(_) => LIST_TEXT.read_text(&folder.join(LIST))?,
         Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => String::new(),
@@ -152,7 +154,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
 struct Content {
     /// Files and links, except the list and litter.
     files: Vec<PathBuf>,
-    /// Folders without files.
+    /// Folders that contain nothing, or only litter.
     empty: Vec<PathBuf>,
     litter: Vec<PathBuf>,
 }
@@ -169,6 +171,7 @@ impl Content {
                 let entry = entry.map_err(failed)?;
                 let (name, kind) = (entry.file_name(), entry.file_type().map_err(failed)?);
                 let relative = inner.join(&name);
+                // A folder of such a name may hold a user's own files.
                 if kind.is_file() && LITTER.iter().any(|litter| name == *litter) {
                     content.litter.push(relative);
                     continue;
@@ -259,6 +262,7 @@ impl OutputFolder {
             fs::create_dir_all(folder_of(&kept)).map_err(failed)?;
             fs::copy(place.join(&litter), kept).map_err(failed)?;
         }
+        // No folder can be renamed onto one with files. The earlier result moves aside, and goes with this temporary.
         let aside = Temporary::folder_in(folder_of(&place)).map_err(failed)?;
         let earlier = aside.path().join("earlier");
         hidden

@@ -14,6 +14,7 @@ pub const PREFIX: &str = ".stylus-";
 static LIST: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn lock() -> MutexGuard<'static, Vec<PathBuf>> {
+    // A panic of another thread leaves the list whole.
     LIST.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -52,6 +53,7 @@ fn remove(path: &Path) {
 /// Returns the operating system's reason for a failure, without the path of the temporary, which the user did not name.
 fn without_its_path(failure: io::Error) -> io::Error {
     let text = failure.to_string();
+    // tempfile writes the path after the reason in this form.
     match text.split_once(" at path ") {
         Some((reason, _)) => io::Error::new(failure.kind(), reason),
         None => failure,
@@ -94,6 +96,7 @@ impl Temporary {
         );
         let mut list = lock();
         let made = builder.prefix(PREFIX).tempfile_in(folder);
+        // From here on this list, and not tempfile, removes it.
         let (file, path) = made.map_err(without_its_path)?.keep()?;
         list.push(path.clone());
         Ok((Self { path }, file))

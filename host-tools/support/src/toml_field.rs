@@ -27,6 +27,7 @@ pub fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
 /// Returns the error that `text`, the content of `path`, cannot be parsed, with its line.
 fn parse_failure(path: &Path, text: &str, failure: &toml::de::Error) -> Error {
     let start = failure.span().map_or(0, |span| span.start);
+    // A message of this project is one line.
     let problem = failure.message().trim_end().replace('\n', "; ");
     Error::line(path, line_at(text, start), problem)
 }
@@ -171,7 +172,7 @@ impl Field {
     /// Requires a name that every system accepts as the name of a folder and that a table can hold as a field.
     ///
     /// # Errors
-    /// The name is empty or too long, or some system refuses it.
+    /// The name is empty or too long, some system refuses it, or it begins with neither a letter nor a digit.
     pub fn name(&self, name: &str) -> Checked {
         self.require(!name.is_empty(), || "must not be empty".into())?;
         self.require(name.len() <= MAX_NAME_BYTES, || {
@@ -195,7 +196,8 @@ fn line_at(text: &str, byte: usize) -> u64 {
     1 + before.matches('\n').count() as u64
 }
 
-/// Returns the line, from 1, of a field, or of the nearest enclosing field that the text contains.
+/// Returns the line, from 1, of a field, or of the nearest enclosing field that the text contains; 1 if it contains
+/// none.
 pub fn line_of(text: &str, field: &Field) -> u64 {
     let Ok(document) = DeTable::parse(text) else {
         return 1;

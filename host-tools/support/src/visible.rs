@@ -18,7 +18,8 @@ pub fn visible_line(text: &str) -> Cow<'_, str> {
     replaced(text, is_obeyed, number)
 }
 
-/// Largest number of characters of an error or a warning: enough for a file's path, its problem and the remedy.
+/// Largest number of characters that are kept of an error or a warning: enough for a file's path, its problem and the
+/// remedy.
 const LONGEST_MESSAGE: usize = 1000;
 
 /// Largest number of successive digits that a message shows.

@@ -75,6 +75,7 @@ pub fn by_kind(warnings: &[Warning]) -> Vec<String> {
         }
     }
     let line = |alike: &mut Vec<&Warning>| {
+        // The sort is stable, so that of equals the first stays the worst.
         alike.sort_by(|a, b| b.magnitude.total_cmp(&a.magnitude));
         let Some((noun, worst)) = alike[0].subject.as_ref().filter(|_| alike.len() > 1) else {
             return alike[0].to_string();

@@ -52,6 +52,7 @@ impl Costs {
         if order > highest.order {
             return None;
         }
+        // A filter's loop takes the same time per stage, so that a line fits; `tests/qemu` counts orders between.
         let after = entries.partition_point(|entry| entry.order < order);
         let to = entries[after];
         let from = if after == 0 {

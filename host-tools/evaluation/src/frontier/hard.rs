@@ -16,9 +16,9 @@ use crate::support::error::Result;
 pub enum Verdict {
     /// Everything that is promised held.
     Held,
-    /// A limit cycle below 1 % of full scale remains when the drive stops.
+    /// A limit cycle of at most 1 % of full scale remains after the drive, an overdrive or a glitch.
     Residue,
-    /// Level, noise or spectrum is outside its promised bound, or the state's norm grows.
+    /// Level, mean, noise or spectrum is outside its promised bound, or the state's norm grows.
     Inaccurate,
     /// The signal was at full scale while the structure was driven as it is meant to be.
     Saturates,
@@ -67,6 +67,7 @@ const LOUD: f64 = 0.01;
 pub fn of_order(case: &Case, order: usize) -> Case {
     let mut case = case.clone();
     for (model, _) in &mut case.models {
+        // The first stages of a lattice are the model of lower order.
         model.reflection.truncate(order);
     }
     case
@@ -85,7 +86,8 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
         return Ok(Verdict::Refused);
     };
     if structure.is_direct() {
-        // A small growth of a direct form's state does not count.
+        // A small growth of a direct form's state does not count. A lattice's norm cannot grow, because its stages are
+        // rotations, but that of the outputs may grow for a while even in a stable direct form.
         for rest in [
             &mut outcome.stopped,
             &mut outcome.overdriven,
@@ -102,12 +104,14 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
 fn verdict(outcome: &Outcome) -> Verdict {
     let rests = [outcome.stopped, outcome.overdriven, outcome.glitched];
     let endless = || rests.iter().filter(|rest| rest.silent_after.is_none());
+    // A case may latch and saturate. To latch is worse, so it is looked for first.
     if endless().any(|rest| rest.left > LOUD) {
         Verdict::Latches
     } else if outcome.saturated > 0 {
         Verdict::Saturates
     } else if outcome.broken().is_empty() {
         Verdict::Held
+    // Every promise that is broken is that of silence.
     } else if endless().next().is_some() && outcome.broken().len() == endless().count() {
         Verdict::Residue
     } else {

@@ -4,7 +4,8 @@
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and by direct forms, against recordings that
 //! the fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]): a stored
-//! table of instructions, which QEMU counted, and of cycles, which llvm-mca modelled for the device's Cortex-M7.
+//! table of instructions, which QEMU counted, and of cycles, which llvm-mca modelled. Those of the device's Cortex-M7
+//! count.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
 //! third-octave bands. The first comes from the models and the second from following the hand, so the two are
@@ -38,7 +39,7 @@ pub const INTERVALS: [usize; 6] = [1, 2, 5, 10, 25, 50];
 /// The device's clock, Hz.
 pub const DEVICE_CLOCK_HZ: f64 = 400e6;
 
-/// Clocks of other microcontrollers with a Cortex-M4, for which the time of a sample is shown, Hz.
+/// Clocks at which the time of a sample in a Cortex-M4's cycles is shown, Hz.
 pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];
 
 /// Options of a comparison.
@@ -50,7 +51,7 @@ pub struct Options {
     pub conditioning: Conditioning,
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis at rest, s.
+    /// Duration of each synthesis at rest, s; it is longer if the recording is longer.
     pub synthesis_s: f64,
     /// Seed of the noise.
     pub seed: u64,

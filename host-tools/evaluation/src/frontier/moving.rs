@@ -63,6 +63,7 @@ impl Rub {
         let time_s = sample as f64 / f64::from(SAMPLE_RATE_HZ);
         let (speed, stroke) = self.speed_mm_s;
         let (force, press) = self.force_n;
+        // Frequencies without a common period within the rub make the hand cover the grid, and not one line on it.
         let speed = speed + stroke * (TAU * STROKES_HZ * time_s).sin();
         let force = force + press * (TAU * PRESSES_HZ * time_s + 1.0).sin();
         Motion::new(MillimetresPerSecond(speed as f32), Newton(force as f32))
@@ -151,12 +152,14 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
                 }
             }
             let mut f = f64::from(noise.next_sample()) / DEVIATION;
+            // From the last stage down, each value of the sample before is read before it is replaced.
             for (stage, theta) in thetas.iter().enumerate().rev() {
                 let ((sin, cos), g) = (theta.sin_cos(), backward[stage]);
                 backward[stage + 1] = sin * f + cos * g;
                 f = cos * f - sin * g;
             }
             backward[0] = f;
+            // A normalised lattice passes on the noise's power of one, so the level is a gain behind it.
             f * rms_m_s2(texture, &point)
         })
         .collect();
@@ -186,6 +189,7 @@ pub fn play(
     while signal.len() < Rub::samples() {
         let motion = rub.at(signal.len());
         voice.follow(motion, interval as u32);
+        // An update to other nodes takes longer, and the table of costs has both kinds.
         let at = GridPoint::locate(&texture, motion).nodes;
         moving.updates += 1;
         moving.new_cells += usize::from(nodes != Some(at));

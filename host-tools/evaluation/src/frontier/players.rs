@@ -85,6 +85,7 @@ impl Player for Direct {
     }
 
     fn settles(&self) -> bool {
+        // Between two stable nodes, a direct form may be unstable.
         false
     }
 }
@@ -105,12 +106,15 @@ impl Predictors {
         let taps = texture.max_order();
         let nodes = texture.nodes().map(|node| {
             let polynomial = step_up(&reflection(node.coefficients));
+            // A predictor adds what the polynomial subtracts: hᵢ = -aᵢ.
             let mut predictor: Vec<f64> = polynomial.iter().map(|a| -a).collect();
+            // The kernel's frame averages the taps of four nodes one by one, so all nodes have as many.
             predictor.resize(taps, 0.0);
             predictor
         });
         let nodes: Vec<Vec<f64>> = nodes.collect();
         let needed = nodes.iter().map(|predictor| exponent_of(predictor));
+        // Codes of different nodes are averaged, so they need one scale.
         let exponent = needed.max().unwrap_or(0);
         let codes = nodes.iter().map(|predictor| {
             // A node's own exponent determines its rounding step. The codes have the common exponent.
@@ -120,6 +124,7 @@ impl Predictors {
                 .map(|h| (h / step).round() * step)
                 .collect();
             let polynomial: Vec<f64> = rounded.iter().map(|h| -h).collect();
+            // Rounding to 16 bits makes some stable filters unstable, such as the hard case H4.
             step_down(&polynomial)?;
             let one = 2f64.powi(COEFFICIENT_FRACTION_BITS as i32 - exponent);
             Some(rounded.iter().map(|h| (h * one) as i32).collect())

@@ -56,6 +56,7 @@ impl Prepared {
             lines: Lines::None,
             ..fit::Options::default()
         };
+        // Recordings are read once, with the highest order: their lags serve every lower order. No signal is kept.
         let highest_order = at(Order::Fixed(model_format::limits::MAX_ORDER));
         let progress = |_| progress();
         let recordings = fit::read(&material.fit, &highest_order, Part::Whole, 0, &progress)?;
@@ -82,6 +83,7 @@ impl Prepared {
                 Fitted::new(Order::Fixed(order), grids)
             })
             .collect();
+        // These choose an order for each node, so that no cut of another fit has their models.
         for order in [Order::Bayesian, Order::Auto] {
             fitted.push(Fitted::new(order, grids(&fit_at(order)?)));
         }
@@ -141,6 +143,7 @@ impl Prepared {
         let takes: Vec<(f64, f64)> = read.iter().filter_map(|(_, between)| *between).collect();
         let count = takes.len() as f64;
         self.take_cost = takes.iter().map(|take| take.0).sum::<f64>() / count;
+        // Squares are averaged as over nodes at rest, so that both errors can be compared.
         self.take_band_error_db = (takes.iter().map(|take| take.1).sum::<f64>() / count).sqrt();
         self.held_out = read.into_iter().map(|(held_out, _)| held_out).collect();
         Ok(())
@@ -150,8 +153,10 @@ impl Prepared {
     fn place(&self, set: &RecordingSet, index: usize) -> Option<(usize, usize)> {
         let trial = &set.trials[index];
         let texture = self.names.iter().position(|name| *name == trial.texture)?;
+        // The nodes and their powers are the same for every choice of the order.
         let grid = &self.fitted[0].grids[texture];
         let node = grid.nodes().position(|(speed, force, model)| {
+            // A grid's axes are the trials' own values rounded to `f32`, so equal values compare as equal.
             let here = speed == trial.speed_mm_s as f32 && force == trial.force_n as f32;
             here && model.output_power > 0.0
         })?;
@@ -227,6 +232,7 @@ impl Material {
             .zip(&mut material.held_out.trials);
         for (first, second) in halves {
             let samples = recording::read(first)?.axes.first().map_or(0, Vec::len);
+            // A recording is read at the models' rate, whatever the rate of its file.
             let half_s = samples as f64 / f64::from(SAMPLE_RATE_HZ) / 2.0;
             first.duration_s = Some(half_s);
             second.duration_s = Some(half_s);

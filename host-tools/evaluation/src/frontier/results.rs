@@ -25,7 +25,7 @@ pub struct Filter {
     pub still: Still,
     /// The hard cases at the highest order.
     pub hard: HardCases,
-    /// Names of the textures that `fit` would refuse in this structure.
+    /// Names of the textures that the structure cannot hold.
     pub refused_textures: Vec<String>,
     /// Cost on a Cortex-M4.
     pub m4: Cost,
@@ -66,9 +66,10 @@ pub struct Point {
     pub saturations: u32,
     /// Cycles per sample on the device's Cortex-M7, modelled, updates included.
     pub cycles: f64,
-    /// True if the choice plays all textures and no cheaper choice has an error as low.
+    /// True if the choice plays all textures, and its error is lower by more than 0.05 dB than those of all choices on
+    /// this front that cost as much or less.
     pub on_front: bool,
-    /// True if the choice also holds every hard case, and no cheaper choice that does so has an error as low.
+    /// The same among the choices that also hold every hard case.
     pub on_safe_front: bool,
 }
 
@@ -277,6 +278,7 @@ pub(super) fn mark_fronts(frontier: &mut Frontier) {
         let points = frontier.points.iter().map(|point| {
             let filter = &frontier.filters[point.filter];
             let is_played = filter.still.refused == 0 && filter.refused_textures.is_empty();
+            // `pareto` leaves out what is not a number.
             let error = if is_played && holds(filter) {
                 point.total_error_db
             } else {
@@ -295,11 +297,12 @@ pub(super) fn mark_fronts(frontier: &mut Frontier) {
 }
 
 /// Marks the pairs (cost, error) on the Pareto front. A pair is on it if its error is lower by more than `worth` than
-/// the errors of all pairs that cost as much or less. Pairs that are not finite are never on it.
+/// the errors of all pairs on it that cost as much or less. Pairs that are not finite are never on it.
 fn pareto(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|&index| points[index].0.is_finite() && points[index].1.is_finite())
         .collect();
+    // Of pairs of one cost, the lowest error comes first, so that none of the others is marked.
     order.sort_by(|&a, &b| {
         let (a, b) = (points[a], points[b]);
         a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
@@ -328,6 +331,7 @@ fn knee(places: &[(f64, f64)]) -> Option<usize> {
     let below = |&(x, y): &(f64, f64)| {
         (x - first.0) * (last.1 - first.1) - (y - first.1) * (last.0 - first.0)
     };
+    // Of equals, `max_by` returns the last: both ends are on the chord, and the finest choice is the last.
     (0..logs.len()).max_by(|&a, &b| below(&logs[a]).total_cmp(&below(&logs[b])))
 }
 

@@ -48,6 +48,7 @@ impl Prepared {
             .flat_map(|structure| (0..self.fitted.len()).map(move |order| (structure, order)))
             .collect();
         let (mut filters, mut points) = (Vec::new(), Vec::new());
+        // One choice after the other: each plays in parallel, and the libraries of one choice are in memory.
         for (structure, order) in choices {
             let fitted = &self.fitted[order];
             let still = self.still(structure, fitted, options, &progress)?;
@@ -173,6 +174,7 @@ impl Prepared {
     fn libraries(&self, structure: Structure, fitted: &Fitted) -> Vec<Option<Vec<u8>>> {
         let textures = (0..self.names.len()).into_par_iter();
         let libraries = textures.map(|texture| {
+            // The references were made of the same libraries, so none of them fails here.
             let bytes = self.library(fitted, texture).ok()?;
             let holds = decoded(&bytes).is_ok_and(|library| {
                 let mut textures = library.textures();
@@ -214,6 +216,7 @@ fn rubbed(
         moved
     });
     let moved = moved.collect::<Result<Vec<Option<Moving>>>>()?;
+    // Parallel iterators keep the order, so the textures of an interval follow each other.
     let of_intervals = moved.chunks(libraries.len());
     let points = of_intervals.zip(INTERVALS).map(|(moved, interval)| {
         let moved = moved.iter().flatten().copied().reduce(Moving::and);

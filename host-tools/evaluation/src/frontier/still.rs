@@ -63,7 +63,7 @@ pub struct Still {
 pub struct Playing {
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
-    /// Duration of each synthesis, s.
+    /// Duration of each synthesis, s; it is longer if the recording is longer.
     pub synthesis_s: f64,
     /// Seed of the noise.
     pub seed: u64,
@@ -91,6 +91,7 @@ pub fn play(
     let speed = MillimetresPerSecond(texture.speed_axis().value(0));
     let force = Newton(texture.force_axis().value(0));
     let motion = Motion::new(speed, force).map_err(|error| Error::Model(error.to_string()))?;
+    // At rest one update is enough, and its ramp of the level ends long before the warm-up does.
     voice.follow(motion, UPDATE_INTERVAL_SAMPLES);
     let length = warm_up + recording.len().max(in_samples(playing.synthesis_s));
     let mut synthesis = Vec::with_capacity(length);
@@ -102,6 +103,7 @@ pub fn play(
         .enumerate()
         .take(warm_up + in_samples(REFERENCE_S))
     {
+        // The reference plays the warm-up, too, because its state must have the same past as the filter's.
         let exact = reference.next_m_s2();
         if n >= warm_up {
             deviation.add(exact, played);
@@ -140,6 +142,7 @@ pub fn summarise(nodes: &[Option<Node>]) -> Still {
         nodes: played.len(),
         refused: nodes.len() - played.len(),
         cost: mean(&mut played.iter().filter_map(|node| node.cost)),
+        // All nodes count alike, whatever the number of their bands.
         band_error_db: mean(&mut played.iter().map(|node| node.band_square_db)).sqrt(),
         bands_within_jnd: within as f64 / bands.max(1) as f64,
         lowest_snr_db: snrs().reduce(f64::min).unwrap_or(f64::NAN),

@@ -38,7 +38,7 @@ pub struct Options {
     pub order: Order,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
-    /// Shortest duration of a synthesis, s.
+    /// Duration of each synthesis, s.
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise, the same for every method.
     pub seed: u64,

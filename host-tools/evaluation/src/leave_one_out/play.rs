@@ -106,6 +106,7 @@ pub(super) fn judge(
     options: &Options,
 ) -> Option<Judged> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    // Both spectra have segments of one length, so that the window's leakage is the same in both.
     let of_blocks =
         |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
     let (a, b) = (of_blocks(recorded), of_blocks(synthesised));

@@ -82,10 +82,12 @@ impl<'a> Prepared<'a> {
             .collect();
         let mut trials: Vec<Recorded<'_>> =
             recordings.into_iter().flat_map(|own| own.trials).collect();
+        // Recordings were read texture by texture. Targets find them by their places in the set.
         trials.sort_by_key(|own| own.number);
         let ranges = trials.iter().map(scoring_range).collect();
         let signals = trials
             .into_iter()
+            // Every signal is held, so that none is missing and each keeps its trial's index.
             .filter_map(|own| Some(own.signal?.samples))
             .collect();
         let prepared = Self {
@@ -148,6 +150,7 @@ impl Prepared<'_> {
             trial.texture == own.name
                 && own
                     .at(trial)
+                    // By address, because two nodes may have equal models.
                     .is_some_and(|place| std::ptr::eq(own.model(place), nearest.model))
         };
         self.set.trials.iter().position(is_its)

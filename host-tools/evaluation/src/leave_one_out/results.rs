@@ -59,6 +59,7 @@ impl Given {
             .filter(|end| end.is_relative())
             .map(|end| self.folder.join(end))
             .collect();
+        // If there is no such file, the error names the place in the folder itself.
         let file = below.iter().find(|file| file.is_file()).or(below.last());
         let file = file.unwrap_or(&self.folder);
         let played = Trial::of(file, &trial.texture, trial.speed_mm_s, trial.force_n);
@@ -81,7 +82,7 @@ impl FromStr for Given {
 }
 
 impl Row {
-    /// Every row, in the table's order.
+    /// The rows of the removed-node test, in the table's order.
     pub fn all() -> Vec<Self> {
         let methods = Method::ALL.map(Self::Interpolated);
         [&methods[..], &[Self::Densified, Self::Own]].concat()
@@ -140,10 +141,10 @@ pub struct Outcome {
     pub judged: Judged,
     /// True if the device could play the prediction.
     pub is_playable: bool,
-    /// Order of the predicted model.
+    /// Order of the predicted model; 0 if no model is played.
     pub order: usize,
     /// Variance of the predicted excitation minus the variance that was fitted to the recording, (m/s²)²; none if the
-    /// prediction is not playable.
+    /// prediction is not playable or is no model.
     pub excitation_error: Option<f64>,
 }
 
@@ -267,6 +268,7 @@ impl LeaveOneOut {
     fn papers_figures(&self) -> Option<(Vec<Option<PaperColumn>>, PaperColumn)> {
         let column = |name: &str| {
             let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
+            // A user's own recordings may have the same names, and are of other surfaces.
             known.copied().filter(|_| self.simulated)
         };
         let by_texture: Vec<Option<PaperColumn>> =
@@ -334,7 +336,7 @@ pub struct Summary {
     /// Mean magnitude of the bands' errors, dB, over the playable predictions.
     pub mean_band_error_db: f64,
     /// Fraction of all bands within the amplitude JND of 2.2 dB. Bands of predictions that could not be played count as
-    /// outside.
+    /// outside, and so do bands at which a recording cannot be judged.
     pub bands_within_jnd: f64,
     /// Mean log-spectral distance from 30 to 1000 Hz, dB, over the playable predictions.
     pub mean_log_spectral_distance_db: f64,
@@ -363,6 +365,7 @@ pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option
         .map(f64::abs)
         .collect();
     let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
+    // All bands of all predictions: otherwise a method whose predictions cannot be played would gain by that.
     let bands: usize = outcomes
         .iter()
         .map(|outcome| outcome.judged.band_errors_db.len())

@@ -39,6 +39,7 @@ impl Prepared<'_> {
             let outcomes = removed.iter().map(move |node| &node.outcomes[row]);
             outcomes.filter_map(|outcome| outcome.judged.windows.as_ref())
         };
+        // Windows are kept only for a benchmark.
         let judged = options.left_out.map_or(0, |_| rows.len());
         let areas = (0..judged).into_par_iter();
         let areas = areas.map(|row| classifier::area(windows(row))).collect();
@@ -112,6 +113,7 @@ impl<'p, 's> Removal<'p, 's> {
             Timbre::Own => Some(texture.model(place).clone()),
             Timbre::Densified => texture.densified(place),
             Timbre::Interpolated(domain) => {
+                // Any level would do, because the voice is scaled to the power of each row.
                 let level = Level::Power;
                 Method { domain, level }.predict(&self.neighbours)
             }
@@ -173,6 +175,7 @@ impl<'p, 's> Removal<'p, 's> {
             .zip(range)
             .and_then(|(played, range)| play::judge(recorded, &played, range, self.options));
         let own = self.texture().model(self.target.place);
+        // The variance of the excitation is the power of the output times Π(1 - k²).
         let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {
             power * error_share(&voice.model.reflection)
                 - own.output_power * error_share(&own.reflection)

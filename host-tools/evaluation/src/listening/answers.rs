@@ -79,10 +79,12 @@ impl Answers {
     /// Reads a file that a page has saved.
     ///
     /// # Errors
-    /// A file that cannot be read, a row that is invalid or contradicts itself, or a trial that occurs twice.
+    /// A file that cannot be read, has no answers or those of another design; a row that is invalid or contradicts
+    /// itself; or a trial that occurs twice.
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
+        // Files of other designs lack columns, but an error about these would not name the reason.
         refuse_other_designs(&table, header.column("design")?)?;
         let columns = Columns::of(&header)?;
         let mut rows: Vec<Answered> = Vec::new();

@@ -92,6 +92,7 @@ fn levelled(part: &[f64]) -> Option<Vec<f64>> {
         }
     };
     let sample = |(n, x): (usize, &f64)| (x - mean) * gain * weight(n);
+    // The gain of silence is infinite.
     gain.is_finite()
         .then(|| part.iter().enumerate().map(sample).collect())
 }

@@ -1,4 +1,4 @@
-//! The plan of a listening test: which sounds are heard in which trial. It depends only on the seed.
+//! The plan of a listening test: which sounds are heard in which trial. Its random choices depend only on the seed.
 
 use model_format::Library;
 use rand::SeedableRng;
@@ -153,8 +153,8 @@ pub struct Compared<'a> {
     pub record: Option<&'a FitRecord>,
 }
 
-/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. The
-/// trials of a texture come in random order, and textures take turns.
+/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. Trials
+/// of the set are taken from each texture in turn, in random order.
 ///
 /// # Errors
 /// Those of [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording
@@ -254,6 +254,7 @@ impl Planner<'_> {
         let read = self
             .order
             .iter()
+            // A pair's trials would not reach further recordings.
             .take(options.trials)
             .map(|n| self.heard(*n));
         let heard: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
@@ -276,6 +277,7 @@ impl Planner<'_> {
         for &pair in &pairs {
             let able: Vec<&Heard> = heard.iter().filter(|h| h.has(pair.kinds())).collect();
             for number in 0..options.trials {
+                // Surfaces take turns, so that each is heard as often as the others, give or take one.
                 trials.push(trial(pair, able[number % able.len()], sounds, generator));
             }
         }
@@ -324,6 +326,7 @@ impl Planner<'_> {
     /// Signals that the texture of a trial of the set plays, with parts and without.
     fn strands(&self, index: usize) -> Result<Strands> {
         let evaluate = evaluate::Options {
+            // Beside the texture without its lines, a comparison plays the other two versions: whole and Gaussian.
             played: Played::Residual,
             ..*self.evaluate
         };
@@ -345,7 +348,7 @@ impl Planner<'_> {
         })
     }
 
-    /// The excerpts of a trial of the set; `None` if it is silent or too short.
+    /// The excerpts of a trial of the set; `None` if it is too short. A silent signal has no excerpts.
     fn heard(&self, index: usize) -> Result<Option<Heard>> {
         let (library, evaluation) = &self.fitted;
         let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;

@@ -62,6 +62,7 @@ pub(super) fn ratings(
                 std::mem::swap(&mut a, &mut b);
             }
             let of_a = generator.random_range(0..heard.of(a).len());
+            // Of one kind, B is any excerpt but that of A.
             let of_b = if a == b {
                 (of_a + generator.random_range(1..heard.of(a).len())) % heard.of(a).len()
             } else {
@@ -86,6 +87,8 @@ pub(super) fn ratings(
 /// at every place, and equally often directly after every other condition. An odd number of conditions requires twice
 /// as many rows.
 fn latin_square(conditions: usize) -> Vec<Vec<usize>> {
+    // The row 0, 1, n-1, 2, n-2, ...: modulo an even n its steps are all different, so each pair of neighbours occurs
+    // once in the shifted rows. Modulo an odd n each step occurs twice, and the reversed rows add the opposite steps.
     let first = |place: usize| match place % 2 {
         0 => (conditions - place / 2) % conditions,
         _ => place.div_ceil(2),

@@ -46,6 +46,7 @@ impl Part {
         match self {
             Self::Level => ("dB", 8.0, 2f64.powf(0.25)),
             Self::Codebook => ("power share", 1.0, 2f64.powf(0.25)),
+            // A quarter octave of the lines' amplitude.
             Self::Lines => ("power share", 1.0, 2f64.sqrt()),
         }
     }
@@ -168,6 +169,7 @@ impl Strands {
             return None;
         }
         let mut heard = excerpts(&[&signal[..WINDOWS * samples]], samples);
+        // All excerpts have an RMS of 1 here, so that this gain is the whole difference.
         if part == Part::Level {
             let gain = 10f64.powf(strength / 20.0);
             heard.iter_mut().flatten().for_each(|x| *x *= gain);
@@ -177,7 +179,7 @@ impl Strands {
 }
 
 /// Plans the staircase of `part` with the signals `strands`, of at most `trials` trials. Returns `None` if the signals
-/// lack the part or are too short.
+/// lack the part, are too short or are silent in a window.
 pub(super) fn track(
     part: Part,
     strands: &Strands,
@@ -194,6 +196,7 @@ pub(super) fn track(
         let heard = strands.excerpts(part, strength, seconds)?;
         Some(heard.iter().map(|one| sounds.index_of(one)).collect())
     };
+    // All sounds are made here, and the page only chooses among them.
     let reference = kept(0.0)?;
     let changed = strengths.iter().map(|s| kept(*s)).collect::<Option<_>>()?;
     let coins = (0..trials).map(|_| {

@@ -12,7 +12,7 @@ pub struct Outcome {
     pub pole_radius: f64,
     /// Number of driven samples.
     pub samples: usize,
-    /// Number of samples in which any signal of the state was at full scale while driven.
+    /// Number of samples in which any signal of the state was at full scale, or the output saturated, while driven.
     pub saturated: usize,
     /// Level relative to the model's, dB, if it is known.
     pub level_db: Option<f64>,
@@ -55,6 +55,7 @@ impl Outcome {
             }
         };
         unless(self.saturated == 0, format!("{} saturated", self.saturated));
+        // What is not known breaks no promise.
         let level = self.level_db.unwrap_or(0.0);
         unless(level.abs() <= LEVEL_DB, format!("level {level:+.2} dB"));
         let snr = self.snr_db.unwrap_or(f64::INFINITY);

@@ -29,6 +29,7 @@ impl FloatLattice {
     /// Sets the rotations of the stages to those of reflection coefficients.
     pub fn reflect_by(&mut self, reflection: &[f64]) {
         for (to, k) in self.rotations.iter_mut().zip(reflection) {
+            // The product keeps the digits near |k| = 1 that 1 - k² loses.
             *to = (((1.0 - k) * (1.0 + k)).sqrt(), *k);
         }
     }
@@ -36,6 +37,7 @@ impl FloatLattice {
     /// Filters one sample of `excitation`, and returns the output.
     pub fn filter(&mut self, excitation: f64) -> f64 {
         let mut f = excitation;
+        // From the last stage down, each value of the sample before is read before it is replaced.
         for (stage, &(cos, sin)) in self.rotations.iter().enumerate().rev() {
             let g = self.backward[stage];
             self.backward[stage + 1] = sin * f + cos * g;
@@ -111,7 +113,7 @@ impl Mean {
         let mean = self.means.iter().sum::<f64>() / count;
         let scatter: f64 = self.means.iter().map(|batch| (batch - mean).powi(2)).sum();
         // The error follows from the means of batches, because the samples of a correlated signal are not independent.
-        // A batch is longer than the signal's correlation.
+        // A batch is longer than the signal's correlation, unless a narrow line rings for longer.
         let error = (scatter / (count - 1.0) / count).sqrt();
         if error > 0.0 { mean.abs() / error } else { 0.0 }
     }

@@ -112,6 +112,7 @@ impl<'a> Bench<'a> {
         let changes = self.case.path.changes_at(self.sample);
         if changes {
             let motion = self.case.path.motion(self.sample);
+            // A ramp of one sample: the level jumps with the motion, as that of the reference does.
             self.player.follow(&self.texture, motion, 0, 1);
         }
         self.sample += 1;
@@ -132,6 +133,7 @@ impl<'a> Bench<'a> {
         let mut mean = Mean::of(samples);
         for _ in 0..samples {
             if self.move_on() {
+                // `move_on` has counted this sample already.
                 let motion = self.case.path.motion(self.sample - 1);
                 let point = GridPoint::locate(&self.texture, motion);
                 reference.rotate_by(self.player.rotations());
@@ -183,9 +185,11 @@ impl<'a> Bench<'a> {
                 rest.left = rest.left.max(share);
             }
         }
+        // The last thousand samples of the wait may have begun before the silence did.
         if rest.silent_after.is_some() {
             rest.left = 0.0;
         }
+        // A state that began at zero has no level to grow from.
         rest.growth_db = 10.0 * (largest as f64 / (begin as f64).max(1.0)).log10();
         rest
     }

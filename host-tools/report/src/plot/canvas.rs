@@ -89,6 +89,7 @@ pub fn picture(
 ) -> Result<Svg> {
     let title = caption.title;
     let mut drawn = String::new();
+    // plotters borrows the text until the drawing is dropped, at the end of this closure.
     let outcome = (|| -> Drawn<Vec<Panel>> {
         let root = SVGBackend::with_string(&mut drawn, (px(width), px(height))).into_drawing_area();
         root.fill(&WHITE)?;
@@ -107,6 +108,7 @@ pub fn picture(
     })?;
     let mut series = panels.iter().flat_map(|panel| &panel.series);
     let is_map = series.any(|series| series.kind == Kind::Cells);
+    // The rules for a map's shades are long, so other pictures go without them.
     let scale_style = is_map.then(dark_scale_style).unwrap_or_default();
     let origin = if caption.simulated {
         " (SIMULATED)"
@@ -172,7 +174,7 @@ impl Swatch {
     }
 }
 
-/// Marks at the edge of a cell, which leave its middle free.
+/// Marks at the edge of a cell, which leave its middle free, and a cross.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A filled triangle in the upper left corner.
@@ -228,6 +230,7 @@ pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>
     let (mut left, mut row) = (at(14), 0);
     for (swatch, name) in entries {
         let needed = swatch_width + gap + text_width(name, TEXT) + at(14);
+        // An entry that is wider than the picture is alone in its row.
         if left + needed > width && left > at(14) {
             (left, row) = (at(14), row + 1);
         }
@@ -274,7 +277,7 @@ pub struct Axis<'a> {
 /// Smallest number of numbers along an axis. Fewer do not show its scale.
 const FEWEST_TICKS: usize = 3;
 
-/// Largest number of numbers that is requested from plotters.
+/// Upper bound, not reached, of the number of numbers to which a request to plotters is raised.
 const MOST_TICKS: usize = 16;
 
 /// The ticks along an axis, with their numbers or names.
@@ -351,6 +354,7 @@ impl<'a> Axis<'a> {
         let (scale, from, to) = match self.ticks {
             Ticks::Numbers(_) => (AxisScale::Linear, start, end),
             Ticks::Octaves { lowest, .. } => {
+                // The data have the values themselves, and the drawing has their octaves.
                 let ends = ((start + lowest).exp2(), (end + lowest).exp2());
                 (AxisScale::Log, ends.0, ends.1)
             }
@@ -537,7 +541,7 @@ pub fn colour_bar(
     draw_upwards(area, quantity, middle, bottom - top)
 }
 
-/// Returns a range that includes zero and all finite `values`, with a small margin; 0 to 1 without values.
+/// Returns a range that includes zero and all finite `values`, with a small margin; 0 to 1 if none differs from zero.
 pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     const ROOM: f64 = 1.06;
     let (mut low, mut high) = (0.0f64, 0.0f64);
@@ -551,8 +555,8 @@ pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     }
 }
 
-/// Returns the range symmetric about zero that includes all finite `values`, with a small margin; -1 to 1 without
-/// values.
+/// Returns the range symmetric about zero that includes all finite `values`, with a small margin; -1 to 1 if none
+/// differs from zero.
 pub fn range_around_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let most = range_with_zero(values.into_iter().map(f64::abs)).end;
     -most..most

@@ -69,9 +69,10 @@ pub fn front_chart(
     let lowest = places().reduce(f64::min).unwrap_or(0.0);
     let highest = places().reduce(f64::max).unwrap_or(0.0);
     let first = lowest.floor();
-    // At least three octaves, because fewer numbers do not show the scale.
+    // At least three octaves are written, because fewer numbers do not show the scale.
     let start = lowest - first - 0.5;
     let end = (highest - first + 0.3).max(start.ceil() + 2.0);
+    // Bounded, because values of any size may be drawn.
     let octaves = (0..=end.min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
     let octaves: Vec<String> = octaves.map(|value| value.to_string()).collect();
     let octaves: Vec<&str> = octaves.iter().map(String::as_str).collect();
@@ -128,6 +129,7 @@ fn draw_front_series(
     let path = if is_front { steps(&joined) } else { joined };
     plot.path(path, stroke)?;
     let (radius, style) = if is_front {
+        // Rings, which leave the dots of the same choices visible.
         (at(6), line(INK, 3))
     } else {
         (at(3), stroke.colour.filled())

@@ -162,10 +162,10 @@ pub struct Series {
     pub x: Vec<f64>,
     /// Values along the vertical axis; NaN where there is no value.
     pub y: Vec<f64>,
-    /// A third quantity: one value for each point or cell, or one for each pair of an x and a y.
+    /// A third quantity: one value for each cell; without values for levels, which the bitmap has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub z: Option<Third>,
-    /// A text for each point; empty if there are no texts.
+    /// A text for each point or cell; empty if there are no texts.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }

@@ -63,11 +63,11 @@ const MARKS: [(NodeFlags, Mark, &str); 3] = [
 ];
 
 /// Draws a heat map `width` shown pixels wide. Values are written in the cells where they fit, and run from pale at
-/// zero to dark at the largest. Marks show nodes that are not fitted to good recordings: silent, interpolated,
-/// extrapolated or doubtful.
+/// zero to dark at the largest. Marks show nodes that are not fitted to good recordings: interpolated, extrapolated or
+/// doubtful. A silent node without a value has a word in place of a mark.
 ///
 /// # Errors
-/// The number of cells is not the number of nodes, or the picture cannot be laid out.
+/// The number of cells is not the number of nodes, or is zero, or the picture cannot be laid out.
 pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<Svg> {
     let (columns, rows) = (map.speeds_mm_s.len(), map.forces_n.len());
     // The layout divides by the numbers of columns and rows.
@@ -127,6 +127,7 @@ fn panel(map: &GridMap<'_>, frame: Frame) -> Panel {
     let x = AxisData::of_cells(SPEED, names(map.speeds_mm_s));
     let y = AxisData::of_cells(FORCE, names(map.forces_n));
     let note = |cell: &GridCell| {
+        // A silent node has a word in its cell and no mark, so it is not among `MARKS`.
         let silent = (NodeFlags::SILENT, Mark::Cross, "silent");
         let known = MARKS.into_iter().chain([silent]);
         let set = known.filter(|(flag, ..)| cell.flags.contains(*flag));
@@ -205,6 +206,7 @@ impl Layout {
 
     /// Returns the left edge of a speed's column; for the number after the last speed, the right edge of the map.
     fn column(&self, speed: i32) -> i32 {
+        // Multiplied first, so that the last column ends at the right edge.
         self.left + (self.right - self.left) * speed / self.columns
     }
 
@@ -266,6 +268,7 @@ impl Scale {
         let step = 0.5 * 10f64.powf(most.log10().floor());
         let rounded = (most / step).ceil() * step;
         Self {
+            // Without values the step is zero, and this is not a number.
             end: if rounded > 0.0 { rounded } else { 1.0 },
         }
     }

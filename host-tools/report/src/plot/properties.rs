@@ -67,7 +67,7 @@ fn front(in_octaves: bool, value: impl Fn(i32) -> f64) -> Svg {
     front_chart(&CAPTION, axes, in_octaves, (&all[..5], &all[5..]), &names).unwrap()
 }
 
-/// Every kind of picture with typical data, by name.
+/// Pictures with typical data, by name: every kind but responses and empty axes.
 pub fn pictures() -> Vec<(&'static str, Svg)> {
     let (one, two) = (signal(0.0), signal(1.0));
     let signals = [("recording", &one[..]), ("synthesis: Gaussian", &two[..])];

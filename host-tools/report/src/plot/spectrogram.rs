@@ -49,6 +49,7 @@ pub fn spectrograms(
     rate_hz: f64,
     highest_hz: f64,
 ) -> Result<Svg> {
+    // The same duration of both, so that they have one axis of time.
     let len = recorded.len().min(synthesised.len());
     let highest_hz = highest_hz.min(0.5 * rate_hz);
     let signals = [("recorded", recorded), ("synthesised", synthesised)];
@@ -109,7 +110,7 @@ impl Windows {
             len,
             spare,
             // Windows are a quarter of their length apart, so that a click is within an eighth of the middle of some
-            // window, where the weight is at least 0.85.
+            // window, where the weight is at least 0.85. Over a long signal they are farther apart.
             count: (4 * spare / len + 1).min(COLUMNS),
             rate_hz,
         }
@@ -193,6 +194,7 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
             amplitude
                 .iter()
                 .take(bins)
+                // Silence is minus infinity here, and gets the lowest colour.
                 .map(|a| 20.0 * a.log10() + scale_db)
                 .collect()
         })

@@ -24,7 +24,7 @@ const NAME: u32 = 18;
 const BESIDE: u32 = 64;
 
 /// Draws signals, m/s², each with its name, one below the other: the middle 100 ms on the left, and the middle 2 s on
-/// the right with the envelope, ± the RMS over windows of 10 ms. All signals have one scale.
+/// the right, both with the envelope, ± the RMS over windows of 10 ms. All signals have one scale.
 ///
 /// # Errors
 /// The picture cannot be laid out.

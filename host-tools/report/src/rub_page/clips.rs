@@ -58,6 +58,7 @@ impl Clip {
         }
         let codes: Vec<u8> = looped
             .iter()
+            // Relative to the peak, so that a quiet clip has as many steps as a loud one.
             .map(|&x| code(x / peak).cast_unsigned())
             .collect();
         let name = file.file_name().unwrap_or(file.as_os_str());
@@ -96,13 +97,14 @@ fn looped(signal: &[f64], samples: usize) -> Option<Vec<f64>> {
 
 /// Returns the code of a value from -1 to 1.
 fn code(value: f64) -> i8 {
+    // `ln_1p` keeps the digits of small values, which 1 + x would lose.
     let magnitude = (MU * value.abs()).ln_1p() / MU.ln_1p();
     (FULL_CODE * magnitude * value.signum()).round() as i8
 }
 
 /// The choice of the nodes that have clips, and the clips' duration.
 pub struct Thinning {
-    /// One clip per this number of speeds and of forces, counted from the last.
+    /// One clip per this number of speeds and of forces, counted from the last ones of the largest grid.
     every: (usize, usize),
     /// Numbers of speeds and of forces of the largest grid.
     counts: (usize, usize),
@@ -136,6 +138,7 @@ impl Thinning {
             kept(counts.0, every.0) * kept(counts.1, every.1)
         };
         let duration_s = |every| {
+            // A library may have no recorded node.
             let clips = (recorded as f64 * share_of_nodes(every)).max(1.0);
             BUDGET_BYTES / clips / f64::from(SAMPLE_RATE_HZ)
         };

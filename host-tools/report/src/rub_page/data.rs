@@ -153,6 +153,7 @@ impl Data {
             progress();
         }
         let digests = library.textures().collect::<Vec<_>>();
+        // Each digest takes a rendering of 10 s.
         let digests = digests.into_par_iter().map(|texture| {
             let digest = of_plan::<Wavefront>(Plan::of_texture(texture));
             format!("{:08x}", digest.value())
@@ -298,6 +299,7 @@ fn recorded_at(
     let judged = judged.filter(|trial| is_here(&trial.texture, trial.speed_mm_s, trial.force_n));
     let costs: Vec<f64> = judged.filter_map(|trial| trial.scores.cost).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    // The longest is the likeliest to hold a whole clip.
     let longest = (trials.iter().zip(&signals)).max_by_key(|(_, signal)| signal.len());
     let clip = longest
         .filter(|_| thinning.keeps(speed, force))

@@ -146,7 +146,7 @@ fn is_number(field: &str) -> bool {
     field.trim().replace(',', ".").parse::<f64>().is_ok()
 }
 
-/// Returns the fields of a line, counted like in [`fields`]. The line has no quotation marks.
+/// Returns the fields of a line, counted like in [`fields`] but without regard to quotation marks.
 pub(super) fn split(line: &str, separator: char) -> impl Iterator<Item = &str> {
     let line = line.trim();
     let line = line.trim_end_matches(separator).split(separator);
