@@ -132,7 +132,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&summary(&plan, arguments.design, out, size))
 }
 
-/// Returns an error if pairs are requested that the design or a missing library does not allow.
+/// Returns an error if options exclude each other: pairs or a library of before with a staircase, `--before` without
+/// `--takes`, or pairs that need a library of before that is not given.
 fn check(arguments: &Arguments) -> Result<()> {
     if arguments.design == Design::Staircase
         && (!arguments.pairs.is_empty() || arguments.before.is_some())

@@ -348,10 +348,11 @@ fn removed_node_test(
     Ok(test)
 }
 
-/// Returns `set` with its speeds and forces replaced by the ones to which the fit of `record` assigned them.
+/// Returns `set` as the fit of `record` read it: with the speeds and forces to which the fit assigned its trials, and
+/// with the scales and units of times that the user gave for the fit. Without a record, `set` stays as it is.
 ///
 /// # Errors
-/// Values are so close that the record's tolerance cannot distinguish them.
+/// A recording cannot be read, or values are so close that the record's tolerance cannot distinguish them.
 pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<RecordingSet> {
     match record {
         Some(record) => record.as_fitted(set),

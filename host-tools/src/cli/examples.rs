@@ -6,7 +6,7 @@ use clap::Command;
 /// One example per line, with a short explanation after `#`.
 const EXAMPLES: &str = include_str!("examples.txt");
 
-/// Returns the examples of the command called `path`, such as `stylus scene check`.
+/// Returns the examples of the command called `path`, such as `stylus scene check`, and of its subcommands.
 fn examples(path: &str) -> Vec<&'static str> {
     let is_of = |line: &&str| {
         let rest = line.strip_prefix(path);

@@ -178,7 +178,7 @@ impl Along {
     /// mm/s, and force, N, needs no given motion.
     ///
     /// # Errors
-    /// The motion cannot be read or was not given, or a constant motion has no duration.
+    /// The motion cannot be read, has no end or was not given, or a constant motion has no duration.
     pub fn motion(&self, name: &str, own: Option<(f32, f32)>) -> Result<(MotionPath, f64)> {
         let motion = self.constant.or_in(self.motion.as_deref(), own)?;
         let motion = motion.ok_or_else(|| {

@@ -101,13 +101,13 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
-/// Formats a level with three digits.
+/// Formats a level with three significant digits, but with at most three decimals.
 fn rounded(level: f64) -> String {
     let decimals = (2.0 - level.max(0.01).log10().floor()).clamp(0.0, 3.0) as usize;
     fixed(level, decimals)
 }
 
-/// Formats a number with four digits.
+/// Formats a number with at most four significant digits.
 fn figure(value: f32) -> String {
     significant(f64::from(value)).to_string()
 }

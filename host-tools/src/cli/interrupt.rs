@@ -1,5 +1,5 @@
-//! Ctrl-C and SIGTERM. No command leaves a temporary file behind, and a command that drives a stylus first restores its
-//! state.
+//! Ctrl-C, SIGTERM and SIGHUP. No command leaves a temporary file behind, and a command that drives a stylus first
+//! restores its state.
 
 use std::io;
 use std::path::Path;
@@ -23,8 +23,8 @@ const EXIT_INTERRUPTED: i32 = 2;
 /// Starts the handling of signals, for the whole process.
 ///
 /// If no command listens, a signal removes the temporary files and ends the process like without a handler. A file that
-/// grows beyond the limit of the process causes a write error instead of a signal. If the system refuses a thread or a
-/// handler, signals have their default effects.
+/// grows beyond the limit of the process causes a write error instead of a signal. If the system refuses a handler,
+/// signals have their default effects.
 #[cfg(unix)]
 pub fn handle() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};

@@ -190,7 +190,7 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
     answer
 }
 
-/// Prints the help, the version, or the error in a command line that names no command to run.
+/// Prints the help, the version, or the error in a command line that cannot be parsed.
 fn answer_without_a_command(answer: &clap::Error) -> ExitCode {
     match output::answer(answer) {
         Ok(()) if answer.use_stderr() => ExitCode::from(EXIT_UNUSABLE),

@@ -17,9 +17,9 @@ const WORD_CHARS: usize = 24;
 /// Texts of cells that count as empty.
 const NOTHING: [&str; 5] = ["", "0", "-", "–", "none"];
 
-/// Formats `rows` under `header`. Columns are aligned: text to the left, numbers to the right. Lines have at most
-/// [`LINE_CHARS`] characters, unless `--full` requires every column. Cells that a row lacks at its end are empty.
-/// Without a header the text is empty.
+/// Formats `rows` under `header`. A cell that begins like a number is aligned to the right, any other text to the left.
+/// Lines have at most [`LINE_CHARS`] characters, unless `--full` requires every column. Cells that a row lacks at its
+/// end are empty. Without a header the text is empty.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     fitted(header, rows, is_full())
 }
@@ -113,14 +113,14 @@ impl Column {
         self.width = cells.chain(words).max().unwrap_or(0);
     }
 
-    /// Returns the smallest width of the column, characters: that of its longest word.
+    /// Returns the smallest width of the column, characters: that of its longest word, but at most [`WORD_CHARS`].
     fn least(&self) -> usize {
         let words = self.texts().flat_map(|text| text.split(' '));
         let widest = words.map(|word| word.chars().count()).max();
         widest.unwrap_or(0).min(WORD_CHARS)
     }
 
-    /// Returns true if all rows have the same value; for a single row, if its value is empty.
+    /// Returns true if all cells count as empty, or if there are several rows and all have the same value.
     fn has_one_value(&self) -> bool {
         let is_nothing = |cell: &String| NOTHING.contains(&cell.as_str());
         let is_same = self.cells.windows(2).all(|pair| pair[0] == pair[1]);

@@ -64,7 +64,7 @@ struct CalibrationReport {
     peak_volts: f64,
     peak_amperes: f64,
     peak_watts: f64,
-    /// The sensors at rest, measured again after their zeros were set.
+    /// The sensors at rest, measured again after the force's zero was set; `None` if it was kept.
     at_rest: Option<AtRest>,
     /// The scales of force and path, if they were measured.
     scales: ScalesReport,
@@ -200,7 +200,7 @@ fn unverified(changes: &[SettingChange], failure: &Error) -> Error {
 const UNANSWERED: &str =
     "nobody answered: give --resistance, --amplifier-gain, --power-limit and --yes";
 
-/// Checks `changes` before anything is asked or stored.
+/// Checks the ranges of `changes` before they are stored.
 fn check(changes: &[SettingChange]) -> Result<()> {
     for change in changes {
         let checked = change.setting.check(change.value);
@@ -301,7 +301,8 @@ impl Bench<'_> {
         Ok((changes, scales))
     }
 
-    /// Measures again what was set. Returns the sensors at rest if the force's zero was set.
+    /// Measures again the force's zero and the scales that were set. Returns the sensors at rest if the force's zero
+    /// was set.
     fn verify(&self, scales: &ScalesReport, stored: &Settings) -> Result<Option<AtRest>> {
         let at_rest = if self.arguments.keep_force {
             None

@@ -109,7 +109,7 @@ impl Link {
         })
     }
 
-    /// Connects to a second link of the stylus.
+    /// Connects to a second link of the stylus, with the usual timeouts.
     ///
     /// # Errors
     /// See [`Device::connect_by`].
@@ -138,7 +138,7 @@ pub fn sharing() -> Result<Sharing> {
     })
 }
 
-/// Returns the first argument, which is the command, because options follow it.
+/// Returns the first argument: the command, unless a general option such as `-q` precedes it.
 fn command() -> String {
     std::env::args().nth(1).unwrap_or_default()
 }

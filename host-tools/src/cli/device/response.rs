@@ -83,10 +83,12 @@ impl ResponseArguments {
         Ok(())
     }
 
-    /// Measures, verifies and stores the response. `answer` asks the operator; `None` if nobody is asked.
+    /// Measures, verifies and stores the response. `answer` asks the operator; `None` if nobody is asked. If the
+    /// actuator has a fault, nothing is stored, and the error stands beside the report.
     ///
     /// # Errors
-    /// The actuator has a fault, and nothing was changed; or the link is lost.
+    /// The link is lost, Ctrl-C was pressed, the operator does not answer or declines, the picture cannot be written,
+    /// or the number of bandwidths is neither one nor three.
     pub fn run(
         &self,
         device: &Device,

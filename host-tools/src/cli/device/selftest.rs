@@ -127,7 +127,7 @@ fn words(step: Step, seconds: f64) -> String {
     }
 }
 
-/// Returns the lines as a table, with each remedy below its line.
+/// Returns the lines as a table, with each remedy beside its line, and the counts and the names of the lines that fail.
 fn text(record: &Record) -> String {
     let (header, rows) = headed(record.lines.iter().map(|line| {
         [

@@ -51,7 +51,7 @@ enum Action {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // Names and values are checked before the connection to the device.
+    // Unknown names, and values that are no numbers, are refused before the connection to the device.
     let mut changes = Vec::new();
     let mut wanted = SettingSet::ALL;
     match &arguments.action {

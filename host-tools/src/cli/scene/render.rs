@@ -89,7 +89,8 @@ impl Source {
     /// Compiles the scene with `library`, which was read from [`Source::library_path`].
     ///
     /// # Errors
-    /// The scene file does not compile, or the library has no such scene.
+    /// The scene file does not compile, or holds another scene than `--scene` names; or the library has no such scene,
+    /// or has several and none is named.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         if self.is_text() {
             let compiled = SceneFile::read(&self.file)?.compile(library)?;

@@ -128,7 +128,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&report.text())
 }
 
-/// Number of samples over which a live level is averaged: 0.1 s.
+/// Number of samples over which a live level is averaged: 0.1 s at 5 kHz.
 pub const LIVE_SAMPLES: usize = 500;
 
 /// Formats a level in a few words.

@@ -10,7 +10,8 @@ use serde::Serialize;
 
 use crate::cli::table::{headed, table};
 
-/// Relative amount by which the measured speed or force may differ from the wanted one.
+/// Relative amount by which the measured speed or force may differ from the wanted one. A wanted value below 0.1 counts
+/// as 0.1, because otherwise any speed or force would differ from a wanted 0.
 const TOLERANCE: f64 = 0.1;
 
 /// Fraction of the wanted speed below which a trial counts as without motion.

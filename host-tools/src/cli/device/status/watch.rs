@@ -15,7 +15,7 @@ use super::{Arguments, output};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, warn};
 
-/// Interval at which Ctrl-C is checked.
+/// Interval at which Ctrl-C is checked while the sensors cannot be read, and longest single wait for their samples.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The state at the end of one interval.
@@ -26,7 +26,7 @@ struct Reading {
     ticks: u64,
     missed: u32,
     late_frames: u32,
-    /// Level of the sensors; `None` while another program records.
+    /// Level of the sensors; `None` if another program was recording when this command began.
     level: Option<Level>,
 }
 
@@ -68,7 +68,7 @@ pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Receives samples until `until`, s after `begin`, and returns their level.
+/// Receives samples until `until`, s after `begin`, and returns their level. Ctrl-C is not checked meanwhile.
 fn listen(
     stream: &mut Stream<'_>,
     calibration: &Calibration,
