@@ -14,6 +14,8 @@ pub fn wrapped(text: &str, width: usize, indent: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     for paragraph in text.lines() {
         let mut line = String::new();
+        // Split at every single space, so that runs of spaces stay. The first word never begins a new line: the line
+        // before would be empty.
         for (index, word) in paragraph.split(' ').enumerate() {
             if index > 0 && line.chars().count() + 1 + word.chars().count() > width {
                 lines.push(std::mem::replace(&mut line, format!("{indent}{word}")));

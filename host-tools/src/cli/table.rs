@@ -37,22 +37,26 @@ fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
         columns.iter_mut().for_each(Column::wrap_heading);
     }
     while width(&columns) > LINE_CHARS && !is_full {
+        // The first column names the rows, so it stays even if it has one value.
         let Some(idle) = columns.iter().skip(1).rposition(Column::has_one_value) else {
             break;
         };
         let Column { heading, cells, .. } = columns.remove(1 + idle);
         let value = cells
             .into_iter()
+            // A zero is a value worth telling; the other signs of nothing are told as none.
             .find(|cell| !["", "-", "–"].contains(&cell.as_str()));
         same.push(format!("{heading} {}", value.as_deref().unwrap_or("none")));
     }
     narrow(&mut columns);
     while width(&columns) > LINE_CHARS && columns.len() > 2 && !is_full {
         left_out.extend(columns.pop().map(|column| column.heading));
+        // The columns were narrowed for one more column, so they begin at their full widths again.
         columns.iter_mut().for_each(Column::widen);
         narrow(&mut columns);
     }
     let note = |before: &str, mut names: Vec<String>| {
+        // Columns are dropped from the right.
         names.reverse();
         let line = folded_text(&format!("{before}: {}", names.join(", ")));
         (!names.is_empty()).then(|| format!("\n{line}"))
@@ -159,6 +163,7 @@ fn narrow(columns: &mut [Column]) {
         let Some((widest, _)) = wider.max_by_key(|(column, _)| column.width) else {
             break;
         };
+        // One character at a time, so that wide columns end about equally wide.
         widest.width -= 1;
     }
     // After wrapping at words, a column may need less width.
@@ -173,6 +178,7 @@ fn broken(text: &str, width: usize) -> Vec<String> {
     let wrapped = wrapped(text, width, "");
     let lines = wrapped.lines().flat_map(|line| {
         let letters: Vec<char> = line.chars().collect();
+        // A column of empty texts has width 0, and chunks of 0 panic.
         let pieces = letters.chunks(width.max(1)).map(String::from_iter);
         pieces.collect::<Vec<String>>()
     });

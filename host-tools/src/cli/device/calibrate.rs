@@ -101,6 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         response: None,
     };
     let is_set = values.iter().any(Option::is_some) || arguments.scales.are_wanted();
+    // With --response alone, the coil's values stay as they are set.
     if !arguments.response.response || is_set {
         report.calibration = Some(calibrate(arguments, &device, interrupt)?);
     }
@@ -150,6 +151,7 @@ fn calibrate(
         interrupt,
     };
     let (coil, mut changes) = bench.coil(&settings)?;
+    // The coil's values are refused before anybody holds the stylus for the measurements.
     check(&changes)?;
     let (zeros, scales) = bench.sensors(&settings)?;
     changes.extend(zeros);
@@ -164,7 +166,9 @@ fn calibrate(
     if !arguments.yes && answer("store these? [y/N]")?.trim() != "y" {
         return Err(Error::Request("nothing was stored".to_owned()));
     }
+    // In one change, so that a failure stores none of them.
     let stored = device.set_all(&changes)?;
+    // An error from here on must say that the settings are stored.
     let verified = bench.verify(&scales, &stored);
     let at_rest = verified.map_err(|failure| unverified(&changes, &failure))?;
     Ok(CalibrationReport {

@@ -89,6 +89,7 @@ impl Link {
     fn connect_somehow(&self) -> Result<Device> {
         let link = || match &self.link {
             Some(link) => Ok(link.clone()),
+            // Without a broker, which may be what failed.
             None => discovery::only(&Route::Direct).map(|(link, _)| link),
         };
         self.connect().or_else(|failure| {

@@ -128,6 +128,7 @@ impl ResponseArguments {
                 return Err(Error::Request("interrupted; nothing was stored".to_owned()));
             }
         };
+        // Before the question, because the picture helps to answer it.
         if let Some(path) = &self.svg {
             picture(&done, device.address().is_of_an_emulator())?.write(path)?;
         }
@@ -137,6 +138,7 @@ impl ResponseArguments {
         {
             return Err(Error::Request("nothing was stored".to_owned()));
         }
+        // The device stores only the response that was proposed and proved, which the hash names.
         let id = done.response.id();
         device.set_response(ResponseChange::Store { id })?;
         let report = ResponseReport {

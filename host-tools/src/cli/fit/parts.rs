@@ -135,9 +135,11 @@ pub fn write_each(
     large: &LargeSet,
     is_json: bool,
 ) -> Result<()> {
+    // Made before the checks below, which need a folder that accepts files.
     std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
     let share = large.shard.unwrap_or(Shard::WHOLE);
     let mut stems = Stems::default();
+    // Names of all textures, also of other shards' ones, so that each shard gives a texture the same file.
     let textures: Vec<(usize, &str, String)> = set
         .textures()
         .into_iter()

@@ -28,6 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
+    // A scene with a motion of its own plays at that, so it needs no given one.
     let constant = match compiled.scene.motion {
         MotionOfScene::Constant {
             speed_mm_s,

@@ -54,6 +54,7 @@ impl<'a> Live<'a> {
         Self {
             line: progress::line("playing; Ctrl-C stops"),
             shown: Instant::now(),
+            // Along a given motion, speed and force are known without a recording, which other programs may want.
             sensors: if motion.is_none() { sensors() } else { None },
             motion,
         }

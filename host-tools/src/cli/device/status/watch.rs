@@ -51,6 +51,7 @@ pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     };
     while !is_over() {
         shown += 1;
+        // Counted from the begin, so that the delays of readings do not add up.
         let until = f64::from(shown) * arguments.interval;
         let level = if let Some(stream) = &mut stream {
             Some(listen(stream, &calibration, begin, until)?)
@@ -133,6 +134,7 @@ impl Reading {
 /// Shows a reading: on a terminal in one line that is updated, otherwise in a new line.
 fn show(reading: &Reading, json: bool, line: &indicatif::ProgressBar) -> Result<()> {
     if json {
+        // In one line, so that a script can read it as soon as it comes.
         let text = serde_json::to_string(reading)
             .map_err(|failure| Error::Request(failure.to_string()))?;
         print(&visible_json(&text))
