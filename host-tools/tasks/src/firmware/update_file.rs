@@ -68,7 +68,7 @@ pub fn make_keys(path: &Path) -> Result<PathBuf> {
     Ok(public)
 }
 
-/// Writes a file that only its owner may read.
+/// Writes a new file. On Unix only its owner may read it.
 fn write_secret(path: &Path, text: &str) -> std::io::Result<()> {
     let mut options = fs::OpenOptions::new();
     options.write(true).create_new(true);

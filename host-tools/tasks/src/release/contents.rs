@@ -121,6 +121,7 @@ fn component(package: &Value) -> Value {
 /// Returns the packages that are built into that of `node`. Dependencies of only its tests or its build are not.
 fn built_in(node: &Value) -> impl Iterator<Item = &str> {
     items(node, "deps")
+        // cargo's word for the kind of a normal dependency is null.
         .filter(|dependency| items(dependency, "dep_kinds").any(|kind| kind["kind"].is_null()))
         .map(|dependency| text(dependency, "pkg"))
 }
