@@ -32,7 +32,7 @@ pub fn with_examples(command: Command, path: &str) -> Command {
 /// Adds `-o` and `--output`, which most programs have, as other names of `--out` to every command that has it.
 pub fn with_short_outputs(command: Command) -> Command {
     command.mut_subcommands(|inner| {
-        // Asked by the long name: the `out` of `record` is positional, and clap refuses a short name for it.
+        // Asked by the long name, because the `out` of `record` is positional. A short name would make it an option.
         let has_output = inner
             .get_arguments()
             .any(|argument| argument.get_long() == Some("out"));

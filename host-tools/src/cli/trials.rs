@@ -109,7 +109,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Fills in the values that the name of `file` lacks. Returns its texture, speed and force.
+/// Fills in the values that the name of `file` lacks. Returns its texture, its speed, mm/s, and its force, N.
 fn completed(file: &mut Named, arguments: &Arguments) -> Result<(String, f64, f64)> {
     let missing = |what: &str| {
         Error::Request(format!(

@@ -238,6 +238,7 @@ impl Bench<'_> {
             arguments.hard_limit,
         ];
         if arguments.scales.are_wanted() && given.iter().all(Option::is_none) {
+            // Settings that were never set have placeholders, which are no coil.
             let set = self.device.status()?.settings.set;
             if SettingSet::REQUIRED.without(set) == SettingSet::NONE {
                 return Ok((coil, Vec::new()));

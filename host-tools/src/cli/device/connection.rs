@@ -198,6 +198,7 @@ struct StopReport {
 pub fn stop(arguments: &StopArguments) -> Result<()> {
     let device = arguments.link.connect_somehow()?;
     let (was_playing, _) = device.stop()?;
+    // A program that was killed may have left its recording running.
     let was_recording = device.status()?.record.recording;
     if was_recording {
         device.record_stop()?;

@@ -243,6 +243,7 @@ pub fn run_check(arguments: &CheckArguments) -> Result<()> {
     if arguments.json {
         print_json(&checked)?;
     }
+    // After the JSON, because a script wants the figures of a check that fails, too.
     if !checked.ok {
         let moved = checked.moved.join("; ");
         return Err(Error::Request(format!(

@@ -128,6 +128,8 @@ struct Written {
     warnings: Vec<Warning>,
 }
 
+/// Fits each texture of the set, or of the shard, and writes its library and record into the folder `out`, which is
+/// made if it is not there.
 pub fn write_each(
     set: &RecordingSet,
     options: &fit::Options,

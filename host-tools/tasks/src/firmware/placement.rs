@@ -100,6 +100,7 @@ fn check_from(
             if !(start..function.end).contains(&reference.at) {
                 continue;
             }
+            // What is neither code in ITCM nor in flash is data in RAM or a peripheral, which no flash delays.
             if let Some(called) = function_at(functions, reference.address) {
                 if seen.insert(called) {
                     waiting.push(called);

@@ -42,6 +42,7 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     let body = flashed(&read(image)?, "FLASH")?;
     let mut signed = sign(&body, version, &seed);
     if arguments.unsigned {
+        // The signature follows the header.
         signed[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
     }
     let out = arguments.out.clone();

@@ -71,6 +71,7 @@ fn of_metadata(metadata: &Value) -> Result<Value> {
             json!({ "ref": reference(packages[*id]), "dependsOn": on.collect::<BTreeSet<_>>() })
         })
         .collect();
+    // cargo's names of packages, by which they are found, contain folders, so their order differs by machine.
     components.sort_by_key(|component| text(component, "bom-ref").to_owned());
     dependencies.sort_by_key(|dependency| text(dependency, "ref").to_owned());
     Ok(json!({

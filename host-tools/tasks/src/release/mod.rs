@@ -170,6 +170,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
         }
         Part::Wheel => wheel::build(build).map(drop),
         Part::Module => {
+            // The kept module is released, so it first has to be what these sources give.
             println!("{}", browser_module::check()?);
             keep(
                 &root.join(browser_module::KEPT),
@@ -187,6 +188,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
             &format!("stylus-{version}.cdx.json"),
             &contents::list()?,
         ),
+        // The parts of a system were returned above, so only the changelog is left.
         _ => {
             let path = root.join("CHANGELOG.md");
             let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;

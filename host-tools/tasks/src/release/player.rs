@@ -66,6 +66,7 @@ pub fn build(system: &System, build: &Build) -> Result<()> {
     if system.is_windows() {
         write_import_library(&header, &folder.join("lib"))?;
     } else {
+        // The loader looks for the name with the number, the linker for that without it.
         let library = folder.join("lib/libstylusplayer.so");
         fs::rename(&library, library.with_file_name(&shared))?;
         symlink(&shared, library)?;

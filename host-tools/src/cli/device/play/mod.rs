@@ -99,6 +99,7 @@ struct PlayReport<'a> {
     /// Largest speed that the sensors measured, mm/s; `None` with another motion, or if the sensors could not be read.
     fastest_mm_s: Option<f64>,
     saturations: u32,
+    /// Numbers of samples at each limit, since the device's start.
     hard_limited: u32,
     slew_limited: u32,
     thermally_limited: u32,
