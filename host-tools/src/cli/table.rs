@@ -137,6 +137,7 @@ impl Column {
 
     fn lines(&self, row: usize) -> Vec<String> {
         let cell = &self.cells[row];
+        // By the first character, because cells such as `36.0 ± 9.0` are numbers, too.
         let is_number = cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c));
         let mut lines = broken(cell, self.width);
         if is_number {

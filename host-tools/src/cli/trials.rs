@@ -67,6 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if named.is_empty() {
         return Err(Error::Request("no file is of that take".into()));
     }
+    // Into memory first, so that the list is written whole or not at all.
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header = vec!["file", "texture", "speed_mm_s", "force_n"];
     header.extend(scale.map(|_| "scale_m_s2"));

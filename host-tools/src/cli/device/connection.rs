@@ -119,6 +119,7 @@ impl Link {
     }
 
     fn open(&self, link: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
+        // Either way the route carries the command's name, by which others are told who has the device.
         let route = if self.no_broker {
             Route::Alone(command())
         } else {

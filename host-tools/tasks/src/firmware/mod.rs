@@ -83,7 +83,7 @@ pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> 
     let dfu = kept.with_extension("dfu");
     fs::write(&dfu, dfu::file(&segments::all_pieces(&bytes)?))
         .with_context(|| dfu.display().to_string())?;
-    // The variants contain code that only tests use, and may take the room that the product leaves.
+    // The other variants have more code, for tests and debuggers, and may take the room that the product leaves.
     if image == Image::Product {
         Memory::of(&bytes)?.check_limits()?;
     }

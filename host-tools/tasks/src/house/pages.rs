@@ -19,6 +19,7 @@ pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
         let text = outside_fences(text);
         let (mut line, mut before) = (1, "");
         for (index, piece) in text.split('`').enumerate() {
+            // Text and code spans alternate.
             let is_span = index % 2 == 1;
             let found = if is_span {
                 let exists = span_exists(tree, page, piece);

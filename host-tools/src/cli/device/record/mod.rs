@@ -93,7 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return strokes::run(arguments);
     }
     let points = arguments.points()?;
-    // `open` makes a folder that is not there yet; it has no list that could be lost.
+    // `Folder::open` makes a folder that is not there yet. It has no list that could be lost.
     if arguments.out.is_dir() {
         check_in_growing_folder(&arguments.out.join(TRIALS_FILE))?;
     }
