@@ -143,7 +143,7 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
         assert!(!has("encoder line B"), "{failing:?}");
         assert!(!has("encoder direction"), "{failing:?}");
     }
-    // The count goes up and down by one: either the tool shakes, or one line is stuck.
+    // A tool that nobody moves fails by its counts.
     stylus.set_board(Board::default());
     stylus.set_hand(lying());
     assert!(failing().contains(&"encoder counts moved".to_owned()));

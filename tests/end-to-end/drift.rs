@@ -21,7 +21,7 @@ fn surface(rate_hz: u32) -> Vec<f64> {
     predictor(rate_hz, &[(90.0, radius), (260.0, radius)])
 }
 
-/// Three axes with the texture and a motion from 0.5 to 8 Hz, whose RMS is `drift` times the texture's. Returns also
+/// Three axes with the texture and a motion from 0.5 to 7.75 Hz, whose RMS is `drift` times the texture's. Returns also
 /// the factor of the texture's excitation.
 fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
     let count = SECONDS * rate_hz as usize;

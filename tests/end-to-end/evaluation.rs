@@ -1,4 +1,4 @@
-//! The removed-node test, denser grids, strokes of a free hand, HaTT's models and the whole report, through the
+//! The removed-node test, denser grids, what may judge a fit, strokes of a free hand, and HaTT's models, through the
 //! command.
 
 use crate::hatt;

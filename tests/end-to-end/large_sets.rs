@@ -104,7 +104,7 @@ fn measured(trials: usize) -> [f64; 3] {
     let one = format!("{fit} set/few.csv --excitation gaussian --out one.lib");
     let one = succeeds(&bench, &one);
     let each = succeeds(&bench, &format!("{fit} set --each --out each"));
-    // The excitation differs, so that no trial has to be computed again.
+    // What is kept of a trial does not depend on the excitation, so no trial is computed again.
     let again = format!("{fit} set --each --out again --parts each/parts --excitation gaussian");
     let again = succeeds(&bench, &again);
     for folder in ["each", "again"] {

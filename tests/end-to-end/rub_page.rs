@@ -71,7 +71,7 @@ fn recordings_are_fitted_as_fit_does_and_come_with_clips_spectra_and_costs() {
         let levels = |key: &str| STANDARD.decode(texture[key].as_str().unwrap()).unwrap();
         let (model, recorded) = (levels("model_base64"), levels("recorded_base64"));
         assert_eq!((model.len(), recorded.len()), (4 * bands, 4 * bands));
-        // Mean difference between a model of order 400 and the recording that it was fitted to.
+        // Mean difference between the model and the recording that it was fitted to, whose levels are in half decibels.
         let apart = model.iter().zip(&recorded).map(|(m, r)| m.abs_diff(*r));
         let apart = apart.map(f64::from).sum::<f64>() / 2.0 / model.len() as f64;
         assert!(apart < 2.0, "{apart} dB");
@@ -161,7 +161,7 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
     assert!(!said.lines().any(is_wide), "{said}");
     holds(&said, &["SIMULATED", "demo/page.html"]);
     holds(&said, &["demo/report/index.html"]);
-    // One surface has impulses, one has a steady level, and one is calm.
+    // One surface has impulses, one has the lines of its weave, and one has neither.
     let plays = [
         "scratched: recorded snippets",
         "denim: Gaussian + lines",

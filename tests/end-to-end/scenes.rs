@@ -177,7 +177,7 @@ fn what_is_wrong_with_a_scene_is_said_with_its_line() {
         let line: usize = line.parse().expect("a number");
         let mut lines: Vec<&str> = TWO.lines().collect();
         lines[line - 1] = bad;
-        // A missing key is reported at its table, and an unstable pole at its section.
+        // A missing texture is reported at the stick-slip that needs it, and an unstable pole at its section.
         let told = match bad {
             "" => 17,
             "frequency_hz = 2" => 34,

@@ -70,6 +70,7 @@ impl Module {
         if blocks > MOST_BLOCKS {
             return Err(Fault::TooManyBlocks(blocks));
         }
+        // Refilled within its capacity, because nothing is allocated once something was chosen.
         self.blocks.clear();
         let motion = self.motion[..blocks].iter().copied();
         self.blocks.extend(motion.map(BlockMotion::of_numbers));
@@ -144,6 +145,7 @@ exports! {
                 return std::ptr::null_mut();
             }
             let mut room = Vec::new();
+            // The size comes from the page. A failed allocation would end the module instead of the call.
             if room.try_reserve_exact(bytes).is_err() {
                 say(&format!("there is no room for a library of {bytes} bytes"));
                 return std::ptr::null_mut();

@@ -35,6 +35,7 @@ impl<'a> Chosen<'a> {
 
     fn play(&mut self, outputs: &mut [OutputSample]) {
         self.playing.play(outputs);
+        // Digests are compared over a fixed number of words, whatever is played after them.
         let left = (DIGEST_WORDS - self.words) as usize;
         let counted = &outputs[..left.min(outputs.len())];
         for &sample in counted {
@@ -160,6 +161,7 @@ impl<'a> Session<'a> {
             return [0.0; STATE_NUMBERS];
         };
         let plan = playing.plan();
+        // A scene with a motion of its own plays at that, wherever the hand is.
         let motion = plan.constant_motion().unwrap_or(playing.motion());
         let located = plan.locate(playing.at_mm() as f32);
         let mut numbers = [0.0; STATE_NUMBERS];

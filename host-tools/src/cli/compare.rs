@@ -83,6 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     check(arguments)?;
     let out = arguments.out.as_deref();
+    // clap requires both unless --score is given, which was answered above.
     let (Some(path), Some(out)) = (&arguments.library, out) else {
         return Err(Error::Request(
             "a page needs --library and --out, and scores need --score".into(),
@@ -93,6 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     let record = FitRecord::beside(path, &bytes)?;
+    // Takes and nodes are found by speed and force, so the set first gets those of the fit.
     let set = as_fitted(record.as_ref(), set)?;
     let takes = (arguments.recordings).open_takes(arguments.takes.as_ref())?;
     let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
@@ -101,6 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
         ..evaluate::Options::default()
     };
+    // The library borrows from its bytes, so these live in a value of their own.
     let before = match &arguments.before {
         Some(path) => Some((path, read_library(path)?)),
         None => None,
@@ -132,7 +135,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&summary(&plan, arguments.design, out, size))
 }
 
-/// Returns an error if pairs are requested that the design or a missing library does not allow.
+/// Returns an error if options exclude each other: pairs or a library of before with a staircase, `--before` without
+/// `--takes`, or pairs that need a library of before that is not given.
 fn check(arguments: &Arguments) -> Result<()> {
     if arguments.design == Design::Staircase
         && (!arguments.pairs.is_empty() || arguments.before.is_some())

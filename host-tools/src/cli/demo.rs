@@ -108,6 +108,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     )?;
     let options = evaluate::Options {
         seed: arguments.seed,
+        // What the report plays at each node has to be kept while its trial is judged.
         excerpt_s: node_seconds(set.trials.len()),
         ..evaluate::Options::default()
     };
@@ -145,6 +146,7 @@ fn fit_into(
     let options = fit::Options::default();
     let (fit, bytes) = super::fit::fit_library(set, &options)?;
     let mut record = FitRecord::of(set, &options, &bytes)?.with_account_of(&fit);
+    // The folder is renamed at the end, and the record has to name the recordings where they will be.
     for trial in &mut record.trials {
         trial.file = portable(&folder.named(Path::new(&trial.file)));
     }

@@ -186,6 +186,7 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
     let assumed = arguments.recordings.assumed();
     let record = FitRecord::beside(path, &bytes)?;
     let given = record.and_then(|record| record.given_scale_m_s2());
+    // Judges in other units than the library's would be off by that factor in every level.
     if let (None, Some(scale)) = (assumed.scale_m_s2, given) {
         return Err(Error::file(
             path,
@@ -198,12 +199,14 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         paths.iter().map(read).collect::<Result<Vec<_>>>()
     };
     let (fitted, judges) = (arguments.recordings.inputs(), &arguments.strokes);
+    // Other commands take folders here. Reading one as a file would fail without a remedy.
     if let Some(folder) = fitted.iter().find(|path| path.is_dir()) {
         let problem = "is a folder: with --strokes give the CSVs of strokes that were fitted, such as stroke-1.csv";
         return Err(Error::file(folder, problem));
     }
     let (of_fit, of_judges) = (read(fitted)?, read(judges)?);
     for (path, judge) in judges.iter().zip(&of_judges) {
+        // Compared by content, because a copy under another name would judge in sample, too.
         if of_fit.contains(judge) {
             let problem = "is among the recordings of the fit, by content: it cannot judge";
             return Err(Error::file(path, problem));
@@ -262,6 +265,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
         played: arguments.played,
+        // Only a report plays excerpts; otherwise they would take memory for nothing.
         excerpt_s: (arguments.report.as_ref()).and_then(|_| node_seconds(set.trials.len())),
     };
     let record = FitRecord::beside(path, &bytes)?;
@@ -274,6 +278,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let test = asked
         .then(|| removed_node_test(&set, &Row::all(), &removal))
         .transpose()?;
+    // Written before anything is printed, so that a reader that closes the output early does not cost the numbers.
     write_numbers(arguments, Some(&evaluation), test.as_ref())?;
     print(&summary(&evaluation))?;
     if let Some(test) = &test {
@@ -348,10 +353,11 @@ fn removed_node_test(
     Ok(test)
 }
 
-/// Returns `set` with its speeds and forces replaced by the ones to which the fit of `record` assigned them.
+/// Returns `set` as the fit of `record` read it: with the speeds and forces to which the fit assigned its trials, and
+/// with the scales and units of times that the user gave for the fit. Without a record, `set` stays as it is.
 ///
 /// # Errors
-/// Values are so close that the record's tolerance cannot distinguish them.
+/// A recording cannot be read, or values are so close that the record's tolerance cannot distinguish them.
 pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<RecordingSet> {
     match record {
         Some(record) => record.as_fitted(set),
@@ -370,6 +376,7 @@ pub fn choose(
     let others = others.map(|others| as_fitted(record, others)).transpose()?;
     let chosen = chosen(set, others.as_ref(), record, conditioning)?;
     let unused = chosen.unused.iter().map(|reason| {
+        // A reason has the form `take: why`. The take becomes the warning's subject, so that many are told in one line.
         let (take, why) = reason.rsplit_once(": ").unwrap_or(("", reason));
         Warning::of(
             "take",

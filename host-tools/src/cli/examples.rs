@@ -6,10 +6,11 @@ use clap::Command;
 /// One example per line, with a short explanation after `#`.
 const EXAMPLES: &str = include_str!("examples.txt");
 
-/// Returns the examples of the command called `path`, such as `stylus scene check`.
+/// Returns the examples of the command called `path`, such as `stylus scene check`, and of its subcommands.
 fn examples(path: &str) -> Vec<&'static str> {
     let is_of = |line: &&str| {
         let rest = line.strip_prefix(path);
+        // The name of a command may be the beginning of another one's.
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
     };
     EXAMPLES.lines().filter(is_of).collect()
@@ -20,6 +21,7 @@ pub fn with_examples(command: Command, path: &str) -> Command {
     command.mut_subcommands(|inner| {
         let path = format!("{path} {}", inner.get_name());
         let inner = match examples(&path).as_slice() {
+            // A command that only programs start has no examples, and so no empty list of them.
             [] => inner,
             some => inner.after_help(format!("Examples:\n  {}", some.join("\n  "))),
         };
@@ -30,6 +32,7 @@ pub fn with_examples(command: Command, path: &str) -> Command {
 /// Adds `-o` and `--output`, which most programs have, as other names of `--out` to every command that has it.
 pub fn with_short_outputs(command: Command) -> Command {
     command.mut_subcommands(|inner| {
+        // Asked by the long name, because the `out` of `record` is positional. A short name would make it an option.
         let has_output = inner
             .get_arguments()
             .any(|argument| argument.get_long() == Some("out"));

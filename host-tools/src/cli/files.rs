@@ -90,6 +90,7 @@ static INPUTS: OnceLock<Vec<Input>> = OnceLock::new();
 
 /// Stores the inputs among the arguments of `command`, for the checks of its outputs.
 pub fn remember_inputs(command: &Command, matches: &ArgMatches) {
+    // The arguments belong to the innermost command, such as `compile` of `scene`.
     let (mut command, mut matches) = (command, matches);
     while let Some((name, inner)) = matches.subcommand() {
         let Some(found) = command.find_subcommand(name) else {
@@ -100,6 +101,7 @@ pub fn remember_inputs(command: &Command, matches: &ArgMatches) {
     let mut all = Vec::new();
     for argument in command.get_arguments() {
         let (id, kind) = (argument.get_id().as_str(), argument.get_value_parser());
+        // By the type of the value, so that a new command's inputs are known without a word here.
         if kind.type_id() == TypeId::of::<PathBuf>() && !OUTPUTS.contains(&id) {
             let given = matches.get_many::<PathBuf>(id).into_iter().flatten();
             all.extend(given.map(|path| Input {
@@ -181,6 +183,7 @@ impl RenderedFile {
     fn write(&self, rendering: &mut Rendering<'_>, source: &str) -> Result<()> {
         let rate_hz = rendering.sample_rate_hz();
         let bar = progress::bar(rendering.len() as u64, "rendering");
+        // By reference, because the rendering is asked for its saturations afterwards.
         let samples = bar.wrap_iter(rendering.by_ref());
         let written = write_wav(&self.out, rate_hz, self.format(), samples)?;
         bar.finish_and_clear();
@@ -214,6 +217,7 @@ impl RenderedFile {
             let shown = "as volts above mid-scale at the pin of a stylus";
             return self.report(source, summary, shown);
         };
+        // The seed is of the accelerometer's noise, of which the tip has none.
         let mut plant = Plant::new(&read_plant(plant)?, 0);
         let summary = render_tip_wav(rendering, &settings, &mut plant, &self.out)?;
         let shown = "as m/s² at the tip, by an actuator model";

@@ -35,6 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let paths = files(&arguments.paths)?;
     arguments.overwrite.file(&arguments.out)?;
     let sources = read_all(&paths, &arguments.options)?;
+    // All files at once, because the grids of all textures share the room of one library.
     let plan = plan(&sources, &arguments.options)?;
     let of_file = |kind, path: &Path, text: &str| {
         Warning::of(kind, ("file", &path.display().to_string()), 0.0, text)

@@ -66,11 +66,13 @@ pub fn texture_name(text: &str) -> std::result::Result<String, String> {
 
 /// Parses the speed of a trial that will be recorded, in mm/s.
 pub fn trial_speed(text: &str) -> std::result::Result<f64, String> {
+    // In a motion the sign of a speed is its direction, which a trial does not have.
     not_negative(text).and_then(|_| speed(text))
 }
 
 /// Parses the force of a trial that will be recorded, in N.
 pub fn trial_force(text: &str) -> std::result::Result<f64, String> {
+    // In a motion a negative force is no contact, of which there is nothing to record.
     not_negative(text).and_then(|_| force(text))
 }
 
@@ -93,6 +95,7 @@ const OFF_GRID: f64 = 0.05;
 /// Warns of a motion that exceeds the speeds or forces at which a texture was recorded, or never reaches them.
 pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
     let (speed, force) = motion.largest();
+    // A line's frequency is speed over wavelength, whatever the grid.
     let of_speed = (texture.lines().is_some())
         .then_some("; a tone that is tied to position follows the speed");
     for (what, value, axis, unit, tone) in [
@@ -101,6 +104,7 @@ pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
     ] {
         let name = texture.name();
         let (lowest, highest) = (
+            // The axes have 32 bits; a message shows 0.2 and not 0.200000003.
             as_written(axis.value(0)),
             as_written(axis.value(axis.len() - 1)),
         );
@@ -111,6 +115,7 @@ pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
                  beyond, noise and level are those of {highest} {unit}{tone}"
             ));
         }
+        // A motion without any speed or force has a warning of its own: nothing is heard.
         if value > 0.0 && value < lowest * (1.0 - OFF_GRID) {
             warn(&format!(
                 "the {what} stays at or below {value:.3} {unit}, and texture '{name}' was recorded from {lowest} \
@@ -178,7 +183,7 @@ impl Along {
     /// mm/s, and force, N, needs no given motion.
     ///
     /// # Errors
-    /// The motion cannot be read or was not given, or a constant motion has no duration.
+    /// The motion cannot be read, has no end or was not given, or a constant motion has no duration.
     pub fn motion(&self, name: &str, own: Option<(f32, f32)>) -> Result<(MotionPath, f64)> {
         let motion = self.constant.or_in(self.motion.as_deref(), own)?;
         let motion = motion.ok_or_else(|| {

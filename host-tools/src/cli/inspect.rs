@@ -35,6 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let library = decode_library(&arguments.library, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
+        // Only the JSON lists figures node by node.
         .map(|texture| TextureSummary::of(&texture, arguments.json))
         .collect();
     let scenes = library
@@ -101,13 +102,14 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
-/// Formats a level with three digits.
+/// Formats a level with three significant digits, but with at most three decimals.
 fn rounded(level: f64) -> String {
+    // A silent texture has level 0, whose logarithm is infinite. The table has room for three decimals.
     let decimals = (2.0 - level.max(0.01).log10().floor()).clamp(0.0, 3.0) as usize;
     fixed(level, decimals)
 }
 
-/// Formats a number with four digits.
+/// Formats a number with at most four significant digits.
 fn figure(value: f32) -> String {
     significant(f64::from(value)).to_string()
 }

@@ -1,5 +1,5 @@
-//! Ctrl-C and SIGTERM. No command leaves a temporary file behind, and a command that drives a stylus first restores its
-//! state.
+//! Ctrl-C, SIGTERM and SIGHUP. No command leaves a temporary file behind, and a command that drives a stylus first
+//! restores its state.
 
 use std::io;
 use std::path::Path;
@@ -23,8 +23,8 @@ const EXIT_INTERRUPTED: i32 = 2;
 /// Starts the handling of signals, for the whole process.
 ///
 /// If no command listens, a signal removes the temporary files and ends the process like without a handler. A file that
-/// grows beyond the limit of the process causes a write error instead of a signal. If the system refuses a thread or a
-/// handler, signals have their default effects.
+/// grows beyond the limit of the process causes a write error instead of a signal. If the system refuses a handler,
+/// signals have their default effects.
 #[cfg(unix)]
 pub fn handle() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -39,8 +39,11 @@ pub fn handle() {
     }
     let listener = move || {
         for signal in signals.forever() {
+            // SIGXFSZ would end the process. Once it is handled, the write that was too long returns an error instead.
             if signal != SIGXFSZ {
                 receive(|| {
+                    // The process ends by the signal itself, so that a shell sees code 130 after Ctrl-C and stops a
+                    // script.
                     let _ = signal_hook::low_level::emulate_default_handler(signal);
                 });
             }
@@ -62,6 +65,7 @@ fn receive(end: impl FnOnce()) {
     if is_heard && !IS_RAISED.swap(true, Ordering::SeqCst) {
         return;
     }
+    // Kept until the process ends, because it locks the list: no other thread creates a temporary meanwhile.
     let _removed = host_tools::support::temporaries::remove_all();
     if !is_heard {
         end();
@@ -73,11 +77,13 @@ fn receive(end: impl FnOnce()) {
 /// Returns true if the process was started with this signal ignored, as far as the system reports it.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
+    // The system's call for this needs unsafe code, which this package forbids.
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else {
         return false;
     };
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    // Signals are counted from 1, bits from 0.
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 

@@ -109,6 +109,7 @@ pub fn run() -> ExitCode {
     let mut command = with_short_outputs(with_examples(Arguments::command(), "stylus"));
     let parsed = command.try_get_matches_from_mut(std::env::args_os());
     let arguments = match parsed.and_then(|matches| {
+        // Only clap's matches tell which values are paths, whatever the command.
         files::remember_inputs(&command, &matches);
         Arguments::from_arg_matches(&matches)
     }) {
@@ -125,6 +126,8 @@ pub fn run() -> ExitCode {
     }
     interrupt::handle();
     let outcome = run_command(arguments.command);
+    // A signal removes temporaries while the command still runs, so that the command fails for a reason that nobody
+    // wants to read.
     temporaries::wait_for_an_interrupt();
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -167,6 +170,7 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
         return answer;
     };
     let words = || std::env::args_os().skip(1);
+    // Words that are not Unicode take part as far as they can be read. `args` would panic at them.
     let words = || words().map(|word| word.to_string_lossy().into_owned());
     let is_before_command = words()
         .take_while(|word| command.find_subcommand(word).is_none())
@@ -177,6 +181,7 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
         options.any(|argument| argument.get_long() == Some(name))
     };
     let mut commands = command.get_subcommands().filter(has_it);
+    // An option that no command has, or that stands after its command, gets clap's answer alone.
     let Some(first) = commands.next().filter(|_| is_before_command) else {
         return answer;
     };
@@ -190,7 +195,7 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
     answer
 }
 
-/// Prints the help, the version, or the error in a command line that names no command to run.
+/// Prints the help, the version, or the error in a command line that cannot be parsed.
 fn answer_without_a_command(answer: &clap::Error) -> ExitCode {
     match output::answer(answer) {
         Ok(()) if answer.use_stderr() => ExitCode::from(EXIT_UNUSABLE),

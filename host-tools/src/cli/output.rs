@@ -1,8 +1,9 @@
 //! Text and JSON on standard output, and notes about them on standard error.
 //!
-//! All output of a command goes through this module, because two rules must hold for all of it. Control characters that
+//! Two rules hold for all output of a command, so nearly all of it goes through this module. Control characters that
 //! came into a text from a file, a device or an argument are shown, so the terminal does not obey them. A closed or
-//! full output does not cause a panic.
+//! full output does not cause a panic. Progress, the question of `stylus settings` and the lines of `stylus share-link`
+//! are written elsewhere and keep the rules themselves.
 
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
@@ -83,6 +84,7 @@ const LEAST_COLUMNS: u16 = 40;
 pub fn warn(text: &str) {
     let size = Term::stderr().size_checked();
     let width = size.map_or(LINE_CHARS, |(_, columns)| columns.max(LEAST_COLUMNS).into());
+    // Wrapped before it is coloured, because an escape sequence takes no place on the line.
     let line = wrapped(&format!("warning: {}", message(text)), width, "  ");
     let rest = line.strip_prefix("warning:").unwrap_or(&line);
     let _ = print_to(&mut io::stderr().lock(), &(yellow("warning:") + rest));
@@ -113,6 +115,8 @@ pub fn answer(answer: &clap::Error) -> Result<()> {
     let plain = styled.to_string();
     let plain = plain.trim_end();
     if answer.use_stderr() {
+        // clap's own colours are left out here, because its errors quote words of the user, in which control characters
+        // have to be shown.
         match plain.split_once(' ') {
             Some((word @ "error:", rest)) => {
                 let shown = format!("{} {}", red(word), visible(rest));
@@ -131,6 +135,7 @@ pub fn answer(answer: &clap::Error) -> Result<()> {
 
 /// Writes `text` and a line feed, completely or with an error.
 fn print_to(output: &mut impl Write, text: &str) -> Result<()> {
+    // Flushed here, because an error of the flush at the process's end would be lost.
     output
         .write_all(text.as_bytes())
         .and_then(|()| output.write_all(b"\n"))
@@ -140,6 +145,7 @@ fn print_to(output: &mut impl Write, text: &str) -> Result<()> {
 
 /// Returns true if a stream shows colours.
 fn takes_colours(stream: &impl IsTerminal) -> bool {
+    // By no-color.org any value counts but the empty one.
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
     stream.is_terminal() && !is_dumb && !is_set("NO_COLOR")
@@ -156,6 +162,7 @@ fn yellow(word: &str) -> String {
 }
 
 fn styled(word: &str, colour: AnsiColor) -> String {
+    // Errors and warnings, which alone are coloured here, go to standard error.
     if !takes_colours(&std::io::stderr()) {
         return word.to_owned();
     }

@@ -56,6 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let given = &arguments.inputs;
     arguments.overwrite.file(&arguments.out)?;
     let is_strokes = arguments.strokes.strokes;
+    // A library is one file, so several inputs can only be recordings.
     let is_recordings = !is_strokes && (given.len() > 1 || is_recordings(&given[0]));
     check(arguments, is_recordings)?;
     let recordings = if is_recordings {
@@ -75,6 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             (bytes, record)
         }
     };
+    // The path only names the library in an error. The bytes may have been fitted just now.
     let library = decode_library(&given[0], &bytes)?;
     let plant = arguments.plant.as_deref().map(named_plant).transpose()?;
     let plant = plant.as_ref().map(|(name, plant)| (name.as_str(), plant));
@@ -146,6 +148,7 @@ fn named_plant(path: &Path) -> Result<(String, Plant)> {
     let plant = Plant::new(&read_plant(path)?, 0);
     let name = path
         .file_stem()
+        // A preset's name has no extension, and its stem would lack the part before the slash.
         .filter(|_| path.extension().is_some())
         .unwrap_or(path.as_os_str());
     Ok((name.to_string_lossy().into_owned(), plant))

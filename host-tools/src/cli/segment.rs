@@ -67,6 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         note(&format!("grid: --speeds {speeds} --forces {forces}"));
     }
     let cut = freehand::segment(&recordings, &options);
+    // Before the check, so that what was left out explains a cut without pieces.
     for text in cut.left_out() {
         warn(&text);
     }
@@ -84,6 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .iter()
         .map(|p| (p.speed_mm_s, p.force_n))
         .collect();
+    // The pieces of a node stand together.
     nodes.dedup();
     let origin = if recordings.iter().any(|recording| recording.is_simulated) {
         "; SIMULATED"

@@ -17,9 +17,9 @@ const WORD_CHARS: usize = 24;
 /// Texts of cells that count as empty.
 const NOTHING: [&str; 5] = ["", "0", "-", "–", "none"];
 
-/// Formats `rows` under `header`. Columns are aligned: text to the left, numbers to the right. Lines have at most
-/// [`LINE_CHARS`] characters, unless `--full` requires every column. Cells that a row lacks at its end are empty.
-/// Without a header the text is empty.
+/// Formats `rows` under `header`. A cell that begins like a number is aligned to the right, any other text to the left.
+/// Lines have at most [`LINE_CHARS`] characters, unless `--full` requires every column. Cells that a row lacks at its
+/// end are empty. Without a header the text is empty.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     fitted(header, rows, is_full())
 }
@@ -37,22 +37,26 @@ fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
         columns.iter_mut().for_each(Column::wrap_heading);
     }
     while width(&columns) > LINE_CHARS && !is_full {
+        // The first column names the rows, so it stays even if it has one value.
         let Some(idle) = columns.iter().skip(1).rposition(Column::has_one_value) else {
             break;
         };
         let Column { heading, cells, .. } = columns.remove(1 + idle);
         let value = cells
             .into_iter()
+            // A zero is a value worth telling; the other signs of nothing are told as none.
             .find(|cell| !["", "-", "–"].contains(&cell.as_str()));
         same.push(format!("{heading} {}", value.as_deref().unwrap_or("none")));
     }
     narrow(&mut columns);
     while width(&columns) > LINE_CHARS && columns.len() > 2 && !is_full {
         left_out.extend(columns.pop().map(|column| column.heading));
+        // The columns were narrowed for one more column, so they begin at their full widths again.
         columns.iter_mut().for_each(Column::widen);
         narrow(&mut columns);
     }
     let note = |before: &str, mut names: Vec<String>| {
+        // Columns are dropped from the right.
         names.reverse();
         let line = folded_text(&format!("{before}: {}", names.join(", ")));
         (!names.is_empty()).then(|| format!("\n{line}"))
@@ -113,14 +117,14 @@ impl Column {
         self.width = cells.chain(words).max().unwrap_or(0);
     }
 
-    /// Returns the smallest width of the column, characters: that of its longest word.
+    /// Returns the smallest width of the column, characters: that of its longest word, but at most [`WORD_CHARS`].
     fn least(&self) -> usize {
         let words = self.texts().flat_map(|text| text.split(' '));
         let widest = words.map(|word| word.chars().count()).max();
         widest.unwrap_or(0).min(WORD_CHARS)
     }
 
-    /// Returns true if all rows have the same value; for a single row, if its value is empty.
+    /// Returns true if all cells count as empty, or if there are several rows and all have the same value.
     fn has_one_value(&self) -> bool {
         let is_nothing = |cell: &String| NOTHING.contains(&cell.as_str());
         let is_same = self.cells.windows(2).all(|pair| pair[0] == pair[1]);
@@ -133,6 +137,7 @@ impl Column {
 
     fn lines(&self, row: usize) -> Vec<String> {
         let cell = &self.cells[row];
+        // By the first character, because cells such as `36.0 ± 9.0` are numbers, too.
         let is_number = cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c));
         let mut lines = broken(cell, self.width);
         if is_number {
@@ -159,6 +164,7 @@ fn narrow(columns: &mut [Column]) {
         let Some((widest, _)) = wider.max_by_key(|(column, _)| column.width) else {
             break;
         };
+        // One character at a time, so that wide columns end about equally wide.
         widest.width -= 1;
     }
     // After wrapping at words, a column may need less width.
@@ -173,6 +179,7 @@ fn broken(text: &str, width: usize) -> Vec<String> {
     let wrapped = wrapped(text, width, "");
     let lines = wrapped.lines().flat_map(|line| {
         let letters: Vec<char> = line.chars().collect();
+        // A column of empty texts has width 0, and chunks of 0 panic.
         let pieces = letters.chunks(width.max(1)).map(String::from_iter);
         pieces.collect::<Vec<String>>()
     });

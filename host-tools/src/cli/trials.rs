@@ -63,12 +63,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(take) = &arguments.take {
         named.retain(|file| file.take.as_ref() == Some(take));
     }
+    // Without a match of the pattern, `read` has returned an error, so this is by --take alone.
     if named.is_empty() {
         return Err(Error::Request("no file is of that take".into()));
     }
+    // Into memory first, so that the list is written whole or not at all.
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header = vec!["file", "texture", "speed_mm_s", "force_n"];
     header.extend(scale.map(|_| "scale_m_s2"));
+    // A list that did not pass on the mark of simulated files would make every library and report of them look
+    // recorded.
     let paths = named.iter().map(|file| folder.join(&file.file));
     let simulated = paths.map(|path| is_simulated(&path));
     let simulated = simulated.collect::<Result<Vec<bool>>>()?;
@@ -106,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Fills in the values that the name of `file` lacks. Returns its texture, speed and force.
+/// Fills in the values that the name of `file` lacks. Returns its texture, its speed, mm/s, and its force, N.
 fn completed(file: &mut Named, arguments: &Arguments) -> Result<(String, f64, f64)> {
     let missing = |what: &str| {
         Error::Request(format!(
@@ -119,6 +123,7 @@ fn completed(file: &mut Named, arguments: &Arguments) -> Result<(String, f64, f6
     if texture.is_empty() {
         return Err(missing("texture"));
     }
+    // A name from a file's name has not been checked by the parser of the options.
     if let Some(fault) = texture_fault(texture) {
         let problem = format!("tells the texture {texture:?}, whose name {fault}");
         return Err(Error::file(&arguments.folder.join(&file.file), problem));

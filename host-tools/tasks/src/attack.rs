@@ -10,21 +10,22 @@ use anyhow::{Context, Result};
 
 use crate::{process, workspace};
 
-/// Factor on the number of cases of a model check. `tests/run` divides the number by ten instead, so a round has forty
-/// times as many cases.
+/// Factor on the number of cases of a model check. Without a factor, as in `tests/run`, the tests divide the number by
+/// ten, so a round has forty times as many cases.
 const FACTOR: &str = "4";
 
-/// Number of cases per property, four times proptest's default, and number of cases that may be rejected.
+/// Number of cases of each property that sets none of its own, four times proptest's default, and number of cases that
+/// may be rejected.
 const PROPERTY_CASES: &str = "1024";
 const PROPERTY_REJECTS: &str = "4096";
 
 /// Number of random hostile libraries per round.
 const HOSTILE_LIBRARIES: &str = "1000";
 
-/// Runs of each fuzzer per round.
+/// Runs of each fuzzer per round; a quarter of them for a parser of the host.
 const FUZZ_RUNS: u64 = 1_000_000;
 
-/// Longest round of a fuzzer whose seed is given, s.
+/// Longest round of a fuzzer whose seed is given, s; a quarter of it for a parser of the host.
 const FUZZ_LIMIT_S: u64 = 24 * 3600;
 
 /// The only target that is not a test: the fuzzers of `tests/fuzz`.
@@ -82,6 +83,7 @@ pub fn duration(text: &str) -> std::result::Result<Duration, String> {
 fn round(name: &str, tests: &str, seed: u64, limit: Option<Duration>) -> Command {
     if name == FUZZ {
         let mut smoke = Command::new(workspace::root().join("tests/fuzz/smoke"));
+        // To libFuzzer a limit of 0 s is none.
         let seconds = limit.map_or(FUZZ_LIMIT_S, |limit| limit.as_secs().max(1));
         // libFuzzer accepts seeds of 32 bits, and treats 0 as no seed.
         let seed = (seed as u32).max(1);
@@ -113,6 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (mut rounds, mut targets) = (0, Vec::from(TARGETS));
     targets.retain(|(name, _)| is_asked(*name));
     for (name, tests) in targets.iter().cycle() {
+        // A seed repeats one round of each target.
         if arguments.seed.is_some() && rounds == targets.len() {
             break;
         }
@@ -123,6 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 left => left,
             },
         };
+        // A new `RandomState` hashes by random keys, so its hash of any number is a random one.
         let fresh = || RandomState::new().hash_one(rounds);
         let seed = arguments.seed.unwrap_or_else(fresh);
         println!("attack {name}, seed {seed}");

@@ -38,7 +38,7 @@ struct Built {
 /// Builds the module and keeps it. Returns a message on the result.
 ///
 /// # Errors
-/// There is no toolchain, the build fails, or a file cannot be written.
+/// There is no toolchain, the build fails, the module names a folder of this machine, or a file cannot be written.
 pub fn write() -> Result<String> {
     let Built {
         bytes, compiler, ..
@@ -54,7 +54,8 @@ pub fn write() -> Result<String> {
 /// Builds the module and compares it with the kept one. Returns a message on the result.
 ///
 /// # Errors
-/// There is no toolchain, the build fails, or the modules differ.
+/// There is no toolchain, the build fails, the module names a folder of this machine, a file cannot be read, or the
+/// modules differ: in their bytes if one compiler built both, else in what they play.
 pub fn check() -> Result<String> {
     let built = build()?;
     let kept = std::fs::read(workspace::root().join(KEPT)).context(KEPT)?;
@@ -134,6 +135,7 @@ fn build() -> Result<Built> {
         .join(PROFILE)
         .join("stylus_browser.wasm");
     let bytes = std::fs::read(process::built(file.clone())?)?;
+    // Then the same sources would give other bytes in another folder.
     if let Some(name) = folders.named_in(&bytes) {
         bail!("the module names {name}");
     }

@@ -10,7 +10,7 @@ use crate::guest::{self, Processor};
 use crate::qemu;
 use crate::toolchain::Toolchain;
 
-/// Smallest number of calls for a valid count of instructions.
+/// Smallest number of a texture's samples for a valid count of their instructions.
 const MIN_CALLS: u32 = 200;
 
 /// Words and measurements that the image prints on an emulated processor.
@@ -67,6 +67,7 @@ impl EmulatorReport {
 }
 
 fn cost(line: &str) -> Option<Cost> {
+    // The name of a texture has spaces, so it is the whole rest of the line.
     let mut parts = line.splitn(5, ' ').skip(1);
     let mut number = || parts.next()?.parse().ok();
     Some(Cost {
@@ -173,6 +174,7 @@ pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
             println!(
                 "{name}, {texture}: a {what} takes {fewest} to {most} instructions of {budget}"
             );
+            // The length of a tick must not depend on the data; an update may vary within its budget.
             if what == "sample" && fewest != most {
                 bail!(
                     "{name}, {texture}: a sample takes {fewest} to {most} instructions, by the data"

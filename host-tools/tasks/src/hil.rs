@@ -90,6 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         BOARD_MINUTES
     });
     suite.args(["--minutes", &minutes.to_string()]);
+    // The environment may name the link of a board, for other commands.
     let link = arguments.link.iter().filter(|_| !arguments.virtual_stylus);
     suite.args(link.flat_map(|link| ["--link", link]));
     let files = [

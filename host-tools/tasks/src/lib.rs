@@ -1,6 +1,6 @@
 //! Tasks around the microcontroller's core that need more than one call of cargo: finding a toolchain that has the
-//! target, building for it, and running the images on emulated processors. The check of the repository's layout is here
-//! too ([`house`]).
+//! target, building for it, and running the images on emulated processors. The check of the repository's layout
+//! ([`house`]), tables of the pages, attacks and releases are here too.
 //!
 //! The tests in `tests/qemu` use this library; the command `cargo tasks` is a thin layer over it.
 

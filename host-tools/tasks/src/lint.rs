@@ -1,4 +1,4 @@
-//! Runs Clippy on all code that is built for the target.
+//! Runs Clippy on the code that is built for the target, except the probe image of `tests/virtual-stylus`.
 
 use anyhow::Result;
 
@@ -31,7 +31,7 @@ pub fn severity(compiler: &str) -> &'static [&'static str] {
     if own { &["--deny", "warnings"] } else { &[] }
 }
 
-/// Lints everything that runs on the target. A warning is a failure if [`severity`] says so.
+/// Lints the packages, the image, the bootloader and the guest of QEMU. A warning is a failure if [`severity`] says so.
 ///
 /// # Errors
 /// There is no toolchain, or a warning is a failure.

@@ -65,6 +65,7 @@ pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<
     let errors = read_to_end(child.stderr.take());
     let status = child.wait_timeout(TIME_LIMIT)?;
     if status.is_none() {
+        // The end of the emulator closes its pipes, so that their readers end, too.
         child.kill().and_then(|()| child.wait())?;
     }
     let output = output.join().unwrap_or_default();

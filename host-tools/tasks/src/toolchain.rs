@@ -104,6 +104,7 @@ impl Toolchain {
         command.env("CARGO_TARGET_DIR", target_folder);
         command.args([subcommand, "--locked", "--target", TARGET]);
         if *self == Self::Debian {
+            // The compiler looks for its linker, rust-lld, on the search path.
             command.env("PATH", debian_first());
             // Building `core` is a nightly feature. No other nightly feature is used.
             command
@@ -168,8 +169,8 @@ pub fn rust_lld() -> Result<PathBuf> {
     process::built(Path::new(&folder).with_file_name("bin/rust-lld"))
 }
 
-/// Removes from `command` the variables that cargo sets for the programs that it runs, such as this task or a test.
-/// They would change the build that `command` starts.
+/// Removes from `command` the variables of this process that would change the build that `command` starts. Cargo or
+/// Clippy may have set them for this task or test, or the user for another build.
 pub(crate) fn without_inherited(command: &mut Command) {
     for inherited in [
         "CARGO_BUILD_TARGET",

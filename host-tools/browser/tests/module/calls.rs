@@ -1,4 +1,4 @@
-//! The place of a motion as the module tells it, against the library itself.
+//! The place of a motion as the module tells it, against the kernel's own.
 
 use kernel_vectors::{digest_library, scenes, specs};
 use model_format::scene::{Surface, Tap};
@@ -9,7 +9,7 @@ use stylus_kernel::grid::{GridPoint, ONE};
 
 use crate::wasm::Wasm;
 
-/// A scene with a gap between two regions, of the first two lattices.
+/// A scene of the first two lattices in two regions side by side, with a transition of 4 mm between them.
 fn library_with_a_scene() -> Vec<u8> {
     let tapped = Surface {
         tap: Some(Tap {

@@ -64,7 +64,7 @@ struct CalibrationReport {
     peak_volts: f64,
     peak_amperes: f64,
     peak_watts: f64,
-    /// The sensors at rest, measured again after their zeros were set.
+    /// The sensors at rest, measured again after the force's zero was set; `None` if it was kept.
     at_rest: Option<AtRest>,
     /// The scales of force and path, if they were measured.
     scales: ScalesReport,
@@ -101,6 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         response: None,
     };
     let is_set = values.iter().any(Option::is_some) || arguments.scales.are_wanted();
+    // With --response alone, the coil's values stay as they are set.
     if !arguments.response.response || is_set {
         report.calibration = Some(calibrate(arguments, &device, interrupt)?);
     }
@@ -150,6 +151,7 @@ fn calibrate(
         interrupt,
     };
     let (coil, mut changes) = bench.coil(&settings)?;
+    // The coil's values are refused before anybody holds the stylus for the measurements.
     check(&changes)?;
     let (zeros, scales) = bench.sensors(&settings)?;
     changes.extend(zeros);
@@ -164,7 +166,9 @@ fn calibrate(
     if !arguments.yes && answer("store these? [y/N]")?.trim() != "y" {
         return Err(Error::Request("nothing was stored".to_owned()));
     }
+    // In one change, so that a failure stores none of them.
     let stored = device.set_all(&changes)?;
+    // An error from here on must say that the settings are stored.
     let verified = bench.verify(&scales, &stored);
     let at_rest = verified.map_err(|failure| unverified(&changes, &failure))?;
     Ok(CalibrationReport {
@@ -200,7 +204,7 @@ fn unverified(changes: &[SettingChange], failure: &Error) -> Error {
 const UNANSWERED: &str =
     "nobody answered: give --resistance, --amplifier-gain, --power-limit and --yes";
 
-/// Checks `changes` before anything is asked or stored.
+/// Checks the ranges of `changes` before they are stored.
 fn check(changes: &[SettingChange]) -> Result<()> {
     for change in changes {
         let checked = change.setting.check(change.value);
@@ -234,6 +238,7 @@ impl Bench<'_> {
             arguments.hard_limit,
         ];
         if arguments.scales.are_wanted() && given.iter().all(Option::is_none) {
+            // Settings that were never set have placeholders, which are no coil.
             let set = self.device.status()?.settings.set;
             if SettingSet::REQUIRED.without(set) == SettingSet::NONE {
                 return Ok((coil, Vec::new()));
@@ -301,7 +306,8 @@ impl Bench<'_> {
         Ok((changes, scales))
     }
 
-    /// Measures again what was set. Returns the sensors at rest if the force's zero was set.
+    /// Measures again the force's zero and the scales that were set. Returns the sensors at rest if the force's zero
+    /// was set.
     fn verify(&self, scales: &ScalesReport, stored: &Settings) -> Result<Option<AtRest>> {
         let at_rest = if self.arguments.keep_force {
             None

@@ -89,6 +89,7 @@ impl Link {
     fn connect_somehow(&self) -> Result<Device> {
         let link = || match &self.link {
             Some(link) => Ok(link.clone()),
+            // Without a broker, which may be what failed.
             None => discovery::only(&Route::Direct).map(|(link, _)| link),
         };
         self.connect().or_else(|failure| {
@@ -109,7 +110,7 @@ impl Link {
         })
     }
 
-    /// Connects to a second link of the stylus.
+    /// Connects to a second link of the stylus, with the usual timeouts.
     ///
     /// # Errors
     /// See [`Device::connect_by`].
@@ -118,6 +119,7 @@ impl Link {
     }
 
     fn open(&self, link: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
+        // Either way the route carries the command's name, by which others are told who has the device.
         let route = if self.no_broker {
             Route::Alone(command())
         } else {
@@ -138,7 +140,7 @@ pub fn sharing() -> Result<Sharing> {
     })
 }
 
-/// Returns the first argument, which is the command, because options follow it.
+/// Returns the first argument: the command, unless a general option such as `-q` precedes it.
 fn command() -> String {
     std::env::args().nth(1).unwrap_or_default()
 }
@@ -197,6 +199,7 @@ struct StopReport {
 pub fn stop(arguments: &StopArguments) -> Result<()> {
     let device = arguments.link.connect_somehow()?;
     let (was_playing, _) = device.stop()?;
+    // A program that was killed may have left its recording running.
     let was_recording = device.status()?.record.recording;
     if was_recording {
         device.record_stop()?;

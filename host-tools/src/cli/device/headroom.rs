@@ -94,6 +94,7 @@ fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
 /// # Errors
 /// The link is lost, or no stylus plays a texture's sample rate.
 pub fn warn_of(device: &Device, library: &Library<'_>) -> Result<()> {
+    // Without a response, the levels at the tip are not known.
     if device.response()?.stored.is_none() {
         return Ok(());
     }

@@ -83,10 +83,12 @@ impl ResponseArguments {
         Ok(())
     }
 
-    /// Measures, verifies and stores the response. `answer` asks the operator; `None` if nobody is asked.
+    /// Measures, verifies and stores the response. `answer` asks the operator; `None` if nobody is asked. If the
+    /// actuator has a fault, nothing is stored, and the error stands beside the report.
     ///
     /// # Errors
-    /// The actuator has a fault, and nothing was changed; or the link is lost.
+    /// The link is lost, Ctrl-C was pressed, the operator does not answer or declines, the picture cannot be written,
+    /// or the number of bandwidths is neither one nor three.
     pub fn run(
         &self,
         device: &Device,
@@ -126,6 +128,7 @@ impl ResponseArguments {
                 return Err(Error::Request("interrupted; nothing was stored".to_owned()));
             }
         };
+        // Before the question, because the picture helps to answer it.
         if let Some(path) = &self.svg {
             picture(&done, device.address().is_of_an_emulator())?.write(path)?;
         }
@@ -135,6 +138,7 @@ impl ResponseArguments {
         {
             return Err(Error::Request("nothing was stored".to_owned()));
         }
+        // The device stores only the response that was proposed and proved, which the hash names.
         let id = done.response.id();
         device.set_response(ResponseChange::Store { id })?;
         let report = ResponseReport {
@@ -239,6 +243,7 @@ pub fn run_check(arguments: &CheckArguments) -> Result<()> {
     if arguments.json {
         print_json(&checked)?;
     }
+    // After the JSON, because a script wants the figures of a check that fails, too.
     if !checked.ok {
         let moved = checked.moved.join("; ");
         return Err(Error::Request(format!(

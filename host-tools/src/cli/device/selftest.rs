@@ -52,10 +52,12 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    // In a folder the record gets a new name of serial number and date, which replaces nothing.
     if !arguments.record.is_dir() {
         arguments.overwrite.file(&arguments.record)?;
     }
     let device = arguments.link.connect()?;
+    // Opened before the test, so that a wrong address does not cost the half minute of a test.
     let also = (arguments.also.as_ref())
         .map(|address| other(arguments, address, device.info().serial.as_str()))
         .transpose()?;
@@ -75,6 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let words = words(step, arguments.seconds);
         line.set_message(words.clone());
         if matches!(step, Step::Move) {
+            // A person must see this, also where progress is hidden.
             line.suspend(|| tell(&words));
         }
     })?;
@@ -127,7 +130,7 @@ fn words(step: Step, seconds: f64) -> String {
     }
 }
 
-/// Returns the lines as a table, with each remedy below its line.
+/// Returns the lines as a table, with each remedy beside its line, and the counts and the names of the lines that fail.
 fn text(record: &Record) -> String {
     let (header, rows) = headed(record.lines.iter().map(|line| {
         [

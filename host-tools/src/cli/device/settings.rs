@@ -51,7 +51,7 @@ enum Action {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    // Names and values are checked before the connection to the device.
+    // Unknown names, and values that are no numbers, are refused before the connection to the device.
     let mut changes = Vec::new();
     let mut wanted = SettingSet::ALL;
     match &arguments.action {
@@ -96,6 +96,7 @@ fn refused(error: SettingsError) -> Error {
 /// Proposes a change, asks the user about the limits that it loosens, and applies it.
 fn change(device: &Device, change: &SettingsChange, yes: bool) -> Result<Settings> {
     let (before, state) = (device.settings()?, device.status()?.settings);
+    // The device says what the change loosens, and applies only what was shown, which the proposal's token names.
     let proposal = device.propose(change)?;
     if !proposal.loosens.is_empty() {
         let after = change.applied_to(before).map_err(refused)?;

@@ -17,6 +17,7 @@ use crate::cli::table::{headed, table};
 pub enum Slot {
     A,
     B,
+    // Stands for `--activate` without a slot. Nobody types it.
     #[value(hide = true)]
     Newest,
 }

@@ -25,6 +25,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let file = UpdateFile::read(&arguments.image)?;
+    // The image that runs may speak another version of the protocol, which this update then ends.
     let mut device = arguments.link.connect_to_any()?;
     note(
         "note: an update gives up the library in the slot that is not active; settings and the active library stay. \

@@ -93,6 +93,7 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     }
     let mut device = arguments.link.connect()?;
     if !arguments.unchecked {
+        // A device of another format would refuse the library only after the whole of it was sent.
         device.check_library_format()?;
     }
     if arguments.replace_last {

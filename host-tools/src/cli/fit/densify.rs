@@ -10,6 +10,7 @@ use crate::cli::table::table;
 
 /// Densifies the grids of `fit` with a progress bar.
 pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<Densified> {
+    // How many lines will be tried is not known before, so each step makes the bar longer.
     let bar = progress::bar(0, "densifying");
     let densified = fill(fit, set, options, || bar.inc_length(1))?;
     bar.finish_and_clear();

@@ -91,6 +91,7 @@ fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Resul
             "--shard with --merge is for --each alone: one library is merged by one process";
         return Err(Error::Request(problem.into()));
     }
+    // Counted before the fit, because encoding would refuse the library only after the whole fit.
     let textures = set.by_texture().len();
     if textures > MAX_TEXTURES {
         return Err(Error::Request(format!(
@@ -110,6 +111,7 @@ fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Resul
     Ok(Fitted {
         fit,
         bytes,
+        // The record needs these hashes, and computing them again would read every recording again.
         contents: Some(merged.contents().to_vec()),
     })
 }
@@ -117,6 +119,7 @@ fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Resul
 /// Returns the set with its speeds and forces moved to nominal ones, and prints the moves.
 fn snapped(set: RecordingSet, snap: Snap) -> Result<RecordingSet> {
     let (set, moves) = set.snapped(snap)?;
+    // Only who asked for moves is told that there are none.
     if moves.is_empty() && ![Snap::default(), Snap::NONE].contains(&snap) {
         note(&format!("no speed or force is moved by --snap {snap}"));
     }
@@ -136,6 +139,7 @@ fn check_outputs(arguments: &Arguments) -> Result<()> {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     check_outputs(arguments)?;
+    // Strokes are no set of trials: nothing is snapped, and neither parts nor shards exist.
     if let (true, Some(out)) = (arguments.strokes.strokes, &arguments.out) {
         let (files, assumed) = (
             arguments.recordings.inputs(),

@@ -128,6 +128,8 @@ struct Written {
     warnings: Vec<Warning>,
 }
 
+/// Fits each texture of the set, or of the shard, and writes its library and record into the folder `out`, which is
+/// made if it is not there.
 pub fn write_each(
     set: &RecordingSet,
     options: &fit::Options,
@@ -135,9 +137,11 @@ pub fn write_each(
     large: &LargeSet,
     is_json: bool,
 ) -> Result<()> {
+    // Made before the checks below, which need a folder that accepts files.
     std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
     let share = large.shard.unwrap_or(Shard::WHOLE);
     let mut stems = Stems::default();
+    // Names of all textures, also of other shards' ones, so that each shard gives a texture the same file.
     let textures: Vec<(usize, &str, String)> = set
         .textures()
         .into_iter()

@@ -104,8 +104,8 @@ pub fn lines_found(fit: &Fit) -> String {
 /// Smallest fraction of power due to the rig's noise that is shown without --full.
 const SHOWN_FLOOR: f32 = 0.1;
 
-/// Returns a table of the fraction of the recordings' power that is due to the rig, by texture and speed; `None` if it
-/// is not known.
+/// Returns a table of the fraction of the recordings' power that is due to the rig, by texture and speed, or a sentence
+/// if no fraction is large enough to be shown; `None` if none is known.
 pub fn rigs_share(fit: &Fit) -> Option<String> {
     let least = if is_full() { 0.0 } else { SHOWN_FLOOR };
     let band = |(band, share): (usize, f32)| {
@@ -167,7 +167,7 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
 }
 
 /// Describes recordings that were sampled below 5 kHz, and the frequency above which they contain nothing of the
-/// surface; `None` if there are none. Rates too low for skin have a verdict instead.
+/// surface; `None` if there are none. Rates too low for skin also have a verdict.
 pub fn low_rates(trials: &[TrialReport]) -> Option<String> {
     let is_low = |rate_hz: &f64| *rate_hz < f64::from(SAMPLE_RATE_HZ);
     let low: Vec<f64> = (trials.iter().map(|trial| trial.source_rate_hz))

@@ -38,6 +38,7 @@ impl Strokes {
         assumed: &Assumed,
         options: &Options,
     ) -> Result<(Fit, Vec<u8>, FitRecord)> {
+        // A fit of trials takes folders. Reading one as a stroke would fail without a remedy.
         if let Some(folder) = files.iter().find(|path| path.is_dir()) {
             let problem = "is a folder: with --strokes give CSVs, such as stroke-1.csv";
             return Err(Error::file(folder, problem));

@@ -39,6 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         print(&text(&compiled, &report))?;
     }
+    // Only now, because the arithmetic shows what to leave out of a scene that does not fit.
     if report.fits {
         return Ok(());
     }

@@ -41,6 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     for path in &arguments.scenes {
         let compiled = SceneFile::read(path)?.compile(&library)?;
         let name = &compiled.scene.name;
+        // A scene replaces that of the same name in the library, so one of two given ones would be lost.
         if let Some(other) = scenes.iter().position(|scene| scene.name == *name) {
             let other = arguments.scenes[other].display();
             let problem = format!("its scene is called '{name}', like that of {other}; rename one");

@@ -78,6 +78,7 @@ fn text(fit: &TapFit) -> String {
     }));
     let counted = fit.impacts.iter().filter(|i| i.left_out.is_none());
     let counted: Vec<f64> = counted.map(|i| i.residual).collect();
+    // `TapFit::new` refuses recordings of which no impact counts.
     let left = counted.iter().sum::<f64>() / counted.len() as f64;
     let simulated = if fit.is_simulated { ", SIMULATED" } else { "" };
     let scatter = fit.gain_scatter.map_or_else(String::new, |scatter| {

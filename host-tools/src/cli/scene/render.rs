@@ -28,6 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
+    // A scene with a motion of its own plays at that, so it needs no given one.
     let constant = match compiled.scene.motion {
         MotionOfScene::Constant {
             speed_mm_s,
@@ -89,7 +90,8 @@ impl Source {
     /// Compiles the scene with `library`, which was read from [`Source::library_path`].
     ///
     /// # Errors
-    /// The scene file does not compile, or the library has no such scene.
+    /// The scene file does not compile, or holds another scene than `--scene` names; or the library has no such scene,
+    /// or has several and none is named.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         if self.is_text() {
             let compiled = SceneFile::read(&self.file)?.compile(library)?;

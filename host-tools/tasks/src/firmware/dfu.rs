@@ -16,6 +16,7 @@ const IDENTIFIERS: [u16; 4] = [0xFFFF, 0xDF11, 0x0483, 0x011A];
 pub fn file(pieces: &[Piece]) -> Vec<u8> {
     let mut elements = Vec::new();
     for Piece { address, bytes, .. } in pieces {
+        // The part programs whole words of flash.
         let length = bytes.len().next_multiple_of(WORD_BYTES);
         elements.extend((*address as u32).to_le_bytes());
         elements.extend((length as u32).to_le_bytes());
@@ -24,6 +25,7 @@ pub fn file(pieces: &[Piece]) -> Vec<u8> {
         elements.resize(end, 0xFF);
     }
     let mut file = b"DfuSe\x01".to_vec();
+    // The size of a file does not count its suffix. The 8 bytes are the target's size and number of elements.
     let all_bytes = PREFIX_BYTES + TARGET_BYTES + 8 + elements.len();
     file.extend((all_bytes as u32).to_le_bytes());
     file.push(1);
@@ -35,6 +37,7 @@ pub fn file(pieces: &[Piece]) -> Vec<u8> {
     file.extend(elements);
     file.extend(IDENTIFIERS.iter().flat_map(|word| word.to_le_bytes()));
     file.extend(b"UFD\x10");
+    // The CRC of the suffix is not complemented at its end (DFU 1.1, appendix B).
     let crc = Crc::<u32>::new(&CRC_32_JAMCRC).checksum(&file);
     file.extend(crc.to_le_bytes());
     file

@@ -99,6 +99,7 @@ impl Memory {
                 .find(|symbol| symbol.name() == Ok(name))
                 .map(|symbol| symbol.address())
         };
+        // The stack has no segment, only these two symbols of the linker script.
         if let (Some(top), Some(bottom)) = (symbol("_stack_start"), symbol("_stack_end")) {
             add(&mut uses, bottom, top - bottom);
         }

@@ -83,6 +83,7 @@ pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> 
     let dfu = kept.with_extension("dfu");
     fs::write(&dfu, dfu::file(&segments::all_pieces(&bytes)?))
         .with_context(|| dfu.display().to_string())?;
+    // The other variants have more code, for tests and debuggers, and may take the room that the product leaves.
     if image == Image::Product {
         Memory::of(&bytes)?.check_limits()?;
     }
@@ -148,7 +149,7 @@ fn build_in(
 /// Returns the use of each memory by the image in `file`.
 ///
 /// # Errors
-/// The file is not an image.
+/// The file cannot be read, or is not an image.
 pub fn memory(file: &Path) -> Result<Memory> {
     Memory::of(&read(file)?)
 }

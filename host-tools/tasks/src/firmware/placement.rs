@@ -100,6 +100,7 @@ fn check_from(
             if !(start..function.end).contains(&reference.at) {
                 continue;
             }
+            // What is neither code in ITCM nor in flash is data in RAM or a peripheral, which no flash delays.
             if let Some(called) = function_at(functions, reference.address) {
                 if seen.insert(called) {
                     waiting.push(called);
@@ -126,8 +127,10 @@ fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
     let mut functions: BTreeMap<u64, Function> = file
         .symbols()
         .filter(|symbol| {
+            // Symbols that begin with `$` mark stretches of code and data (Arm's ELF), not functions.
             symbol.kind() == SymbolKind::Text && !symbol.name().unwrap_or("$").starts_with('$')
         })
+        // Bit 0 of a function's address marks Thumb code.
         .map(|symbol| (symbol.address() & !1, symbol))
         .filter(|&(address, _)| is_itcm(address))
         .map(|(address, symbol)| {
@@ -189,6 +192,7 @@ fn is_of_a_panic(references: &[Reference], function_end: u64) -> bool {
     let Some(first) = references.first() else {
         return false;
     };
+    // The address of an argument is loaded before the call, so the next call decides.
     let call = references.iter().find(|reference| reference.is_call);
     call.is_some_and(|call| {
         call.at < function_end

@@ -22,6 +22,7 @@ pub fn check(toolchain: &Toolchain) -> Result<usize> {
         bail!("the image names {name}");
     }
     let elsewhere = workspace::target_folder("elsewhere");
+    // Names of other lengths and with spaces, because a path that reaches the image would change its size.
     let mut folders = Folders {
         sources: elsewhere.join("of-another/the sources"),
         target: elsewhere.join("outputs"),

@@ -40,6 +40,7 @@ pub fn pieces(image: &[u8]) -> Result<Vec<Piece>> {
     for segment in file.elf_header().program_headers(endian, file.data())? {
         let bytes = segment.data(endian, file.data()).unwrap_or_default();
         if segment.p_type(endian) == elf::PT_LOAD && !bytes.is_empty() {
+            // The physical address is where flashing tools write; code of the ITCM has its copy in flash there.
             segments.push((u64::from(segment.p_paddr(endian)), bytes));
         }
     }

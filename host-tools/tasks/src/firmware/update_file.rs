@@ -42,6 +42,7 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     let body = flashed(&read(image)?, "FLASH")?;
     let mut signed = sign(&body, version, &seed);
     if arguments.unsigned {
+        // The signature follows the header.
         signed[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
     }
     let out = arguments.out.clone();
@@ -68,7 +69,7 @@ pub fn make_keys(path: &Path) -> Result<PathBuf> {
     Ok(public)
 }
 
-/// Writes a file that only its owner may read.
+/// Writes a new file. On Unix only its owner may read it.
 fn write_secret(path: &Path, text: &str) -> std::io::Result<()> {
     let mut options = fs::OpenOptions::new();
     options.write(true).create_new(true);

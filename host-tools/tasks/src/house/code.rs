@@ -64,6 +64,7 @@ impl Source {
                 TokenTree::Group(group) => {
                     if group.delimiter() == Delimiter::Bracket {
                         let text = group.to_string();
+                        // Also `all(test, unix)`, but not `not(test)`, which is of the product.
                         is_of_tests = text.starts_with("[cfg")
                             && text.contains("test")
                             && !text.contains("not");
@@ -163,6 +164,7 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
     for module in modules.keys() {
         for (source, import) in imports(module) {
             let mut target = defined(absolute(module, &import.segments), &names);
+            // The last segments may name items. What is left is their module.
             while !modules.contains_key(&target) && target.len() > 1 {
                 target.pop();
             }
@@ -231,8 +233,8 @@ fn defined(mut target: Path, names: &BTreeMap<Path, Path>) -> Path {
     target
 }
 
-/// Reports the imports that are in circles: those that remain when modules without imports or without importers are
-/// removed until nothing changes.
+/// Reports the imports that are in circles or lead from one circle to another: those that remain when modules without
+/// imports or without importers are removed until nothing changes.
 fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
     loop {
         let before = arrows.values().map(Vec::len).sum::<usize>();

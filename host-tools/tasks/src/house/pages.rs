@@ -19,6 +19,7 @@ pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
         let text = outside_fences(text);
         let (mut line, mut before) = (1, "");
         for (index, piece) in text.split('`').enumerate() {
+            // Text and code spans alternate.
             let is_span = index % 2 == 1;
             let found = if is_span {
                 let exists = span_exists(tree, page, piece);
@@ -32,6 +33,7 @@ pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
                 if !exists {
                     outcome.find(page, line, format!("'{path}' does not exist"));
                 }
+                // In [`item`](path) the link begins right behind the span.
                 let item = Some(before).filter(|item| at == 0 && !is_span && is_item(item));
                 let path = joined(folder(page), path);
                 let source = sources.iter().find(|it| Some(&it.path) == path.as_ref());
@@ -77,7 +79,7 @@ fn is_item(span: &str) -> bool {
 }
 
 /// Returns whether the path in a code span exists, relative to the root or to the page's folder. `None` if `span` is
-/// not a path: it counts as a path only if its first part exists.
+/// not a path: it counts as a path only if it has several parts and the first exists.
 fn span_exists(tree: &Tree, page: &str, span: &str) -> Option<bool> {
     let is_in_path = |char: char| char.is_alphanumeric() || "/._-+".contains(char);
     // `path:12` refers to a line of a file.

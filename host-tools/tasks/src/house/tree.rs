@@ -22,6 +22,7 @@ impl Tree {
         let mut files = BTreeMap::new();
         for path in String::from_utf8_lossy(&listed).split_terminator('\0') {
             let file = root.join(path);
+            // Git also lists files whose removal is not committed yet, and links to folders.
             if file.is_file() {
                 let text = String::from_utf8(fs::read(file)?).unwrap_or_default();
                 files.insert(path.to_owned(), text);

@@ -25,6 +25,7 @@ pub fn cut(text: &str, version: &str, date: &str) -> Result<String> {
     if entries.clone().all(|line| line.is_empty()) {
         bail!("CHANGELOG.md has nothing under \"{UNRELEASED}\"");
     }
+    // The line `at` is the last one before the change.
     let (first, last) = (
         at.saturating_sub(CONTEXT - 1),
         (at + 1 + CONTEXT).min(lines.len()),

@@ -116,6 +116,7 @@ pub fn built_by_cargo(
     );
     cargo
         .current_dir(workspace::root())
+        // `cargo rustc` passes the linker's arguments for this package alone, not for its dependencies.
         .args(["rustc", "--quiet", "--locked"])
         .args(named)
         .args(["--profile", profile, "--target", system.target, "--"])

@@ -71,6 +71,7 @@ fn of_metadata(metadata: &Value) -> Result<Value> {
             json!({ "ref": reference(packages[*id]), "dependsOn": on.collect::<BTreeSet<_>>() })
         })
         .collect();
+    // cargo's names of packages, by which they are found, contain folders, so their order differs by machine.
     components.sort_by_key(|component| text(component, "bom-ref").to_owned());
     dependencies.sort_by_key(|dependency| text(dependency, "ref").to_owned());
     Ok(json!({
@@ -121,6 +122,7 @@ fn component(package: &Value) -> Value {
 /// Returns the packages that are built into that of `node`. Dependencies of only its tests or its build are not.
 fn built_in(node: &Value) -> impl Iterator<Item = &str> {
     items(node, "deps")
+        // cargo's word for the kind of a normal dependency is null.
         .filter(|dependency| items(dependency, "dep_kinds").any(|kind| kind["kind"].is_null()))
         .map(|dependency| text(dependency, "pkg"))
 }

@@ -100,7 +100,8 @@ struct Build {
 /// Builds the files, and returns their folder.
 ///
 /// # Errors
-/// The sources differ from the commit, a tool is missing, or a build fails.
+/// The sources differ from the commit, a tool or the key is missing, the folder holds a foreign file, a build fails, or
+/// a checksum differs from that of the other build.
 pub fn run(arguments: &Arguments) -> Result<PathBuf> {
     let parts = match arguments.only.as_slice() {
         [] => &Part::ALL[..],
@@ -113,6 +114,7 @@ pub fn run(arguments: &Arguments) -> Result<PathBuf> {
     if parts.contains(&Part::Image) && !arguments.dev {
         check_key(arguments.key.as_deref())?;
     }
+    // Read before the builds, so that a wrong path does not cost an hour.
     let against = arguments
         .against
         .as_deref()
@@ -168,6 +170,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
         }
         Part::Wheel => wheel::build(build).map(drop),
         Part::Module => {
+            // The kept module is released, so it first has to be what these sources give.
             println!("{}", browser_module::check()?);
             keep(
                 &root.join(browser_module::KEPT),
@@ -185,6 +188,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
             &format!("stylus-{version}.cdx.json"),
             &contents::list()?,
         ),
+        // The parts of a system were returned above, so only the changelog is left.
         _ => {
             let path = root.join("CHANGELOG.md");
             let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
@@ -298,6 +302,7 @@ const SUMS: &str = "SHA256SUMS";
 fn checksums(folder: &Path) -> Result<String> {
     let names = fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name()));
     let mut names = names.collect::<Result<Vec<_>>>()?;
+    // A folder lists its files in any order, and the list has to be the same everywhere.
     names.sort();
     let mut program = Command::new(process::find("sha256sum", "it comes with GNU coreutils")?);
     let sums = process::output(program.current_dir(folder).arg("--").args(names))? + "\n";

@@ -66,6 +66,7 @@ pub fn build(system: &System, build: &Build) -> Result<()> {
     if system.is_windows() {
         write_import_library(&header, &folder.join("lib"))?;
     } else {
+        // The loader looks for the name with the number, the linker for that without it.
         let library = folder.join("lib/libstylusplayer.so");
         fs::rename(&library, library.with_file_name(&shared))?;
         symlink(&shared, library)?;
@@ -123,7 +124,7 @@ fn copy(file: &Path, folder: &Path) -> Result<()> {
     copied.map(drop).with_context(|| file.display().to_string())
 }
 
-/// Writes an archive whose bytes depend only on names and contents.
+/// Writes an archive whose bytes depend only on names, contents and the time of the commit.
 fn archive(parent: &Path, name: &str, build: &Build) -> Result<()> {
     let archive = build.out.join(format!("{name}.tar.gz"));
     let mut tar = Command::new(process::find("tar", "it comes with GNU tar")?);
@@ -135,6 +136,7 @@ fn archive(parent: &Path, name: &str, build: &Build) -> Result<()> {
     ])
     .args(["--owner=0", "--group=0", "--mode=u+rw,go=rX"])
     .arg(format!("--mtime=@{}", build.epoch))
+    // Without this option gzip may store the time.
     .args(["--use-compress-program", "gzip --no-name", "--file"])
     .arg(archive)
     .arg("--directory")

@@ -31,7 +31,8 @@ pub fn settings() -> String {
     table(header, Setting::ALL.into_iter().map(row))
 }
 
-/// Instructions per tick of a scene's stages, and the budget for all stages together.
+/// Instructions of a scene's stages per sample, which is per tick at 5 kHz, and the budget per tick for all stages
+/// together.
 pub fn scene_stages() -> String {
     let rows = [
         ("list of stages and mix", cost::MIX, ""),
@@ -177,7 +178,7 @@ pub fn table<const COLUMNS: usize>(
     text
 }
 
-/// Formats `number` with a space before every three digits, if it has at least five digits.
+/// Formats `number` with a space before every three digits from the right, if it has at least five digits.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     if digits.len() < 5 {

@@ -116,6 +116,7 @@ impl Bench<'_> {
         // A separate thread waits for the keyboard, because the recording continues meanwhile.
         let ask = move || drop(std::thread::spawn(move || sender.send(answer(&question))));
         let mut answered = None;
+        // The question is asked once the recording runs, so that no count of the movement is missed.
         let travel = Travel::record(self.device, ask, || {
             if let Ok(answer) = answers.try_recv() {
                 answered = Some(answer);

@@ -66,6 +66,7 @@ impl LibraryFile {
         let rendered = render(
             texture,
             motion,
+            // A play may have lasted for hours, or for no time at all, which has no level.
             seconds.clamp(RENDERED_S[0], RENDERED_S[1]),
             request.seed,
         )?;

@@ -40,7 +40,7 @@ struct Sensors<'a> {
 
 impl<'a> Live<'a> {
     /// Begins to show a playback along `motion`, or without one along the motion of the sensors of `device`. The
-    /// sensors' speed is not shown if they cannot be read because another link is recording.
+    /// sensors' speed is not shown if they cannot be read, such as while another link is recording.
     pub fn begin(device: &'a Device, motion: Option<&'a MotionPath>) -> Self {
         let sensors = || {
             let settings = device.settings().ok()?;
@@ -54,6 +54,7 @@ impl<'a> Live<'a> {
         Self {
             line: progress::line("playing; Ctrl-C stops"),
             shown: Instant::now(),
+            // Along a given motion, speed and force are known without a recording, which other programs may want.
             sensors: if motion.is_none() { sensors() } else { None },
             motion,
         }

@@ -99,6 +99,7 @@ struct PlayReport<'a> {
     /// Largest speed that the sensors measured, mm/s; `None` with another motion, or if the sensors could not be read.
     fastest_mm_s: Option<f64>,
     saturations: u32,
+    /// Numbers of samples at each limit, since the device's start.
     hard_limited: u32,
     slew_limited: u32,
     thermally_limited: u32,
@@ -119,6 +120,7 @@ struct PlayReport<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    // Files and names are read before the device is asked, so that a slip needs no device to be told.
     let plan = plan(arguments)?;
     let request = request(arguments, &plan)?;
     let device = arguments.link.connect()?;
@@ -133,11 +135,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (played, fastest_mm_s) = keep_playing(&device, &plan, interrupt, &mut heard);
     let (driven, status) = stop(&device, played)?;
     let known = library.as_ref().zip(plan.motion.as_ref());
+    // Only now it is known for how long the play lasted.
     let expected = known.map(|(library, motion)| library.level(&request, motion, driven.seconds));
     let expected = expected.transpose()?.flatten();
     let failure = heard.failure(&driven);
     warn_of_limits(&before.output, &status);
     let has_moved = fastest_mm_s.is_none_or(|speed| speed > 0.0);
+    // A scene may have a constant motion of its own, which no sensor shows.
     if !has_moved && arguments.texture.is_some() {
         warn_of_stillness(&device);
     }
@@ -334,6 +338,7 @@ fn keep_playing(
     interrupt: Interrupt,
     heard: &mut Heard,
 ) -> (Result<Driven>, Option<f64>) {
+    // Both functions that `drive` calls use the display, one after the other.
     let live = RefCell::new(Live::begin(device, plan.motion.as_ref()));
     let ended = Cell::new(false);
     let driven = drive(

@@ -93,6 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return strokes::run(arguments);
     }
     let points = arguments.points()?;
+    // `Folder::open` makes a folder that is not there yet. It has no list that could be lost.
     if arguments.out.is_dir() {
         check_in_growing_folder(&arguments.out.join(TRIALS_FILE))?;
     }
@@ -128,7 +129,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&report.text())
 }
 
-/// Number of samples over which a live level is averaged: 0.1 s.
+/// Number of samples over which a live level is averaged: 0.1 s at 5 kHz.
 pub const LIVE_SAMPLES: usize = 500;
 
 /// Formats a level in a few words.

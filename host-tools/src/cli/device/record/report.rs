@@ -10,7 +10,8 @@ use serde::Serialize;
 
 use crate::cli::table::{headed, table};
 
-/// Relative amount by which the measured speed or force may differ from the wanted one.
+/// Relative amount by which the measured speed or force may differ from the wanted one. A wanted value below 0.1 counts
+/// as 0.1, because otherwise any speed or force would differ from a wanted 0.
 const TOLERANCE: f64 = 0.1;
 
 /// Fraction of the wanted speed below which a trial counts as without motion.
@@ -171,6 +172,7 @@ fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<Str
     let is_rest = point.speed_mm_s <= 0.0 || point.force_n <= 0.0;
     let triage = analysis.verdicts.iter();
     let mut verdicts: Vec<String> = triage
+        // At rest or without contact a surface is silent, as it should be.
         .filter(|verdict| !(is_rest && verdict.name() == "silent"))
         .map(ToString::to_string)
         .collect();

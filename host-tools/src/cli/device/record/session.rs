@@ -74,6 +74,7 @@ impl<'a> Session<'a> {
             };
             let row = self.keep(folder, point, &capture)?;
             say(&format!("    {}", row.line()));
+            // A good trial is kept without a question, so that a session needs one key per trial.
             if row.verdicts.is_empty() {
                 return Ok(Outcome::Recorded(row));
             }
@@ -174,6 +175,7 @@ impl Operator {
                     other => say(&format!("    '{other}'? {question}")),
                 },
                 Err(RecvTimeoutError::Timeout) => {}
+                // The input has ended, so no answer will come.
                 Err(RecvTimeoutError::Disconnected) => return Answer::End,
             }
         }

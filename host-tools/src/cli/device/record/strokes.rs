@@ -34,6 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let interrupt = Interrupt::listen()?;
     let bar = progress::bar(100, "recording; Ctrl-C ends it");
     let heard = |samples: &[Option<RecordSample>], wanted: usize, rate_hz: u32| {
+        // The newest ones, in their order. Those that were lost count as time.
         let recent = samples.iter().rev().take(LIVE_SAMPLES).rev().flatten();
         let recent: Vec<RecordSample> = recent.copied().collect();
         let level = Level::of(&recent, &calibration, f64::from(rate_hz));

@@ -91,6 +91,7 @@ fn text(info: &DeviceInfo, status: &Status, update: Option<UpdateReport>) -> Str
     let update = update.map_or("no bootloader".to_owned(), self::update);
     lines.push(format!("update   {update}"));
     if let Some(fault) = &status.fault {
+        // Labels in capitals are of what needs attention.
         lines.push(self::fault(fault));
     }
     lines.extend(settings(&status.settings).map(|line| format!("SETTINGS {line}")));
@@ -306,6 +307,7 @@ pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
             state.differing
         )
     });
+    // Lost settings are told by the refusal to play, which says more.
     let mended = (state.mended && state.lost.is_empty()).then(|| {
         "one of the two copies in flash was damaged, or its writing was interrupted; it was rewritten".to_owned()
     });

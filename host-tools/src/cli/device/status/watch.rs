@@ -15,7 +15,7 @@ use super::{Arguments, output};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, warn};
 
-/// Interval at which Ctrl-C is checked.
+/// Interval at which Ctrl-C is checked while the sensors cannot be read, and longest single wait for their samples.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The state at the end of one interval.
@@ -26,7 +26,7 @@ struct Reading {
     ticks: u64,
     missed: u32,
     late_frames: u32,
-    /// Level of the sensors; `None` while another program records.
+    /// Level of the sensors; `None` if another program was recording when this command began.
     level: Option<Level>,
 }
 
@@ -51,6 +51,7 @@ pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     };
     while !is_over() {
         shown += 1;
+        // Counted from the begin, so that the delays of readings do not add up.
         let until = f64::from(shown) * arguments.interval;
         let level = if let Some(stream) = &mut stream {
             Some(listen(stream, &calibration, begin, until)?)
@@ -68,7 +69,7 @@ pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Receives samples until `until`, s after `begin`, and returns their level.
+/// Receives samples until `until`, s after `begin`, and returns their level. Ctrl-C is not checked meanwhile.
 fn listen(
     stream: &mut Stream<'_>,
     calibration: &Calibration,
@@ -133,6 +134,7 @@ impl Reading {
 /// Shows a reading: on a terminal in one line that is updated, otherwise in a new line.
 fn show(reading: &Reading, json: bool, line: &indicatif::ProgressBar) -> Result<()> {
     if json {
+        // In one line, so that a script can read it as soon as it comes.
         let text = serde_json::to_string(reading)
             .map_err(|failure| Error::Request(failure.to_string()))?;
         print(&visible_json(&text))
