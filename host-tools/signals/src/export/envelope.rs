@@ -92,6 +92,7 @@ impl Envelope {
     /// Returns the AHAP file: continuous events of full intensity and zero sharpness, and curves that control both.
     pub fn ahap(&self, full_scale_m_s2: f64, description: &str) -> Value {
         let end_s = self.0.last().map_or(0.0, |point| point.time_s);
+        // A device multiplies an event's intensity by its curve, and adds the other curve to its sharpness.
         let events = (0..(end_s / MAX_EVENT_S).ceil() as u32).map(|index| {
             let begin_s = f64::from(index) * MAX_EVENT_S;
             json!({"Event": {

@@ -64,6 +64,8 @@ fn stream(mut block: [f64; BLOCK]) -> Vec<u8> {
     }
     let mut coder = Coder::default();
     let head = HIGHEST_BIT | scale_code << 4;
+    // The head is 4 bits of the highest bit, one of the scale's kind and 7 of the scale, each with its lowest bit
+    // first.
     (0..12).for_each(|bit| coder.push(HEAD, head >> bit & 1 == 1));
     code(&coefficients, HIGHEST_BIT, |context, bit| {
         coder.push(context, bit);

@@ -46,6 +46,7 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
             let is_large = put_single(i, SINGLE, &mut put);
             if is_large { &mut large } else { &mut small }.push(i);
         }
+        // Sets that are divided in this pass are examined in the same pass, as the standard's decoder expects.
         let mut queue = VecDeque::from(std::mem::take(&mut sets));
         while let Some((root, kind)) = queue.pop_front() {
             let children = [2 * root, 2 * root + 1];
@@ -68,6 +69,7 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
                 }
             }
         }
+        // A coefficient that became large in this pass has already shown this bit.
         for &i in &large[..before] {
             put(REFINEMENT, magnitude(i) & threshold != 0);
         }

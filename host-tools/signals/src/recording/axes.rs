@@ -24,7 +24,8 @@ impl LeftOut {
     /// Evaluates `samples`, the columns of a header except those of times and motion, each as an index and a name.
     ///
     /// If some names are those of accelerations, columns without such a name or unit contain something else. If the
-    /// header names no acceleration, it gives no information, so all its columns are kept.
+    /// header names no acceleration, it gives no information, so all its columns are kept. The one magnitude next to
+    /// three axes is left out in either case.
     pub fn of(samples: &[(usize, &str)]) -> Self {
         let is_told = samples.iter().any(|(_, name)| is_acceleration(name));
         let is_axis = |name: &str| !is_told || is_acceleration(name) || has_unit(name);

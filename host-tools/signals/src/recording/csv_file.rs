@@ -142,6 +142,7 @@ impl<'a> Columns<'a> {
             for (index, column) in read.values.iter_mut().enumerate() {
                 let time = read.times.iter_mut().find(|time| time.index == index);
                 column.push(match (row.number(index), time) {
+                    // A time that is not a number may be one of day, which is converted to seconds.
                     (Err(fault), Some(time)) => {
                         time.unit = Some(TimeUnit::S);
                         time_text::seconds(row.text(index)).ok_or(fault)?
@@ -375,7 +376,7 @@ fn stem(name: &str) -> String {
     word.unwrap_or_default().to_owned()
 }
 
-/// Refuses a header that contains numbers, or a field that begins like a number.
+/// Refuses a header that contains numbers, or whose first field begins like a number.
 fn refuse_numbers_in_header(header: &Row<'_, '_>, table: &CsvTable) -> Result<()> {
     let is_number = |field: &str| table.number(field).is_some();
     let Some((index, bad)) = header

@@ -88,6 +88,7 @@ impl Iterator for Rendering<'_> {
             let interaction = self.hand.for_block(time_s, self.clock.block_s());
             let samples = self.clock.block_samples();
             self.player.follow(interaction, samples);
+            // A rendering may end within its last block.
             self.block.truncate(left.min(samples as usize));
             self.player.next_block(&mut self.block);
             self.taken = 0;

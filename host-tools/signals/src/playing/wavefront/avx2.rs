@@ -271,8 +271,8 @@ pub const MAX_SAMPLES: usize = 16;
 /// ended, read zeros. Each sample is two stages behind the previous one.
 const MARGIN: usize = 2 * MAX_SAMPLES;
 
-/// Number of entries of all planes, rounded up so that the planes have equal lengths and every read of several lanes
-/// stays within the array.
+/// Number of entries of all planes, rounded up so that every read of several lanes stays within the array. Six planes
+/// leave two entries unused.
 const ENTRIES: usize = (MAX_ORDER + 2 * MARGIN + 2 * MAX_SAMPLES).next_multiple_of(64);
 
 /// Rotations in `SPACING` planes. A plane holds every `SPACING`-th stage, so that neighbouring entries load into

@@ -29,7 +29,8 @@ const MOST: usize = 10;
 /// Number of samples per block; only the highest energy in a block is a candidate.
 const BLOCK: usize = 64;
 
-/// Ratio to the median above which a window's energy is an event. White noise reaches this ratio once in 3000 windows.
+/// Ratio to the median above which a window's energy is an event. Gaussian noise exceeds this ratio once in two million
+/// windows.
 const EVENT: f64 = 6.0;
 
 /// Number of samples on either side that ring in a contact, and their least mean power in this case, relative to the
@@ -37,7 +38,7 @@ const EVENT: f64 = 6.0;
 const SHOULDER: usize = 32;
 const LOUD_SHOULDER: f64 = 9.0;
 
-/// Largest number of successive samples without a large error within a burst.
+/// Largest distance from one large error of a burst to the next, samples.
 const PAUSE: usize = 6;
 
 /// Least ratio of a burst's energy to that of the next event, and least product of this ratio and [`Left::whiteness`].
@@ -73,8 +74,8 @@ pub struct Burst {
     pub start_s: f64,
     /// Duration, s.
     pub seconds: f64,
-    /// Ratio of the burst's prediction error to the largest prediction error elsewhere on the axis, both as RMS over 8
-    /// samples.
+    /// Ratio of the burst's prediction error to the largest elsewhere on the axis where no other axis has an event,
+    /// both as RMS over 8 samples.
     pub ratio: f64,
 }
 

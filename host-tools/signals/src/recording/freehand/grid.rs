@@ -83,7 +83,7 @@ pub fn proposed_grid(recordings: &[Freehand]) -> Option<(GridAxis, GridAxis)> {
     Some((proposed(speeds, SPEEDS)?, proposed(forces, FORCES)?))
 }
 
-/// Returns an axis of at most `lines` lines, or one more, for `values` above zero.
+/// Returns an axis of at most `lines` lines for `values` above zero; `None` if there are none.
 fn proposed(mut values: Vec<f64>, lines: f64) -> Option<GridAxis> {
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
@@ -98,6 +98,7 @@ fn proposed(mut values: Vec<f64>, lines: f64) -> Option<GridAxis> {
     let rounded = |value: f64| (value * 1e6).round() / 1e6;
     let step = rounded(factor * power);
     Some(GridAxis {
+        // A line at zero would be a node at rest or without contact.
         lowest: rounded((low / step).round().max(1.0) * step),
         highest: rounded((high / step).round().max(1.0) * step),
         step,

@@ -61,7 +61,7 @@ pub struct Options {
 pub struct Segment {
     /// Index of the recording that contains the segment.
     pub recording: usize,
-    /// First sample.
+    /// Index of the first sample in the recording.
     pub first: usize,
     /// Index after the last sample.
     pub end: usize,
@@ -402,6 +402,7 @@ fn segments_of(
     let mut begin = 0;
     while begin < blocks.len() {
         let end = steady_end(blocks, begin, options);
+        // A steady part may begin at any block.
         if end - begin < least {
             begin += 1;
             continue;
