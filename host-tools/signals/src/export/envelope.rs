@@ -59,6 +59,7 @@ impl Envelope {
 
     /// Returns the samples of the tone, m/s².
     pub fn tone(&self, rate_hz: f64) -> Vec<f64> {
+        // The phase is carried on from point to point, so that the tone does not jump.
         let (mut tone, mut phase) = (Vec::new(), 0.0f64);
         for [from, to] in self.0.array_windows() {
             let begin = tone.len();
@@ -115,6 +116,7 @@ impl Envelope {
 
     /// Returns curves of a parameter through all points, with times relative to the beginning of each curve.
     fn curves(&self, name: &str, value: impl Fn(&Point) -> f64) -> impl Iterator<Item = Value> {
+        // The last point begins no curve, because a curve needs two.
         let begins = (0..self.0.len().saturating_sub(1)).step_by(SEGMENTS);
         begins.map(move |first| {
             let points = &self.0[first..self.0.len().min(first + SEGMENTS + 1)];

@@ -24,6 +24,7 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
     let magnitude = |i: usize| coefficients[i].unsigned_abs();
     // Largest magnitude below each root in its tree.
     let mut below = vec![0; count];
+    // From the leaves up, because each root needs the values of its children.
     for root in (1..count / 2).rev() {
         let largest = [2 * root, 2 * root + 1].map(|child| magnitude(child).max(below[child]));
         below[root] = largest[0].max(largest[1]);
@@ -64,6 +65,7 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
                     let is_large = put_single(child, CHILD, &mut put);
                     if is_large { &mut large } else { &mut small }.push(child);
                 }
+                // Otherwise the children are the finest details, which have no children.
                 if 4 * root + 3 < count {
                     queue.push_back((root, FAR_BELOW));
                 }

@@ -51,6 +51,7 @@ impl<Samples: Iterator<Item = OutputSample>> Pin<Samples> {
             config,
             state: State::new(&config),
             codes: [DacCode::MID_SCALE; OVERSAMPLING],
+            // No code is left, so the first call runs a tick.
             taken: OVERSAMPLING,
         }
     }

@@ -32,6 +32,7 @@ impl LeftOut {
         let (axes, others): (Vec<_>, Vec<_>) =
             samples.iter().copied().partition(|(_, name)| is_axis(name));
         let mut magnitudes = axes.iter().copied().filter(|(_, name)| is_magnitude(name));
+        // With two magnitudes, it is open which three columns are the axes.
         let magnitude = match (magnitudes.next(), magnitudes.next()) {
             (Some(only), None) if axes.len() == MAX_CHANNELS + 1 => Some(only),
             _ => None,
@@ -88,6 +89,7 @@ pub(super) fn is_acceleration(name: &str) -> bool {
             || word.starts_with("beschleunigung")
     };
     let is_statistic = |word: &str| {
+        // ROS numbers the elements of a covariance.
         let word = word.trim_end_matches(|last: char| last.is_ascii_digit());
         STATISTIC_WORDS.contains(&word)
     };

@@ -197,6 +197,7 @@ impl<'a> Columns<'a> {
             && first.len() >= LEAST_TIMES
             && first.windows(2).all(|pair| pair[1] > pair[0])
         {
+            // A counter looks like times in ms at 1 kHz, so only a unit decides.
             if unit.is_none() && first.windows(2).all(|pair| pair[1] - pair[0] == 1.0) {
                 let problem = format!(
                     "has no header, and its first column counts: add a header that names it '{TIME_COLUMN}' or \
@@ -307,6 +308,7 @@ fn is_no_value(field: &str) -> bool {
 fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
     let mut samples = columns.iter().flatten();
     let are_whole = samples.clone().all(|sample| sample.fract() == 0.0);
+    // Samples of -1, 0 and 1 alone may be of any kind.
     (are_whole && samples.any(|sample| sample.abs() > 1.0)).then_some(Integers::Counts)
 }
 

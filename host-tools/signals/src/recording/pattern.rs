@@ -153,6 +153,7 @@ impl Pattern {
     pub fn read(&self, folder: &Path) -> Result<(Vec<Named>, Vec<String>)> {
         let mut paths = Vec::new();
         collect(folder, Path::new(""), &mut paths)?;
+        // A folder lists its files in no fixed order.
         paths.sort_by(|one, other| one.as_os_str().cmp(other.as_os_str()));
         let (mut named, mut others) = (Vec::new(), Vec::new());
         for path in paths {
@@ -179,6 +180,7 @@ fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> 
         let entry = entry.map_err(Error::io("read", folder))?;
         let path = above.join(entry.file_name());
         let kind = entry.file_type().map_err(Error::io("read", folder))?;
+        // A link to a folder is not a folder here, so that links cannot lead in a circle.
         if kind.is_dir() {
             collect(&entry.path(), &path, paths)?;
             continue;

@@ -180,6 +180,7 @@ impl RecordingSet {
 
     /// Returns the textures' names, in the order of their first trials, with the indices of the trials of each.
     pub fn by_texture(&self) -> Vec<(&str, Vec<usize>)> {
+        // The map finds a group at once, and the list keeps the order.
         let mut numbers: HashMap<&str, usize> = HashMap::new();
         let mut groups: Vec<(&str, Vec<usize>)> = Vec::new();
         for (index, trial) in self.trials.iter().enumerate() {

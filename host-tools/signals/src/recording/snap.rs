@@ -143,6 +143,7 @@ fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
     }
     let mean = cluster.iter().sum::<f64>() / cluster.len() as f64;
     let mean = mean.clamp(low, high);
+    // Text rounds to decimal digits; a product with a power of ten would leave round-off, such as 0.6000000000000001.
     let rounded = |digits: usize| format!("{mean:.digits$e}").parse().unwrap_or(mean);
     let round = (0..MOST_DIGITS).map(rounded);
     Ok(round
@@ -302,7 +303,7 @@ impl Nominal {
         Some(Self { moves })
     }
 
-    /// Returns the nominal value of `value`.
+    /// Returns the nominal value of `value`, one of the measured values.
     pub fn of(&self, value: f64) -> f64 {
         let index = self.moves.partition_point(|&(from, _)| from < value);
         self.moves.get(index).map_or(value, |&(_, to)| to)
@@ -371,6 +372,7 @@ impl RecordingSet {
             };
             for &member in &members {
                 let trial = &mut self.trials[member];
+                // Spectral lines stay at the speed that was measured.
                 trial.measured_speed_mm_s.get_or_insert(trial.speed_mm_s);
                 trial.speed_mm_s = speeds.of(trial.speed_mm_s);
                 trial.force_n = forces.of(trial.force_n);

@@ -27,14 +27,14 @@ const MOST_DECIMALS: usize = 9;
 /// The steps of a file's times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Steps {
-    /// Median of the steps, s.
+    /// Median of the steps, in the unit of the times.
     pub usual_s: f64,
     /// Relative deviation from the median that nine of ten steps do not exceed.
     pub unevenness: f64,
 }
 
 impl Steps {
-    /// Computes the steps of at least two `times`, s.
+    /// Computes the steps of at least two `times`, in any unit.
     pub fn of(times: &[f64]) -> Self {
         let stride = times.len().div_ceil(MOST_STEPS);
         let steps = times.windows(2).step_by(stride);
@@ -54,7 +54,7 @@ impl Steps {
         }
     }
 
-    /// Returns whether `step_s` is possible for even steps.
+    /// Returns whether `step_s`, in the unit of the times, is possible for even steps.
     pub fn hold_even(&self, step_s: f64) -> bool {
         // The comparison is false for a NaN.
         step_s > 0.0 && (step_s / self.usual_s - 1.0).abs() <= LARGEST_DEVIATION
@@ -73,8 +73,8 @@ impl Steps {
     }
 }
 
-/// Returns whether samples at `times`, s, are evenly spaced, within the precision of the digits with which the times
-/// are written.
+/// Returns whether samples at `times`, in any unit, are evenly spaced, within the precision of the digits with which
+/// the times are written.
 pub(super) fn are_even(times: &[f64]) -> bool {
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return true;

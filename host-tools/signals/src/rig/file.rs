@@ -149,6 +149,7 @@ fn check_recording(field: &Field, recording: &Recording) -> Checked {
         field.each_within(values, 0.0, high)?;
         field.ascending(values)?;
     }
+    // At rest, a sample would be no step along the track.
     let slowest = recording.speeds_mm_s[0];
     field
         .key("speeds_mm_s")

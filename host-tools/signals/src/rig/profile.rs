@@ -38,7 +38,7 @@ impl Profile {
         }
     }
 
-    /// Returns true if the height is zero everywhere.
+    /// Returns true if the profile has no parts, so that its height is zero everywhere.
     pub fn is_flat(&self) -> bool {
         self.coefficients.is_empty()
     }
@@ -138,6 +138,7 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
             .map(|(index, amplitude_um)| amplitude_um * ((index + 1) as f64 * angle).cos())
             .sum();
     }
+    // The mean is left out, because a constant height causes no vibration.
     let spectrum = fourier::forward(&mut profile);
     for (term, bin) in terms.iter_mut().zip(&spectrum).skip(1) {
         *term = bin * (2.0 / length as f64);

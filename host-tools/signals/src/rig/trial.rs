@@ -188,6 +188,7 @@ impl Pass {
         let sampler = UniformSampler::new(self.tool.len(), points, point_cycles);
         let start_cycles = first as f64 * point_cycles;
         std::array::from_fn(|axis| {
+            // The sampler begins at 0, so the series is turned to begin at the first point.
             let turned: Vec<Complex<f64>> = spectra[axis]
                 .iter()
                 .enumerate()

@@ -87,6 +87,7 @@ impl MotionPath {
         let mut found: Option<Points> = None;
         for (index, row) in rows.into_iter().enumerate() {
             let tells = (row.position_mm.is_some(), row.contact.is_some());
+            // The first row decides what all rows give.
             let points = found.get_or_insert_with(|| Points::new(tells.0, tells.1));
             let pushed = if tells == (points.tells_position, points.tells_contact) {
                 checked(&row).and_then(|point| points.push(point))
@@ -150,6 +151,7 @@ impl MotionPath {
             return if self.tells_position {
                 first.position_mm
             } else {
+                // From 0 s to the first row, its speed is held.
                 f64::from(first.speed_mm_s) * time_s
             };
         };
@@ -374,6 +376,7 @@ impl<'a> Hand<'a> {
         // The detector sees every update, because it decides from the history of the force.
         let touches = self.detector.touches(motion, ContactThreshold::LEAST);
         let contact = self.motion.contact_at(time_s).unwrap_or(touches);
+        // The integral of a long motion may exceed single precision, and an infinite position is refused.
         let farthest = f64::from(f32::MAX);
         let position_mm = self
             .motion

@@ -34,6 +34,7 @@ pub fn rotate_block(simd: V3, rotations: &[Rotation], backward: &mut [i32], samp
     if rotations.is_empty() || samples.len() < 2 {
         return Portable::rotate_block(rotations, backward, samples);
     }
+    // Only the last pass may be narrower than four vectors.
     let whole = samples.len() - samples.len() % MAX_SAMPLES;
     let (whole, rest) = samples.split_at_mut(whole);
     for samples in [whole, rest] {
@@ -198,6 +199,7 @@ impl Step {
                 simd.avx2._mm256_mul_epi32(sin, forward),
                 simd.avx2._mm256_mul_epi32(cos, backward),
             );
+            // The high words: that of `up` is in the upper half already.
             let down = simd.avx2._mm256_srli_epi64::<32>(down);
             let high = simd.avx2._mm256_blend_epi32::<0b1010_1010>(down, up);
             *vector = self.doubled_toward_zero(high);

@@ -207,6 +207,7 @@ impl<'a> Errors<'a> {
             blocks[end].1 = 0.0;
         }
         let mut strongest: Vec<(usize, f64)> = Vec::with_capacity(MOST + 1);
+        // One more than may be bursts, as the next event of the last burst.
         for _ in 0..=MOST {
             let largest = (0..blocks.len()).max_by(|&a, &b| blocks[a].1.total_cmp(&blocks[b].1));
             let Some(largest) = largest else { break };
@@ -217,6 +218,7 @@ impl<'a> Errors<'a> {
         // If the axis rarely has events without a witness, these few show nothing.
         let rest = |count: usize| strongest[count].1.max(EVENT * self.median);
         let stands_out = |&count: &usize| strongest[count - 1].1 >= ratio * rest(count);
+        // The largest number comes first, so that bursts of equal strength do not hide each other.
         let count = (1..strongest.len()).rev().find(stands_out).unwrap_or(0);
         let rest = rest(count);
         strongest.truncate(count);
@@ -227,12 +229,14 @@ impl<'a> Errors<'a> {
     /// they are too few or too many for a burst, or if their surroundings are loud.
     fn left_out(&self, at: usize, rest: f64) -> Option<Left> {
         let errors = &self.of_samples;
+        // Two such errors in a window would exceed `rest`.
         let is_large = |index: &usize| 2.0 * errors[*index] * errors[*index] > rest;
         let largest =
             (at..at + WINDOW).max_by(|&a, &b| errors[a].abs().total_cmp(&errors[b].abs()))?;
         let (mut first, mut last) = (largest, largest);
         while let Some(before) = (first.saturating_sub(PAUSE)..first).find(is_large) {
             first = before;
+            // The errors of the longest burst last for LONGEST + ORDER samples, which is less.
             if last - first > 2 * LONGEST {
                 return None;
             }

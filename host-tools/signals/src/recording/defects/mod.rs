@@ -91,12 +91,14 @@ impl Defects {
             .flat_map(|axis| spikes::spikes(axis, rate_hz))
             .collect();
         spikes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        // Spikes on several axes at once are one.
         spikes.dedup_by(|next, first| next.time_s - first.time_s < spikes::REACH as f64 / rate_hz);
         let clips: Vec<Clip> = axes
             .iter()
             .flat_map(|axis| clipping::clips(axis, rate_hz))
             .collect();
         let mut bursts = bursts::bursts(&axes, rate_hz);
+        // Clipped peaks, holds and spikes are unpredictable, too.
         bursts.retain(|burst| {
             let reach_s = spikes::REACH as f64 / rate_hz;
             let overlaps = |start_s: f64, seconds: f64| {

@@ -29,6 +29,7 @@ pub struct GridAxis {
 impl GridAxis {
     /// Returns the grid's value nearest to `value`, if it is within half a step.
     pub(super) fn nearest(&self, value: f64) -> Option<f64> {
+        // Round-off must not take away the highest value.
         let last = ((self.highest - self.lowest) / self.step + 1e-9).floor();
         let index = ((value - self.lowest) / self.step).round().clamp(0.0, last);
         let nearest = self.lowest + index * self.step;
@@ -93,6 +94,7 @@ fn proposed(mut values: Vec<f64>, lines: f64) -> Option<GridAxis> {
     let power = 10f64.powf(exact.log10().floor());
     let factor = [1.0, 2.0, 5.0, 10.0]
         .into_iter()
+        // Round-off must not lead to the next larger step.
         .find(|factor| factor * power >= exact * (1.0 - 1e-9))?;
     // Powers of ten below one are not exact, so values are rounded to the decimals that a user would write.
     let rounded = |value: f64| (value * 1e6).round() / 1e6;

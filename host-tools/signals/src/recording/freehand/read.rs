@@ -96,6 +96,7 @@ impl Freehand {
                     value,
                 });
             }
+            // Blocks with an outlier are left out, so any finite number will do.
             0.0
         };
         let speed = keep(columns.speed, row.number(columns.speed)?, MAX_SPEED_MM_S);
@@ -279,6 +280,7 @@ fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
         let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
         return Err(Error::file(table.path(), problem));
     }
+    // Times are often written with few digits, so their rate is rounded.
     Ok(even_rate(table, TIME, times)?.round().max(1.0))
 }
 

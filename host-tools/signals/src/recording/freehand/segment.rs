@@ -259,6 +259,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         too_little,
         reversals,
         jumps,
+        // Segments consist of whole blocks, which may have samples at rest.
         steady_share: if moving > 0.0 {
             (steady / moving).min(1.0)
         } else {

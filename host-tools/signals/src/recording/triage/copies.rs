@@ -61,6 +61,7 @@ impl Sketch {
     fn is_copy_of(&self, other: &Self) -> bool {
         let most = COPY_DIFFERENCE * SUMS as f64;
         let mut square = 0.0;
+        // Most pairs differ after a few sums, at which the search ends.
         let differ = self.sums.iter().zip(&other.sums).any(|(a, b)| {
             square += f64::from(a - b) * f64::from(a - b);
             square > most

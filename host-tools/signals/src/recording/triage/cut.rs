@@ -48,6 +48,7 @@ fn between<'a>(
         if end >= from + least {
             parts.push(from..end);
         }
+        // Spans of different verdicts may overlap.
         from = from.max(cut.end);
     }
     let left: usize = parts.iter().map(ExactSizeIterator::len).sum();
