@@ -69,6 +69,7 @@ pub fn frequencies(reflection: &[f64]) -> Vec<f64> {
     let mut cell = 0;
     let mut waiting = (1..=reflection.len()).map(|index| {
         let wanted = PI * index as f64;
+        // φ rises, so no later frequency lies in an earlier cell.
         while cell + 1 < COARSE && grid_phases[cell + 1] < wanted {
             cell += 1;
         }

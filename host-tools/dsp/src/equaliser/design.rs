@@ -125,6 +125,7 @@ fn within_limits(
     if let Some(whole) = scaled(1.0) {
         return whole;
     }
+    // No section is left if not even a small share of the gains holds.
     let (mut low, mut high) = (0.0, 1.0);
     let mut best = (Vec::new(), Vec::new());
     for _ in 0..HALVINGS {

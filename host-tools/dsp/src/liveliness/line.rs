@@ -122,6 +122,7 @@ impl Bins {
             moment += power * bin as f64;
         }
         let centre = moment / sum;
+        // Bins without power have no centre.
         let bin = if centre.is_finite() {
             centre
         } else {

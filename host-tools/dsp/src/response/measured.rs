@@ -38,6 +38,7 @@ impl Spectra {
                 .map(|bin| {
                     let mean = all.iter().map(|one| one[bin]).sum::<Complex<f64>>() / count;
                     let squares: f64 = all.iter().map(|one| (one[bin] - mean).norm_sqr()).sum();
+                    // With one period, the variance is 0 rather than undefined.
                     (mean, squares / (count - 1.0).max(1.0))
                 })
                 .unzip()

@@ -34,6 +34,7 @@ pub fn agreement(
     let (mut logs, mut products) = (0.0f64, (0.0f64, 0.0f64, 0.0f64));
     for (a, b) in a
         .density
+        // The range may begin above the spectrum.
         .get(first..end)?
         .iter()
         .zip(&b.density[first..end])

@@ -120,6 +120,7 @@ pub fn distance_of_spectra_db(
 
 /// Returns third-octave windows at steps of up to a tenth of their width, from edge to edge of a range, in Hz.
 fn third_octave_windows(low_hz: f64, high_hz: f64) -> Vec<(f64, f64)> {
+    // The comparisons are false for a NaN.
     if !(low_hz > 0.0 && low_hz < high_hz) {
         return Vec::new();
     }

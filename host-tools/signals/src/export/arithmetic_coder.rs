@@ -62,6 +62,7 @@ impl Coder {
                 self.put(true);
                 HALF
             } else if self.low >= QUARTER && self.high <= TOP - QUARTER {
+                // The next bit is open, and the bit after it will be its inverse.
                 self.pending += 1;
                 QUARTER
             } else {

@@ -170,6 +170,7 @@ fn render_codes(
         ))
     })?;
     let mut pin = Pin::new(rendering.by_ref(), rate, settings);
+    // By reference, because the counters are read afterwards.
     let codes = write_floats_wav(
         path,
         RATE_HZ,

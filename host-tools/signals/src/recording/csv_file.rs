@@ -59,6 +59,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
     }
     let time = TimeColumn::best(&columns.times);
     let mut stamps = time.map(|time| std::mem::take(&mut columns.values[time.index]));
+    // A counter wraps in its own unit, so this comes before any conversion.
     let wraps = stamps.as_mut().and_then(|times| wrapped::unwrap(times));
     let names = columns.names_with_units();
     let axes = (0..columns.values.len()).filter(|&index| columns.is_sample(index));

@@ -80,6 +80,7 @@ impl HeldSamples {
         let (first, end) = cut.frames(self.rate_hz);
         let part = |channel: &Vec<f64>| {
             let end = end.min(channel.len());
+            // The part may begin after the last sample.
             channel[first.min(end)..end].to_vec()
         };
         Source {

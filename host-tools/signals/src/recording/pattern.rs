@@ -75,6 +75,7 @@ impl FromStr for Pattern {
                 .split_once('}')
                 .ok_or_else(|| format!("'{{{after}' has no '}}'"))?;
             let field = field(inside)?;
+            // `{speed}` and `{speed*10}` are the same placeholder.
             let is_same =
                 |other: &Field| std::mem::discriminant(other) == std::mem::discriminant(&field);
             if field != Field::Any && fields.iter().any(is_same) {
@@ -221,6 +222,7 @@ pub fn one_number(names: &[&str]) -> Option<String> {
         place = Some(index);
     }
     let mut numbers = numbers;
+    // A single name, or equal names, differ in no number.
     "{speed}".clone_into(&mut numbers[place?]);
     let numbers = numbers.iter().map(String::as_str).chain([""]);
     let pieces = texts.iter().map(String::as_str).zip(numbers);

@@ -268,6 +268,7 @@ impl Stamps<'_> {
     fn refuse_falling(&self, channels: &[Vec<f64>], part: Range<usize>) -> Result<()> {
         let is_bad = |row: &usize| {
             let step = self.times[*row] - self.times[row - 1];
+            // A row without a sample of an axis may be another sensor's at the same time.
             let is_other = |axis: &Vec<f64>| !(axis[*row].is_finite() && axis[row - 1].is_finite());
             let is_same = |axis: &Vec<f64>| axis[*row] == axis[row - 1] || is_other(axis);
             let is_twice = step == 0.0 && channels.iter().all(is_same);

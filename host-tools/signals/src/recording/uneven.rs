@@ -82,6 +82,7 @@ pub(super) fn are_even(times: &[f64]) -> bool {
     let step = (last - first) / (times.len() - 1).max(1) as f64;
     let stride = times.len().div_ceil(MOST_STEPS);
     let decimals = times.iter().step_by(stride).map(|time| {
+        // The shortest decimal form has the digits that were written.
         let text = time.to_string();
         text.split_once('.').map_or(0, |(_, digits)| digits.len())
     });

@@ -284,6 +284,7 @@ fn brackets(name: &str) -> (Vec<String>, String) {
             ')' | ']' | '}' | '>' if depth == 1 => depth = 0,
             _ if depth == 0 => outside.push(sign),
             _ => {
+                // A unit may have brackets of its own: `[m/(s^2)]`.
                 depth = match sign {
                     '(' | '[' => depth + 1,
                     ')' | ']' => depth - 1,

@@ -222,6 +222,7 @@ fn check_contact(field: &Field, texture: &Texture, rig: &RigDescription) -> Chec
         });
     };
     let modulus = texture.effective_modulus_mpa;
+    // The largest force makes the widest contact.
     let largest_n = rig.recording.forces_n.last().copied().unwrap_or(0.0);
     let contact = Contact::hertz(tool.tip_radius_mm, modulus, largest_n);
     let radius_mm = contact.map_or(0.0, |contact| contact.radius_mm());

@@ -238,6 +238,7 @@ impl Step {
         let Self { simd, .. } = self;
         let word = simd.avx._mm256_set1_epi32(word);
         let halves = (simd.avx)._mm256_setr_epi32(0, NONE, 1, NONE, 2, NONE, 3, NONE);
+        // A mask for each vector keeps them all in registers, which an index would not.
         for (index, vector) in lanes.iter_mut().enumerate() {
             let lane = if index == number % V {
                 (number / V) as i32

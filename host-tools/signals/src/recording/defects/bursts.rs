@@ -147,6 +147,7 @@ impl<'a> Errors<'a> {
         if axis.deviation <= 0.0 || samples.len() < 10 * BLOCK {
             return None;
         }
+        // An offset, such as gravity, would otherwise be most of what is predicted.
         let middle = mean(samples);
         let centred: Vec<f64> = samples.iter().map(|x| x - middle).collect();
         let lag = |lag: usize| dot(&centred[lag..], &centred) / centred.len() as f64;
@@ -160,6 +161,7 @@ impl<'a> Errors<'a> {
         let squares: Vec<f64> = of_samples.iter().map(|e| e * e).collect();
         let energy = sliding(&squares, &[1.0; WINDOW]);
         let median = upper_median(&energy)?;
+        // If most windows are predicted exactly, nothing can be compared with them.
         (median > 0.0).then_some(Self {
             axis,
             predictor,
@@ -270,6 +272,7 @@ impl<'a> Errors<'a> {
     fn whiteness(&self, first: usize, count: usize, rest: f64) -> Option<f64> {
         let (a, p) = (&self.predictor, self.order());
         let errors = self.of_samples.get(first..first + count + p)?;
+        // Beyond the predictor's order, its correlation is zero.
         let lag = |lag: usize| dot(&a[lag.min(p + 1)..], a);
         let lags: Vec<f64> = (0..count).map(lag).collect();
         let normal = DMatrix::from_fn(count, count, |row, column| lags[row.abs_diff(column)]);

@@ -41,9 +41,9 @@ pub struct Timing {
     pub guessed_unit: Option<TimeUnit>,
     /// Number of rows that were removed because they repeat other rows.
     pub joined_rows: usize,
-    /// Number of single samples that were missing and were interpolated.
+    /// Number of single samples that were missing and were interpolated; 0 if they are more than 1 % and count as gaps.
     pub lost: usize,
-    /// Number of samples, including those that were missing.
+    /// Number of samples, including those that were missing; may be 0 if none are missing.
     pub samples: usize,
     /// Gaps, in order of time.
     pub gaps: Vec<Gap>,

@@ -96,7 +96,7 @@ impl Freehand {
                     value,
                 });
             }
-            // Blocks with an outlier are left out, so any finite number will do.
+            // Segments and strokes leave out a block with an outlier, so any finite number will do for them.
             0.0
         };
         let speed = keep(columns.speed, row.number(columns.speed)?, MAX_SPEED_MM_S);

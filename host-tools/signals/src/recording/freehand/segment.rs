@@ -220,6 +220,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         jumps.extend(jump_times_s(&blocks).map(|time_s| (index, time_s)));
         for segment in segments_of(recording, &blocks, index, options) {
             let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
+            // A hand at rest or in the air is steady, too.
             if !is_moving(segment.median_speed_mm_s, segment.median_force_n, options) {
                 continue;
             }

@@ -116,6 +116,7 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
             spans.push(run);
         }
     }
+    // Both searches may find the same part.
     spans.sort_by_key(|span| span.start);
     spans.dedup_by(|next, first| {
         let joins = next.start <= first.end;
