@@ -132,6 +132,7 @@ impl<'a> Columns<'a> {
                     continue;
                 }
             }
+            // Only the line directly below the names can hold units.
             if read.names.is_some()
                 && read.units.is_empty()
                 && read.values[0].is_empty()
@@ -156,6 +157,7 @@ impl<'a> Columns<'a> {
                     (number, _) => number?,
                 });
             }
+            // Refused while it is read, before it fills the memory.
             let axes = read.values.len() - read.times.len();
             let most = most_frames(axes.min(MAX_CHANNELS));
             if read.values[0].len() > most {

@@ -224,6 +224,7 @@ impl<'a> Reader<'a> {
                     "a block of {count} channels, where the first has {before}: divide the file"
                 )
             }
+            // The first block has given the table its header.
             Some(_) => return Ok(None),
             None => {
                 self.channels = Some(count);
@@ -254,6 +255,7 @@ impl<'a> Reader<'a> {
                 (Vec::new(), (first..first + count).collect())
             }
             Times::One => (vec![0], (1..=count).collect()),
+            // Each channel has its times in the column before it.
             Times::PerChannel => (0..2 * count).partition(|index| index % 2 == 0),
         };
         let field = |index: usize| fields.get(index).copied().unwrap_or_default();

@@ -82,7 +82,9 @@ impl RecordingSet {
     /// individually, each recording is a separate texture, named after the file, at the nominal speed and force.
     ///
     /// # Errors
-    /// An input is missing, a list has no trials, or a line cannot be used. The error states the line's number.
+    /// No input is given, a folder has no list or is not given alone, a list cannot be read or has no trials, or one of
+    /// its lines cannot be used; the error then states the line's number. Recordings that are missing are no error
+    /// here.
     pub fn open(inputs: &[PathBuf]) -> Result<Self> {
         let set = match inputs {
             [] => {

@@ -273,6 +273,7 @@ fn cuts(values: &[f64]) -> Vec<(f64, Nominal)> {
     sorted.dedup();
     let gaps = log_gaps(&sorted);
     let cut = |count: usize| {
+        // A single cluster has no gap, so it is compared with the least distance of two values.
         let between = count.checked_sub(1).map_or(APART, |last| gaps[last]);
         let within = gaps.get(count).copied().unwrap_or(0.0);
         let clear = between / within.max(SCATTER);

@@ -17,8 +17,8 @@ use super::unit::Stated;
 use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 
-/// Number of samples after a long step that are examined. The earliest of them shows whether samples are missing, or
-/// one time was only late.
+/// Number of samples after a long step that are examined. The one that is least late shows whether samples are missing,
+/// or one time was only late.
 const LOOK_AHEAD: usize = 8;
 
 /// Largest fraction of single samples that may be missing before they count as gaps.
@@ -566,6 +566,7 @@ pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result
         } else {
             falling(column, before, time)
         };
+        // The header counts as a row, and the fault is in the second row of the step.
         return Err(Error::line(path, table.line_of_row(index + 2), problem));
     }
     Ok((times.len() - 1) as f64 / (times[times.len() - 1] - times[0]))

@@ -112,6 +112,7 @@ pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<
         while next < times.len() && times[next] <= time {
             next += 1;
         }
+        // Near an end, most points lie on one side of the time.
         let from = next.saturating_sub(points / 2).min(times.len() - points);
         let near = &times[from..from + points];
         let weights: Vec<f64> = (0..points)

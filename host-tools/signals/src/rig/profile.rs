@@ -25,6 +25,7 @@ impl Profile {
         let key = StreamKey::new(seed).text(&texture.name);
         let mut coefficients = Vec::new();
         for (index, weave) in texture.weaves.iter().enumerate() {
+            // Each weave has random streams of its own.
             let terms = weave_terms(weave, circumference_mm, key.index(index));
             add(&mut coefficients, &terms);
         }

@@ -214,6 +214,7 @@ impl MotionPath {
         let steps = self.points.windows(2);
         let path_m = 1e-3 * steps.map(|pair| pair[0].distance_mm(&pair[1])).sum::<f64>();
         let rows = self.points.len();
+        // A motion of one row has no step.
         let step_s = (duration_s - self.points[0].time_s) / (rows.max(2) - 1) as f64;
         let is_sparse = rows >= FEWEST_ROWS && step_s > LONGEST_STEP_S;
         let is_far = duration_s > LONG_S || path_m > LONG_M;

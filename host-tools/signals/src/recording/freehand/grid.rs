@@ -90,6 +90,7 @@ fn proposed(mut values: Vec<f64>, lines: f64) -> Option<GridAxis> {
     let last = values.len().checked_sub(1)?;
     let margin = (LEFT_OUT * last as f64) as usize;
     let (low, high) = (values[margin], values[last - margin]);
+    // Lines begin one step above zero at the earliest, so the highest value decides the step.
     let exact = high / lines;
     let power = 10f64.powf(exact.log10().floor());
     let factor = [1.0, 2.0, 5.0, 10.0]

@@ -155,6 +155,7 @@ impl Verdict {
             _ if !self.spans.is_empty() => {
                 self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64
             }
+            // Fewer samples, and a lower rate, are worse.
             Kind::TooShort | Kind::Truncated | Kind::WrongRate => -first,
             Kind::Duplicate => 0.0,
             _ => first,
