@@ -7,7 +7,7 @@ use super::{PERIOD, STEP_HZ};
 use crate::fourier::{self, Complex};
 use crate::sums::rms;
 
-/// Range of the lines, in bins: 10 Hz to 1 kHz. The last line is the odd bin before its end.
+/// Range of the lines, in bins: 10 Hz to 1 kHz. Its end is even, so the last line is below it.
 const BINS: [usize; 2] = [4, 400];
 
 /// Even bins that are lines too, because the third octaves around 10 and 20 Hz contain no odd bin.

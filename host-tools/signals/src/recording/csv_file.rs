@@ -144,7 +144,7 @@ impl<'a> Columns<'a> {
             for (index, column) in read.values.iter_mut().enumerate() {
                 let time = read.times.iter_mut().find(|time| time.index == index);
                 column.push(match (row.number(index), time) {
-                    // A time that is not a number may be one of day, which is converted to seconds.
+                    // A time that is not a number may be a time of day or a duration, which is converted to seconds.
                     (Err(fault), Some(time)) => {
                         time.unit = Some(TimeUnit::S);
                         time_text::seconds(row.text(index)).ok_or(fault)?

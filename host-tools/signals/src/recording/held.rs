@@ -65,7 +65,7 @@ impl HeldSamples {
     pub fn content(&self) -> u64 {
         let rate = Fnv::default().then(&self.rate_hz.to_le_bytes());
         let all = self.channels.iter().fold(rate, |hash, channel| {
-            // Without its length, an axis could be continued by the next one.
+            // Without lengths, samples moved from one axis to the next would have the same hash.
             let length = (channel.len() as u64).to_le_bytes();
             let samples = channel.iter();
             samples.fold(hash.then(&length), |hash, sample| {

@@ -184,7 +184,7 @@ fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
     for _ in 0..=MOST_TAPS {
         let first = (0..events.len()).max_by(|&a, &b| events[a].total_cmp(&events[b]))?;
         strongest.push((first, events[first]));
-        // Windows that share a part with the event, or border on it, belong to it.
+        // Windows up to one part away from the event belong to it.
         let own = first.saturating_sub(TAP_PARTS + 1)..(first + TAP_PARTS + 2).min(events.len());
         events[own].fill(0.0);
     }
