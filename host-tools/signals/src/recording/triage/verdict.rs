@@ -145,8 +145,8 @@ impl Verdict {
         self.kind.words().0
     }
 
-    /// Size of the finding, larger for worse findings: the number of samples that the verdict would leave out, or else
-    /// the first number in its words, negative where less is worse; 0 for a duplicate.
+    /// Size of the finding, for most kinds larger for worse findings: the number of samples that the verdict would
+    /// leave out, or else the first number in its words, negative where less is worse; 0 for a duplicate.
     pub fn size(&self) -> f64 {
         let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
         let mut words = self.finding.split(|c| !is_of_number(c));
