@@ -49,6 +49,7 @@ pub fn high_pass(signal: &mut [f64], rate_hz: f64, cut_hz: f64) {
         return;
     };
     let wanted = (CONTINUATION_PERIODS * rate_hz / cut_hz) as usize;
+    // A point reflection has no more samples than the signal beside its end.
     let count = wanted.min(signal.len() - 1);
     let before = signal[1..=count].iter().rev().map(|x| 2.0 * first - x);
     let after = signal.iter().rev().skip(1).take(count);

@@ -1,6 +1,7 @@
 //! Signal processing: spectra, linear prediction, and the conditioning and reduction of three axes to one.
 //!
-//! Invariant: slices in, numbers out. No files, no command line, no progress, no format of a library.
+//! Invariant: slices in, numbers out. No files, no progress, no bytes of a library. Of the library's format, only types
+//! and limits are used, and of the command line, only the names of the reductions.
 
 pub mod autocorrelation;
 pub mod binomial;

@@ -40,6 +40,8 @@ fn phases(reflection: &[f64], omegas: [f64; LANES]) -> [f64; LANES] {
             // A(m) = A(m-1) + k e^(-jmω) A*(m-1)
             re[lane] = last_re + k * (turned.0 * last_re + turned.1 * last_im);
             im[lane] = last_im + k * (turned.1 * last_re - turned.0 * last_im);
+            // A turns by less than a right angle per step, so it crosses the branch cut of `atan2` exactly if its
+            // imaginary part changes its sign and its real part was negative.
             let crosses = (im[lane] < 0.0) != (last_im < 0.0) && last_re < 0.0;
             let turn = if last_im < 0.0 { -1.0 } else { 1.0 };
             turns[lane] += if crosses { turn } else { 0.0 };
@@ -67,6 +69,7 @@ pub fn frequencies(reflection: &[f64]) -> Vec<f64> {
     let mut cell = 0;
     let mut waiting = (1..=reflection.len()).map(|index| {
         let wanted = PI * index as f64;
+        // φ rises, so no later frequency lies in an earlier cell.
         while cell + 1 < COARSE && grid_phases[cell + 1] < wanted {
             cell += 1;
         }
@@ -117,6 +120,7 @@ impl Search {
         let (low, high) = (self.low, self.high);
         let secant = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
         let inside = secant > low.0 && secant < high.0;
+        // Every eighth angle bisects, so that the interval also narrows where the secant's one end hardly moves.
         if inside && self.refinements % 8 != 7 {
             secant
         } else {
@@ -137,6 +141,7 @@ impl Search {
             (&mut self.high, &mut self.low)
         };
         *moved = (middle, over);
+        // Illinois: the end that stays counts half. Otherwise a curved φ would leave it where it is.
         if side == self.last_side {
             other.1 *= 0.5;
         }
@@ -171,6 +176,7 @@ pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
         } else {
             (1.0, (2.0 * omega.sin()).powi(2))
         };
+        // The larger product is factored out, so that the exponentials do not overflow or both vanish.
         let largest = p.max(q);
         let sum = p_end * (p - largest).exp() + q_end * (q - largest).exp();
         -(largest + (0.25 * sum).max(f64::MIN_POSITIVE).ln())

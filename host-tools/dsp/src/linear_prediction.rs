@@ -10,7 +10,7 @@ use crate::wide;
 /// below the signal.
 ///
 /// The correction bounds the condition number of the normal equations, so that signals of a few lines or of no
-/// bandwidth also have models with |k| < 1. For other signals its effect is below 1e-9 of the power.
+/// bandwidth also have models with |k| < 1. To the spectra of other signals it only adds that noise.
 pub const WHITE_NOISE_CORRECTION: f64 = 1e-9;
 
 /// Linear predictors of every order up to the highest, computed by the Levinson-Durbin recursion.
@@ -88,6 +88,7 @@ impl Prediction {
         let n = samples.max(1) as f64;
         let criterion = |m: usize| n * self.error_power[m].ln() + m as f64 * penalty;
         (0..self.error_power.len())
+            // The logarithm of no power would win against every other order.
             .filter(|&m| self.error_power[m] > 0.0)
             .min_by(|&a, &b| criterion(a).total_cmp(&criterion(b)))
             .unwrap_or(0)

@@ -45,6 +45,7 @@ impl Model {
         let order = models.iter().map(|(_, model)| model.reflection.len()).max();
         let mut thetas = vec![0.0; order.unwrap_or(0)];
         for (weight, model) in models {
+            // The coefficients that a model of lower order lacks are zero.
             for (theta, k) in thetas.iter_mut().zip(&model.reflection) {
                 *theta += weight * k.asin();
             }

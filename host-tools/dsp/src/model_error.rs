@@ -155,6 +155,7 @@ fn densities(models: &[Polynomial; 2], length: usize, bins: usize) -> [Vec<f64>;
         let mut response = vec![0.0; length];
         response[0] = 1.0;
         for (lag, &a) in (1..).zip(&model.a) {
+            // Coefficients that are `length` apart have the same phase at every bin.
             response[lag % length] += a;
         }
         let spectrum = fourier::forward(&mut response);
@@ -201,7 +202,7 @@ mod tests {
         }
     }
 
-    /// A line of 0.03 Hz width, between two of the frequencies that are compared, is moved by a tenth of its width.
+    /// A line of 0.016 Hz width, between two of the frequencies that are compared, is moved by a tenth of its width.
     #[test]
     fn a_line_is_found_between_the_steps_and_compared_in_its_place() {
         for line_hz in [60.0, 200.2, 517.77, 999.0] {

@@ -64,6 +64,7 @@ pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxi
     };
     remove_mean(&mut signal);
     let energy_share = if total > 0.0 {
+        // Round-off may make the projection stronger than all axes.
         (energy(&signal) / total).min(1.0)
     } else {
         1.0

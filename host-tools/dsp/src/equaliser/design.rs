@@ -30,7 +30,7 @@ const ROUNDS: usize = 60;
 /// Range of quality factors of fitted peaks. Above 12, a peak is narrower than the resolution of a response.
 const PEAKING_QS: [f64; 2] = [0.3, 12.0];
 
-/// Range of quality factors of fitted shelves. Above 1, a shelf overshoots.
+/// Range of quality factors of fitted shelves. Above 1/√2, a shelf overshoots: at 1, by 0.8 dB for a gain of 12 dB.
 const SHELF_QS: [f64; 2] = [0.3, 1.0];
 
 /// A fitted equaliser.
@@ -89,6 +89,7 @@ pub fn design(
     let mut sections = fit.sections(MAX_RESPONSE_SECTIONS);
     // Ascending gains, so that the partial products of the cascade stay low.
     sections.sort_by(|a, b| a.gain_db.total_cmp(&b.gain_db));
+    // The fit bounds each section and the target in the band, but not the cascade at every frequency.
     let (sections, biquads) = within_limits(&sections, rate_hz, max_gain_db);
     let gains_db = everywhere(rate_hz).map(|hz| cascade_db(&biquads, rate_hz, hz));
     Ok(Design {
@@ -124,6 +125,7 @@ fn within_limits(
     if let Some(whole) = scaled(1.0) {
         return whole;
     }
+    // No section is left if not even a small share of the gains holds.
     let (mut low, mut high) = (0.0, 1.0);
     let mut best = (Vec::new(), Vec::new());
     for _ in 0..HALVINGS {
@@ -183,6 +185,7 @@ impl Fit<'_> {
             });
             let best = tried
                 .into_iter()
+                // The level of a section that the crate refuses is NaN.
                 .filter(|(error, _)| error.is_finite())
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((found, better)) = best else { break };
@@ -331,6 +334,7 @@ impl Fit<'_> {
         Section {
             kind: section.kind,
             frequency_hz,
+            // The upper bound is kept above the lower one, otherwise `clamp` would panic.
             q: section.q.clamp(least, most.min(narrowest.max(least))),
             gain_db,
         }

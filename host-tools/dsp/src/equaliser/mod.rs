@@ -80,7 +80,7 @@ impl Section {
     /// Returns the stored form of the section at the sample rate `rate_hz`.
     ///
     /// # Errors
-    /// The frequency, the quality factor or the gain is outside its range.
+    /// The frequency, the quality factor or the gain is outside its range, or the coefficients do not fit the format.
     pub fn biquad(&self, rate_hz: f64) -> Result<Biquad, Fault> {
         let frequencies = FREQUENCY_SHARES.map(|share| share * rate_hz);
         within("frequency_hz", self.frequency_hz, frequencies, "Hz")?;

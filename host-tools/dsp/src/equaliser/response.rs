@@ -11,11 +11,11 @@ pub struct Response {
 }
 
 impl Response {
-    /// Creates the response through these points: frequency, Hz, ascending, and level, dB.
+    /// Creates the response through these points: frequency, Hz, above zero and ascending, and level, dB.
     ///
     /// # Errors
-    /// There are too few points, or a value is not finite, or a frequency does not ascend. The error has the index of
-    /// the first such point.
+    /// A value is not finite, or a frequency is not above zero and the previous one; the error has the index of the
+    /// first such point. Or there are fewer than four points.
     pub fn new(points: Vec<(f64, f64)>) -> Result<Self, ResponseFault> {
         let mut before_hz = 0.0;
         for (index, &(hz, level_db)) in points.iter().enumerate() {
@@ -65,7 +65,7 @@ pub enum ResponseFault {
         index: usize,
         /// Frequency of the point, Hz.
         hz: f64,
-        /// Frequency of the previous point, Hz.
+        /// Frequency of the previous point, Hz; 0 for the first point.
         before_hz: f64,
     },
     /// The format does not allow this limit on the gain.

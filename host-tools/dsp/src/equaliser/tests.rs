@@ -24,8 +24,8 @@ fn coil() -> Response {
     response(&points)
 }
 
-/// RMS deviation from a flat response, dB, of `response` through `sections` from 22 to 950 Hz. No frequency is expected
-/// to be raised by more than `most_db` above the mean level.
+/// RMS deviation from a flat response, dB, of `response` through `sections` from 22 to 950 Hz. A level that is more
+/// than `most_db` below the mean counts as that far below it, because no frequency is raised by more.
 fn deviation_db(response: &Response, sections: &[Biquad], most_db: f64) -> f64 {
     let hz = |n: u32| 22.0 * (950.0f64 / 22.0).powf(f64::from(n) / 299.0);
     let own: Vec<f64> = (0..300).map(|n| response.level_db(hz(n))).collect();

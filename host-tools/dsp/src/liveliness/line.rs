@@ -50,6 +50,7 @@ pub fn strongest_line_hz(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
             let right = bin + near..=bin + far;
             left.chain(right).map(|bin| bins.power(bin))
         };
+        // The main lobe of the Hann window reaches two bins from the line, which is up to half a bin beside `bin`.
         let neighbours = around(4, 6).sum::<f64>() / 6.0;
         here >= bins.power(bin + 1)
             && here >= bins.power(bin - 1)
@@ -63,7 +64,8 @@ pub fn strongest_line_hz(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
 }
 
 /// Returns the range of the levels, dB, of the line near `near_hz` over windows of 0.5 s that overlap by half; `None`
-/// if there are fewer than two windows. If there is no line, it is the range of the signal's level in the band there.
+/// if there are fewer than two windows or a block is shorter than 0.4 s. If there is no line, it is the range of the
+/// signal's level in the band there.
 pub(super) fn range_db(blocks: &[&[f64]], rate_hz: f64, near_hz: f64) -> Option<f64> {
     let line_hz = Bins::of(blocks, rate_hz)?.strongest_near(near_hz);
     let window = (WINDOW_S * rate_hz).round() as usize;
@@ -120,6 +122,7 @@ impl Bins {
             moment += power * bin as f64;
         }
         let centre = moment / sum;
+        // Bins without power have no centre.
         let bin = if centre.is_finite() {
             centre
         } else {

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | kurtosis | mean x⁴ / (mean x²)² about the mean | 3 |
 //! | residual kurtosis | median over windows of 50 ms of the kurtosis of the prediction error | 2.94 |
-//! | crest factor | greatest magnitude over the RMS | 4.2 in 10 s |
+//! | crest factor | greatest magnitude over the RMS | 4.4 in 10 s at 5 kHz |
 //! | modulation | RMS of the part from 8 to 64 Hz of the envelope of 100 to 1000 Hz, over the envelope's mean | 0.18 |
 //! | level spread, dB | standard deviation of the levels of windows of 50 ms | 0.39 |
 //! | line's range, dB | highest less lowest level of the strongest narrow line in windows of 0.5 s | no line |
@@ -202,6 +202,7 @@ fn residual(blocks: &[&[f64]]) -> Vec<Vec<f64>> {
     let mut lags = vec![0.0; order + 1];
     for block in blocks.iter().filter(|block| block.len() > order) {
         let own = Autocorrelation::of(block, order).lags;
+        // Lags are means over a block, so a block's length is its weight.
         for (sum, lag) in lags.iter_mut().zip(own) {
             *sum += lag * block.len() as f64;
         }
@@ -291,6 +292,7 @@ impl Analytic {
             *value *= if is_kept { 1.0 / len as f64 } else { 0.0 };
         }
         let mut later = bins.clone();
+        // A factor of -j delays each component by a quarter of its period.
         for value in &mut later {
             (value.re, value.im) = (value.im, -value.re);
         }

@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn estimates_leak_less_than_a_rectangular_window() {
-        // A spectral line of power 0.5 (m/s²)², 400 Hz from the frequency that is examined, in very weak noise.
+        // A spectral line of power 0.5 (m/s²)², 400 Hz from the frequency that is examined.
         let line: Vec<f64> = (0..10_000)
             .map(|n| (2.0 * PI * 200.3 * f64::from(n) / 5000.0).sin())
             .collect();

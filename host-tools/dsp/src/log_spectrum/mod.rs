@@ -83,8 +83,8 @@ impl LogSpectrum {
         Self(sum)
     }
 
-    /// Returns the level of `other` relative to this spectrum in each third-octave band, in dB. Both spectra have
-    /// [`BINS`] values.
+    /// Returns the level of `other` relative to this spectrum in each third-octave band, in dB; `None` if it is not
+    /// finite. Both spectra have [`BINS`] values.
     pub fn band_errors_db(&self, other: &Self) -> [Option<f64>; BAND_COUNT] {
         std::array::from_fn(|band| {
             let (low, high) = band_edges_hz(band);

@@ -41,14 +41,15 @@ impl LogSpectrum {
         Model::new(self.prediction(order).reflection, self.power())
     }
 
-    /// Returns the model of the lowest order that cannot be distinguished from this spectrum by touch: every
-    /// third-octave band from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at most 5 %. If no
-    /// order meets this, the model has the order `most`, which is also the upper limit.
+    /// Returns the model of the lowest of eleven orders, 15 to 400, that cannot be distinguished from this spectrum by
+    /// touch: every third-octave band from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at
+    /// most 5 %. If no order below `most` meets this, the model has the order `most`, or the format's highest order.
     pub fn economical_model(&self, tolerance_db: f64, most: usize) -> Model {
         const ORDERS: [usize; 11] = [15, 25, 40, 60, 80, 110, 150, 200, 260, 330, 400];
         const MAX_COST: f64 = 0.05;
         let full = self.model(most.min(limits::MAX_ORDER));
         for order in ORDERS.into_iter().filter(|&order| order < most) {
+            // The recursion's first coefficients are the model of the lower order.
             let model = Model {
                 reflection: full.reflection[..order.min(full.reflection.len())].to_vec(),
                 ..full.clone()
@@ -65,8 +66,8 @@ impl LogSpectrum {
     }
 }
 
-/// Returns the two-sided density of the output of `model` times the sample rate. [`LogSpectrum::of_model_at`] returns
-/// its logarithms.
+/// Returns the two-sided density of the output of `model` times the sample rate, at `bins` frequencies.
+/// [`LogSpectrum::of_model_at`] returns its logarithms.
 pub fn density_of_model(model: &Model, bins: usize) -> Vec<f64> {
     let error_power = error_power(model);
     let density = |bin: &Complex<f64>| error_power / bin.norm_sqr().max(f64::MIN_POSITIVE);

@@ -38,6 +38,7 @@ impl Spectra {
                 .map(|bin| {
                     let mean = all.iter().map(|one| one[bin]).sum::<Complex<f64>>() / count;
                     let squares: f64 = all.iter().map(|one| (one[bin] - mean).norm_sqr()).sum();
+                    // With one period, the variance is 0 rather than undefined.
                     (mean, squares / (count - 1.0).max(1.0))
                 })
                 .unzip()
@@ -71,6 +72,7 @@ impl Spectra {
             let parts = [0, 1, 2].map(|n| self.mean[n][bin] / bandwidths.passed(n, hz));
             for (row, column) in (0..9).map(|n| (n / 3, n % 3)) {
                 sum[(row, column)] += (parts[row] * parts[column].conj()).re;
+                // The noise of the mean adds its variance to the diagonal and would turn the direction.
                 if row == column {
                     sum[(row, row)] -= self.variance[row][bin] / self.periods.max(1) as f64;
                 }
@@ -128,9 +130,9 @@ impl Line {
 /// The level in one third octave.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Band {
-    /// Level, dB re 1 m/s² per V.
+    /// Level, dB re 1 m/s² per V; 0 if the third octave has no line.
     pub level_db: f64,
-    /// True if all lines in the third octave are trusted.
+    /// True if the third octave has lines, and all of them are trusted.
     pub trusted: bool,
 }
 
@@ -143,7 +145,7 @@ pub struct Measured {
     pub axis: [f64; 3],
     /// Fraction of the motion's power across that direction.
     pub across: f64,
-    /// Distortion of even order: RMS of the even lines that were not played, relative to the RMS of those that were.
+    /// Distortion of even order: RMS of the even lines that were not played, relative to the RMS of the played lines.
     pub even: f64,
     /// Distortion of odd order, computed likewise from the odd lines that were not played.
     pub odd: f64,
@@ -182,6 +184,7 @@ impl Measured {
         let left_out = |bins: &[usize]| {
             let powers = bins.iter().map(|&bin| {
                 let (value, variance) = spectra.along(axis, bin, bandwidths);
+                // Otherwise the noise would count as distortion.
                 value.norm_sqr() - variance
             });
             (powers.sum::<f64>().max(0.0) / bins.len() as f64 / power).sqrt()

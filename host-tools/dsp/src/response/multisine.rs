@@ -7,7 +7,7 @@ use super::{PERIOD, STEP_HZ};
 use crate::fourier::{self, Complex};
 use crate::sums::rms;
 
-/// First and last line, in bins: 10 Hz and 1 kHz.
+/// Range of the lines, in bins: 10 Hz to 1 kHz. Its end is even, so the last line is below it.
 const BINS: [usize; 2] = [4, 400];
 
 /// Even bins that are lines too, because the third octaves around 10 and 20 Hz contain no odd bin.
@@ -69,6 +69,7 @@ impl Multisine {
         for _ in 0..ROUNDS {
             let peak = peak(&samples);
             let crest = peak / rms(&samples);
+            // Restoring the amplitudes can raise the crest factor again.
             if crest < best.0 {
                 best = (crest, samples.clone());
             }
@@ -111,6 +112,7 @@ fn peak(samples: &[f64]) -> f64 {
 fn period(lines: &[usize], amplitudes: &[f64], phases: &[f64]) -> Vec<f64> {
     let mut spectrum = vec![Complex::default(); PERIOD / 2 + 1];
     for ((&bin, &amplitude), &phase) in lines.iter().zip(amplitudes).zip(phases) {
+        // The bin of the negative frequency carries the other half.
         spectrum[bin] = Complex::from_polar(0.5 * amplitude, phase);
     }
     fourier::inverse(&mut spectrum, PERIOD)

@@ -41,7 +41,8 @@ type Unknowns = SVector<f64, 8>;
 pub struct Resonance {
     /// Undamped natural frequency, Hz.
     pub hz: f64,
-    /// Standard deviation of the natural frequency, Hz, from the scatter about the model.
+    /// Standard deviation of the natural frequency, Hz, from the lines' deviations, or from the scatter about the model
+    /// if it is larger.
     pub hz_deviation: f64,
     /// Damping ratio.
     pub damping_ratio: f64,
@@ -61,12 +62,13 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Fits the model to the trusted lines; returns `None` if they are too few.
+    /// Fits the model to the trusted lines; returns `None` if they are fewer than 40.
     pub fn of(lines: &[Line]) -> Option<Self> {
         let lines: Vec<&Line> = lines.iter().filter(|line| line.is_trusted()).collect();
         if lines.len() < 40 {
             return None;
         }
+        // Above all poles, the model's level is its gain.
         let top = lines[lines.len() - 1].value.norm().ln();
         let starts = STARTS_HZ
             .into_iter()
@@ -149,12 +151,14 @@ fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<
     residual
 }
 
-/// Returns the local minimum that is reached from `unknowns`: its RMS, the unknowns and the Jacobian there.
+/// Returns the local minimum that is reached from `unknowns`: its RMS, the unknowns, and the Jacobian before the last
+/// step to it.
 fn refined(
     lines: &[&Line],
     is_positive: bool,
     mut unknowns: Unknowns,
 ) -> (f64, Unknowns, DMatrix<f64>) {
+    // The unknowns are logarithms, milliseconds and radians, so that one step suits them all.
     const STEP: f64 = 1e-5;
     let of = |unknowns: &Unknowns| residual(lines, is_positive, unknowns);
     let mut left = of(&unknowns);
@@ -183,6 +187,7 @@ fn refined(
             if is_better {
                 let gained = 1.0 - of_tried.norm() / left.norm();
                 (unknowns, left) = (tried, of_tried);
+                // A damping of 1e10 ends both loops.
                 damping = if gained < 1e-7 { 1e10 } else { damping / 5.0 };
             } else {
                 damping *= 5.0;

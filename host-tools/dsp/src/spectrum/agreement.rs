@@ -8,7 +8,7 @@ const SEGMENT_S: f64 = 0.2;
 /// The agreement of two spectra.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// Mean absolute difference of the decimal logarithms of the two power densities, over all frequencies.
+    /// Mean absolute difference of the decimal logarithms of the two power densities, over the bins of the range.
     pub log_power_mae: f64,
     /// Goodness-of-fit coefficient Σ ab / √(Σ a² Σ b²) of the amplitudes a and b at all frequencies. It is 1 for
     /// spectra that differ only by a factor (Romero, García-Beltrán, Hernández-Andrés, J. Opt. Soc. Am. A 14, 1997,
@@ -17,7 +17,8 @@ pub struct Agreement {
 }
 
 /// Returns the agreement of two signals from `low_hz` to `high_hz`, by Welch's estimate with Hann-windowed segments of
-/// 0.2 s. Returns `None` if a signal is shorter than a segment or has no power at a frequency.
+/// 0.2 s. Returns `None` if a signal is shorter than a segment or has no power at a frequency, or if the range has no
+/// bin.
 pub fn agreement(
     a: &[f64],
     b: &[f64],
@@ -33,6 +34,7 @@ pub fn agreement(
     let (mut logs, mut products) = (0.0f64, (0.0f64, 0.0f64, 0.0f64));
     for (a, b) in a
         .density
+        // The range may begin above the spectrum.
         .get(first..end)?
         .iter()
         .zip(&b.density[first..end])

@@ -41,8 +41,8 @@ fn frequency_on_band_scale_hz(band: f64) -> f64 {
 
 /// Returns the power in each third-octave band, in (signal's unit)², from [`PowerSpectrum::welch`].
 ///
-/// For a signal shorter than 1 s, the resolution is coarser than the lowest bands, which then share power. There is no
-/// power above half the sample rate.
+/// For a signal shorter than about 0.3 s, the resolution is coarser than the lowest bands, which then share power.
+/// There is no power above half the sample rate.
 pub fn band_powers(signal: &[f64], rate_hz: f64) -> [f64; BAND_COUNT] {
     let spectrum = PowerSpectrum::welch(signal, rate_hz);
     std::array::from_fn(|band| {
@@ -96,8 +96,8 @@ const WINDOWS_PER_THIRD_OCTAVE: f64 = 10.0;
 /// frequency, of two power spectra in dB, each smoothed by a sliding third-octave window.
 ///
 /// Both spectra must have segments of the same length ([`PowerSpectrum::welch`]). Signals of different lengths can then
-/// be compared. Windows lie wholly within the range, at steps of a tenth of a third octave; a range narrower than a
-/// third octave is one window. A third octave is about the just noticeable difference of frequency on skin (Weber
+/// be compared. Windows lie wholly within the range, at steps of up to a tenth of a third octave; a range narrower than
+/// a third octave is one window. A third octave is about the just noticeable difference of frequency on skin (Weber
 /// fraction 0.18 to 0.25, Israr 2006). It also averages the scatter of single bins, which would otherwise dominate the
 /// distance between two takes of one surface. Differences of level count; to compare only shapes, scale both signals to
 /// the same power first.
@@ -118,8 +118,9 @@ pub fn distance_of_spectra_db(
     Some(mean.sqrt()).filter(|distance| distance.is_finite())
 }
 
-/// Returns third-octave windows at steps of a tenth of their width, from edge to edge of a range of frequencies, in Hz.
+/// Returns third-octave windows at steps of up to a tenth of their width, from edge to edge of a range, in Hz.
 fn third_octave_windows(low_hz: f64, high_hz: f64) -> Vec<(f64, f64)> {
+    // The comparisons are false for a NaN.
     if !(low_hz > 0.0 && low_hz < high_hz) {
         return Vec::new();
     }

@@ -90,7 +90,7 @@ fn hann_tail(width: f64, most: usize) -> Vec<f64> {
 /// lengths cannot be compared. The cost between two independent excerpts of the same noise is not zero: see
 /// [`expected_cost_of_blocks`].
 ///
-/// Returns `None` if the recorded signal is empty or silent, or if a value is not finite.
+/// Returns `None` if a signal is empty, if the recorded one is silent, or if a value is not finite.
 pub fn spectral_cost(
     recorded: &[f64],
     synthesised: &[f64],

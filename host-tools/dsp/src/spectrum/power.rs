@@ -73,6 +73,7 @@ impl Hann {
         let segment = self.weights.len();
         let spare = length - segment;
         let hops = (2 * spare).div_ceil(segment);
+        // A block of one segment has no hops.
         (0..=hops).map(move |hop| (spare * hop).checked_div(hops).unwrap_or(0))
     }
 
@@ -142,6 +143,7 @@ impl PowerSpectrum {
             weight += overlaps.weight;
             squared_weight += overlaps.squared_weight;
         }
+        // The bins at both ends count double like all others, because half of their width lies outside the spectrum.
         let scale = 2.0 / (rate_hz * window.energy * f64::from(segments.max(1)));
         // No segment means no power, whatever the window's energy.
         let scale = if segments > 0 { scale } else { 0.0 };

@@ -40,6 +40,7 @@ impl Coder {
         let (zeros, all) = &mut self.seen[context];
         let share = (f64::from(*zeros) / f64::from(*all) * f64::from(TOP)).round() as u32;
         let range = self.high - self.low;
+        // Both symbols keep a part of the range, otherwise an improbable one could not be written.
         let split = self.low + (range * share / TOP).clamp(1, range - 1);
         (self.low, self.high) = if symbol {
             (split, self.high)
@@ -61,6 +62,7 @@ impl Coder {
                 self.put(true);
                 HALF
             } else if self.low >= QUARTER && self.high <= TOP - QUARTER {
+                // The next bit is open, and the bit after it will be its inverse.
                 self.pending += 1;
                 QUARTER
             } else {
@@ -78,7 +80,7 @@ impl Coder {
 
     /// Returns the bits, with the first bit as the highest of its byte. A reader must assume zeros after the last bit.
     pub fn finish(mut self) -> Vec<u8> {
-        // One half lies within the range.
+        // One half lies within the range. Inverted copies of its bit would be zeros, which need not be written.
         self.bits.push(true);
         let push = |byte, &bit: &bool| byte >> 1 | u8::from(bit) << 7;
         let bytes = self.bits.chunks(8);

@@ -59,6 +59,7 @@ impl Envelope {
 
     /// Returns the samples of the tone, m/s².
     pub fn tone(&self, rate_hz: f64) -> Vec<f64> {
+        // The phase is carried on from point to point, so that the tone does not jump.
         let (mut tone, mut phase) = (Vec::new(), 0.0f64);
         for [from, to] in self.0.array_windows() {
             let begin = tone.len();
@@ -92,6 +93,7 @@ impl Envelope {
     /// Returns the AHAP file: continuous events of full intensity and zero sharpness, and curves that control both.
     pub fn ahap(&self, full_scale_m_s2: f64, description: &str) -> Value {
         let end_s = self.0.last().map_or(0.0, |point| point.time_s);
+        // A device multiplies an event's intensity by its curve, and adds the other curve to its sharpness.
         let events = (0..(end_s / MAX_EVENT_S).ceil() as u32).map(|index| {
             let begin_s = f64::from(index) * MAX_EVENT_S;
             json!({"Event": {
@@ -114,6 +116,7 @@ impl Envelope {
 
     /// Returns curves of a parameter through all points, with times relative to the beginning of each curve.
     fn curves(&self, name: &str, value: impl Fn(&Point) -> f64) -> impl Iterator<Item = Value> {
+        // The last point begins no curve, because a curve needs two.
         let begins = (0..self.0.len().saturating_sub(1)).step_by(SEGMENTS);
         begins.map(move |first| {
             let points = &self.0[first..self.0.len().min(first + SEGMENTS + 1)];

@@ -29,6 +29,7 @@ pub fn file(samples: &[f64], description: &str) -> Value {
     let bar = progress::bar(samples.len().div_ceil(BLOCK) as u64, "encoding");
     let blocks = bar.wrap_iter(samples.chunks(BLOCK)).enumerate();
     let effects = blocks.map(|(index, block)| {
+        // Zeros fill the last block; `sample_count` tells where the stroke ends.
         let block = std::array::from_fn(|n| block.get(n).copied().unwrap_or(0.0));
         let stream = STANDARD_NO_PAD.encode(stream(block));
         json!({"effect_type": "Basis", "position": index * BLOCK_MS, "wavelet_stream": stream})
@@ -64,6 +65,8 @@ fn stream(mut block: [f64; BLOCK]) -> Vec<u8> {
     }
     let mut coder = Coder::default();
     let head = HIGHEST_BIT | scale_code << 4;
+    // The head is 4 bits of the highest bit, one of the scale's kind and 7 of the scale, each with its lowest bit
+    // first.
     (0..12).for_each(|bit| coder.push(HEAD, head >> bit & 1 == 1));
     code(&coefficients, HIGHEST_BIT, |context, bit| {
         coder.push(context, bit);

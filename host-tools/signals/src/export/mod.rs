@@ -85,10 +85,12 @@ impl Export {
                 "the synthesis was at full scale in {count} samples"
             ));
         }
+        // The conversion may raise peaks, so the largest sample is sought after it.
         if format == Format::Hjif {
             samples = resample(&[samples], rendered.sample_rate_hz, hjif::RATE_HZ).remove(0);
         }
         let largest = match format {
+            // These files hold the tone instead of the samples.
             Format::Haptic | Format::Ahap => largest(envelope.amplitudes_m_s2()),
             Format::Hjif | Format::Wav => largest(samples.iter().copied()),
         };
@@ -97,6 +99,7 @@ impl Export {
         if largest <= 0.0 {
             return refused("the stroke is silent: give speeds and forces above zero".to_owned());
         }
+        // Floats in a WAV file may exceed 1.
         if scale < largest && format != Format::Wav {
             return refused(format!(
                 "the file reaches {largest:.4} m/s², more than {scale}: raise --full-scale, or leave it out"

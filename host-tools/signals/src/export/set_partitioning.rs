@@ -24,6 +24,7 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
     let magnitude = |i: usize| coefficients[i].unsigned_abs();
     // Largest magnitude below each root in its tree.
     let mut below = vec![0; count];
+    // From the leaves up, because each root needs the values of its children.
     for root in (1..count / 2).rev() {
         let largest = [2 * root, 2 * root + 1].map(|child| magnitude(child).max(below[child]));
         below[root] = largest[0].max(largest[1]);
@@ -46,6 +47,7 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
             let is_large = put_single(i, SINGLE, &mut put);
             if is_large { &mut large } else { &mut small }.push(i);
         }
+        // Sets that are divided in this pass are examined in the same pass, as the standard's decoder expects.
         let mut queue = VecDeque::from(std::mem::take(&mut sets));
         while let Some((root, kind)) = queue.pop_front() {
             let children = [2 * root, 2 * root + 1];
@@ -63,11 +65,13 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
                     let is_large = put_single(child, CHILD, &mut put);
                     if is_large { &mut large } else { &mut small }.push(child);
                 }
+                // Otherwise the children are the finest details, which have no children.
                 if 4 * root + 3 < count {
                     queue.push_back((root, FAR_BELOW));
                 }
             }
         }
+        // A coefficient that became large in this pass has already shown this bit.
         for &i in &large[..before] {
             put(REFINEMENT, magnitude(i) & threshold != 0);
         }

@@ -36,6 +36,7 @@ fn split(samples: &mut [f64]) {
     let mut details: Vec<f64> = samples.iter().copied().skip(1).step_by(2).collect();
     for (to_details, to_means) in STEPS {
         for n in 0..half {
+            // The mirror image of a block shows the same neighbour beyond its end.
             details[n] += to_details * (means[n] + means[(n + 1).min(half - 1)]);
         }
         for n in 0..half {

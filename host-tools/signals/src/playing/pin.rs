@@ -51,6 +51,7 @@ impl<Samples: Iterator<Item = OutputSample>> Pin<Samples> {
             config,
             state: State::new(&config),
             codes: [DacCode::MID_SCALE; OVERSAMPLING],
+            // No code is left, so the first call runs a tick.
             taken: OVERSAMPLING,
         }
     }
@@ -169,6 +170,7 @@ fn render_codes(
         ))
     })?;
     let mut pin = Pin::new(rendering.by_ref(), rate, settings);
+    // By reference, because the counters are read afterwards.
     let codes = write_floats_wav(
         path,
         RATE_HZ,

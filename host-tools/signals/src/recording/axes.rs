@@ -24,13 +24,15 @@ impl LeftOut {
     /// Evaluates `samples`, the columns of a header except those of times and motion, each as an index and a name.
     ///
     /// If some names are those of accelerations, columns without such a name or unit contain something else. If the
-    /// header names no acceleration, it gives no information, so all its columns are kept.
+    /// header names no acceleration, it gives no information, so all its columns are kept. The one magnitude next to
+    /// three axes is left out in either case.
     pub fn of(samples: &[(usize, &str)]) -> Self {
         let is_told = samples.iter().any(|(_, name)| is_acceleration(name));
         let is_axis = |name: &str| !is_told || is_acceleration(name) || has_unit(name);
         let (axes, others): (Vec<_>, Vec<_>) =
             samples.iter().copied().partition(|(_, name)| is_axis(name));
         let mut magnitudes = axes.iter().copied().filter(|(_, name)| is_magnitude(name));
+        // With two magnitudes, it is open which three columns are the axes.
         let magnitude = match (magnitudes.next(), magnitudes.next()) {
             (Some(only), None) if axes.len() == MAX_CHANNELS + 1 => Some(only),
             _ => None,
@@ -87,6 +89,7 @@ pub(super) fn is_acceleration(name: &str) -> bool {
             || word.starts_with("beschleunigung")
     };
     let is_statistic = |word: &str| {
+        // ROS numbers the elements of a covariance.
         let word = word.trim_end_matches(|last: char| last.is_ascii_digit());
         STATISTIC_WORDS.contains(&word)
     };

@@ -59,6 +59,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
     }
     let time = TimeColumn::best(&columns.times);
     let mut stamps = time.map(|time| std::mem::take(&mut columns.values[time.index]));
+    // A counter wraps in its own unit, so this comes before any conversion.
     let wraps = stamps.as_mut().and_then(|times| wrapped::unwrap(times));
     let names = columns.names_with_units();
     let axes = (0..columns.values.len()).filter(|&index| columns.is_sample(index));
@@ -131,6 +132,7 @@ impl<'a> Columns<'a> {
                     continue;
                 }
             }
+            // Only the line directly below the names can hold units.
             if read.names.is_some()
                 && read.units.is_empty()
                 && read.values[0].is_empty()
@@ -142,6 +144,7 @@ impl<'a> Columns<'a> {
             for (index, column) in read.values.iter_mut().enumerate() {
                 let time = read.times.iter_mut().find(|time| time.index == index);
                 column.push(match (row.number(index), time) {
+                    // A time that is not a number may be a time of day or a duration, which is converted to seconds.
                     (Err(fault), Some(time)) => {
                         time.unit = Some(TimeUnit::S);
                         time_text::seconds(row.text(index)).ok_or(fault)?
@@ -154,6 +157,7 @@ impl<'a> Columns<'a> {
                     (number, _) => number?,
                 });
             }
+            // Refused while it is read, before it fills the memory.
             let axes = read.values.len() - read.times.len();
             let most = most_frames(axes.min(MAX_CHANNELS));
             if read.values[0].len() > most {
@@ -196,6 +200,7 @@ impl<'a> Columns<'a> {
             && first.len() >= LEAST_TIMES
             && first.windows(2).all(|pair| pair[1] > pair[0])
         {
+            // A counter looks like times in ms at 1 kHz, so only a unit decides.
             if unit.is_none() && first.windows(2).all(|pair| pair[1] - pair[0] == 1.0) {
                 let problem = format!(
                     "has no header, and its first column counts: add a header that names it '{TIME_COLUMN}' or \
@@ -306,6 +311,7 @@ fn is_no_value(field: &str) -> bool {
 fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
     let mut samples = columns.iter().flatten();
     let are_whole = samples.clone().all(|sample| sample.fract() == 0.0);
+    // Samples of -1, 0 and 1 alone may be of any kind.
     (are_whole && samples.any(|sample| sample.abs() > 1.0)).then_some(Integers::Counts)
 }
 
@@ -375,7 +381,7 @@ fn stem(name: &str) -> String {
     word.unwrap_or_default().to_owned()
 }
 
-/// Refuses a header that contains numbers, or a field that begins like a number.
+/// Refuses a header that contains numbers, or whose first field begins like a number.
 fn refuse_numbers_in_header(header: &Row<'_, '_>, table: &CsvTable) -> Result<()> {
     let is_number = |field: &str| table.number(field).is_some();
     let Some((index, bad)) = header

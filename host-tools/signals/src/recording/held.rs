@@ -65,6 +65,7 @@ impl HeldSamples {
     pub fn content(&self) -> u64 {
         let rate = Fnv::default().then(&self.rate_hz.to_le_bytes());
         let all = self.channels.iter().fold(rate, |hash, channel| {
+            // Without lengths, samples moved from one axis to the next would have the same hash.
             let length = (channel.len() as u64).to_le_bytes();
             let samples = channel.iter();
             samples.fold(hash.then(&length), |hash, sample| {
@@ -79,6 +80,7 @@ impl HeldSamples {
         let (first, end) = cut.frames(self.rate_hz);
         let part = |channel: &Vec<f64>| {
             let end = end.min(channel.len());
+            // The part may begin after the last sample.
             channel[first.min(end)..end].to_vec()
         };
         Source {

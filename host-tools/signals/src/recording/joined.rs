@@ -33,6 +33,7 @@ pub(super) fn own_rows(
             rows.push(row);
             continue;
         }
+        // A repetition is a sample if it is due, and if the next sample does not follow too soon.
         let since = rows.last().map_or(0.0, |&last| times[row] - times[last]);
         let until = changed
             .get(next)

@@ -21,8 +21,8 @@ const NEAR_WHOLE: f64 = 5e-4;
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
 /// # Errors
-/// The file cannot be read, contains no samples in the trial's part, or contains a sample that is not finite; the error
-/// names the first such sample.
+/// The file cannot be read, contains no samples in the trial's part, contains more samples than a recording may have,
+/// or contains a sample that is not finite; the error names the first such sample on the first axis that has one.
 pub fn read(trial: &Trial) -> Result<Samples> {
     read_at(trial, SAMPLE_RATE_HZ)
 }
@@ -51,6 +51,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     }
     check_finite(path, &axes, source.first_frame)?;
     let mut rate_hz = source.rate_hz;
+    // Defects are sought among the sensor's own samples: among held values, each would be a hold or a step.
     let polled = polled(&axes, rate_hz);
     let read_at_hz = polled.is_some().then_some(rate_hz);
     if let Some(sensor) = polled {
@@ -63,6 +64,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         ..Defects::of(&axes, rate_hz)
     };
     let whole_hz = rate_hz.round();
+    // The conversion takes whole rates only. Where rounding would shift the pitch, samples are moved to even times.
     if times_s.is_none() && (rate_hz / whole_hz - 1.0).abs() > NEAR_WHOLE {
         times_s = Some((0..axes[0].len()).map(|n| n as f64 / rate_hz).collect());
     }
@@ -86,6 +88,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         account: Account {
             remarks: source.remarks.into_iter().chain(conversion).collect(),
             doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
+            // A scale says what an integer means, so nothing is left to tell.
             integers: source.integers.filter(|_| !has_scale),
             has_scale,
         },
@@ -176,6 +179,7 @@ fn at_model_rate(
     model_rate_hz: u32,
 ) -> Result<Vec<Vec<f64>>> {
     let frames = axes.first().map_or(0, Vec::len);
+    // Checked before the conversion takes memory.
     let converted = frames as f64 * f64::from(model_rate_hz) / rate_hz;
     if let Some(fault) = length_fault(converted, axes.len()) {
         let problem = format!("at {model_rate_hz} Hz it has {fault}");

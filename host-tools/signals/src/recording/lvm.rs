@@ -65,7 +65,8 @@ pub(super) fn is_lvm(path: &Path) -> Result<bool> {
 /// Reads the file at `path`.
 ///
 /// # Errors
-/// The file cannot be read; a header is not valid; blocks have different channels; or channels have different times.
+/// The file cannot be read or has no rows; there are too many channels; a field is not a number; steps of times or
+/// numbers of channels differ between headers; or channels have different times.
 pub(super) fn read(path: &Path) -> Result<LabView> {
     let bytes = TABLE.read(path)?;
     // Units are often in the Western European code page.
@@ -119,6 +120,7 @@ struct Reader<'a> {
 impl<'a> Reader<'a> {
     /// Creates a reader at the beginning of the file with this `text`, using the keys of its first header.
     fn of(path: &'a Path, text: &str) -> Self {
+        // The separator and the kind of times must be known before the first line is divided.
         let value = |key: &str| {
             let mut head = text.lines().take_while(|line| !line.starts_with(END));
             let line = head.find(|line| line.starts_with(key))?;
@@ -222,12 +224,14 @@ impl<'a> Reader<'a> {
                     "a block of {count} channels, where the first has {before}: divide the file"
                 )
             }
+            // The first block has given the table its header.
             Some(_) => return Ok(None),
             None => {
                 self.channels = Some(count);
                 let units = self.of_key("Y_Unit_Label");
                 let names = (0..count).map(|index| {
                     let name = labels.get(index).map_or("", |name| *name);
+                    // In the table, these signs separate fields, quote them or begin a comment.
                     let name = name.replace([';', ',', '"', '#'], " ");
                     let unit = units.get(index).copied().unwrap_or_default();
                     format!("channel {} {name} [{unit}]", index + 1)
@@ -251,6 +255,7 @@ impl<'a> Reader<'a> {
                 (Vec::new(), (first..first + count).collect())
             }
             Times::One => (vec![0], (1..=count).collect()),
+            // Each channel has its times in the column before it.
             Times::PerChannel => (0..2 * count).partition(|index| index % 2 == 0),
         };
         let field = |index: usize| fields.get(index).copied().unwrap_or_default();
@@ -276,6 +281,7 @@ impl<'a> Reader<'a> {
             return Err(Error::line(self.path, line, problem));
         }
         self.held += 1;
+        // `risen` must still see whether this row is the first of its block.
         let time = times.first().map(|&time| self.risen(time));
         self.state = State::Rows;
         let all = time.iter().chain(&samples).map(f64::to_string);
@@ -301,6 +307,7 @@ impl<'a> Reader<'a> {
             let problem = format!("has no rows below a line '{END}': write it again");
             return Err(Error::file(self.path, problem));
         }
+        // Without times, nothing shows how much time passed between blocks.
         let is_joined = self.are_joined || (self.times == Times::No && self.blocks > 1);
         let joined = is_joined.then(|| {
             "its blocks are joined end to end, because the times of each begin anew".to_owned()

@@ -75,6 +75,7 @@ impl FromStr for Pattern {
                 .split_once('}')
                 .ok_or_else(|| format!("'{{{after}' has no '}}'"))?;
             let field = field(inside)?;
+            // `{speed}` and `{speed*10}` are the same placeholder.
             let is_same =
                 |other: &Field| std::mem::discriminant(other) == std::mem::discriminant(&field);
             if field != Field::Any && fields.iter().any(is_same) {
@@ -153,6 +154,7 @@ impl Pattern {
     pub fn read(&self, folder: &Path) -> Result<(Vec<Named>, Vec<String>)> {
         let mut paths = Vec::new();
         collect(folder, Path::new(""), &mut paths)?;
+        // A folder lists its files in no fixed order.
         paths.sort_by(|one, other| one.as_os_str().cmp(other.as_os_str()));
         let (mut named, mut others) = (Vec::new(), Vec::new());
         for path in paths {
@@ -179,6 +181,7 @@ fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> 
         let entry = entry.map_err(Error::io("read", folder))?;
         let path = above.join(entry.file_name());
         let kind = entry.file_type().map_err(Error::io("read", folder))?;
+        // A link to a folder is not a folder here, so that links cannot lead in a circle.
         if kind.is_dir() {
             collect(&entry.path(), &path, paths)?;
             continue;
@@ -219,6 +222,7 @@ pub fn one_number(names: &[&str]) -> Option<String> {
         place = Some(index);
     }
     let mut numbers = numbers;
+    // A single name, or equal names, differ in no number.
     "{speed}".clone_into(&mut numbers[place?]);
     let numbers = numbers.iter().map(String::as_str).chain([""]);
     let pieces = texts.iter().map(String::as_str).zip(numbers);

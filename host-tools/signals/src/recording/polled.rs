@@ -93,6 +93,7 @@ fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
         let in_range = |rate: &f64| (least - bin..=most).contains(rate);
         let rate = both.into_iter().find(in_range)?;
         let even = (block as f64 * (PI * rate).sin() / PI).powi(2);
+        // A line between two bins has most of its power in both together.
         Some(((here + next) / even, rate, index))
     });
     let (strength, rate, index) = candidates.max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -114,6 +115,7 @@ fn mean_power(changes: &[usize], rows: usize, block: usize) -> Vec<f64> {
     for first in (0..blocks).map(|number| number * block) {
         let from = changes.partition_point(|&row| row < first);
         let to = changes.partition_point(|&row| row < first + block);
+        // Without the mean, bin 0 does not count among the bins around a slow line.
         pattern.fill(-((to - from) as f64) / block as f64);
         for row in &changes[from..to] {
             pattern[row - first] += 1.0;
@@ -158,6 +160,7 @@ fn numbered(changes: &[usize], interval: f64) -> (Vec<usize>, f64) {
     let mut count = 0.0;
     for &row in later {
         let steps = ((row as f64 - 0.5 - at) / interval).round().max(1.0);
+        // The clamp follows a clock that drifts against the reader's.
         at = (at + steps * interval).clamp(row as f64 - 1.0, row as f64);
         count += steps;
         let last = taken[taken.len() - 1];

@@ -39,10 +39,13 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
                 *centred = sample - mean;
             }
             let bins = fourier::forward(&mut input).into_iter().zip(&response);
+            // The bin at half the output's rate stays zero, because the filter has removed it.
             let kept = bins.take(block_out).map(|(bin, response)| bin * response);
             let mut kept: Vec<Complex<f64>> = kept.collect();
             kept.resize(block_out + 1, Complex::default());
             let wave = fourier::inverse(&mut kept, 2 * block_out);
+            // The filter is as long as a block, so each result overlaps the next, and the first begins before the
+            // output.
             let (begin, delay) = (block * block_out, block_out / 2);
             let places = output[begin.saturating_sub(delay)..].iter_mut();
             for (sum, value) in places.zip(&wave[delay.saturating_sub(begin)..]) {
@@ -58,8 +61,8 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
 /// multiplied by a squared Blackman-Harris window. It is divided by the length of the transform, which does not scale
 /// its results.
 ///
-/// The edge is 6.8 bins below the Nyquist frequency of the lower rate. Above that Nyquist frequency the response is
-/// below -140 dB.
+/// The edge is 6.8 bins of a block (13.6 of the transform) below the Nyquist frequency of the lower rate. Above that
+/// Nyquist frequency the response is below -140 dB.
 fn low_pass(block_in: usize, block_out: usize) -> Vec<f64> {
     let lower = block_in.min(block_out) as f64;
     let cutoff = (lower - 13.6) / block_in as f64;

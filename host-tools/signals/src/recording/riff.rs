@@ -50,7 +50,8 @@ pub(super) struct Wave {
     pub samples: Chain<Cursor<Vec<u8>>, BufReader<File>>,
     /// True for integer samples, whose acceleration at full scale the file does not state.
     pub are_integers: bool,
-    /// True if the lengths in the header do not fit the file, so that it is read to its end.
+    /// True if a length in the header does not fit the file. If it is that of the samples, they are read to the file's
+    /// end.
     pub is_unfinished: bool,
 }
 
@@ -72,7 +73,8 @@ struct Head {
 /// lengths were never written, or are those that a program writes to a pipe, is read to its end.
 ///
 /// # Errors
-/// The file cannot be read, a chunk is longer than the file, or no recording has its format.
+/// The file cannot be read, a chunk is longer than the file or than its kind can be, more than 1000 chunks precede the
+/// samples, or no recording has its format.
 pub(super) fn open(path: &Path) -> Result<Wave> {
     let failed = |failure| Error::io("read", path)(failure);
     let file = RECORDING.open(path)?;
@@ -89,6 +91,7 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
         header.splice(..8, [*b"RIFF", [u8::MAX; 4]].concat());
     }
     let mut head = Head::default();
+    // A file of another format is left for the reader of samples to refuse.
     for _ in 0..if is_wav { MOST_CHUNKS } else { 0 } {
         let chunk = take(&mut file, 8).map_err(failed)?;
         left = left.saturating_sub(8);
@@ -98,9 +101,11 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
             Some((id, declared)) if id == *b"data" => {
                 let declared = head.length_of_samples(declared);
                 let held = held(&mut file, declared, left).map_err(failed)?;
+                // A recorder that was stopped may have cut the last frame.
                 let held = held.map(|bytes| bytes - bytes % head.frame_bytes.max(1));
                 let length = held.unwrap_or(declared).min(MOST_BYTES) as u32;
                 let end = file_bytes - left + u64::from(length);
+                // The length of the whole may include chunks after the samples and a padding byte.
                 let is_told = end..=file_bytes.max(end) + 1;
                 let is_unfinished = held.is_some()
                     || (head.long_bytes.is_none()
@@ -136,6 +141,7 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
 /// the header states no length, or if the data after the stated length is not a chunk. The position in the file stays
 /// the same.
 fn held(file: &mut BufReader<File>, declared: u64, left: u64) -> std::io::Result<Option<u64>> {
+    // More than the file has: a length that was never known, or a file that ends early.
     if declared > left {
         return Ok((declared >= LEAST_UNKNOWN).then_some(left));
     }
@@ -204,6 +210,7 @@ impl Head {
             b"fact" => MOST_FACT_BYTES,
             b"ds64" => {
                 let content = take(file, padded).map_err(failed)?;
+                // The length of the whole file comes first.
                 let bytes = content.get(8..).and_then(<[u8]>::first_chunk::<8>);
                 self.long_bytes = bytes.map(|bytes| u64::from_le_bytes(*bytes));
                 return Ok(());

@@ -82,7 +82,9 @@ impl RecordingSet {
     /// individually, each recording is a separate texture, named after the file, at the nominal speed and force.
     ///
     /// # Errors
-    /// An input is missing, a list has no trials, or a line cannot be used. The error states the line's number.
+    /// No input is given, a folder has no list or is not given alone, a list cannot be read or has no trials, or one of
+    /// its lines cannot be used; the error then states the line's number. Recordings that are missing are no error
+    /// here.
     pub fn open(inputs: &[PathBuf]) -> Result<Self> {
         let set = match inputs {
             [] => {
@@ -180,6 +182,7 @@ impl RecordingSet {
 
     /// Returns the textures' names, in the order of their first trials, with the indices of the trials of each.
     pub fn by_texture(&self) -> Vec<(&str, Vec<usize>)> {
+        // The map finds a group at once, and the list keeps the order.
         let mut numbers: HashMap<&str, usize> = HashMap::new();
         let mut groups: Vec<(&str, Vec<usize>)> = Vec::new();
         for (index, trial) in self.trials.iter().enumerate() {

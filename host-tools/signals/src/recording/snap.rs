@@ -143,6 +143,7 @@ fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
     }
     let mean = cluster.iter().sum::<f64>() / cluster.len() as f64;
     let mean = mean.clamp(low, high);
+    // Text rounds to decimal digits; a product with a power of ten would leave round-off, such as 0.6000000000000001.
     let rounded = |digits: usize| format!("{mean:.digits$e}").parse().unwrap_or(mean);
     let round = (0..MOST_DIGITS).map(rounded);
     Ok(round
@@ -272,6 +273,7 @@ fn cuts(values: &[f64]) -> Vec<(f64, Nominal)> {
     sorted.dedup();
     let gaps = log_gaps(&sorted);
     let cut = |count: usize| {
+        // A single cluster has no gap, so it is compared with the least distance of two values.
         let between = count.checked_sub(1).map_or(APART, |last| gaps[last]);
         let within = gaps.get(count).copied().unwrap_or(0.0);
         let clear = between / within.max(SCATTER);
@@ -302,7 +304,7 @@ impl Nominal {
         Some(Self { moves })
     }
 
-    /// Returns the nominal value of `value`.
+    /// Returns the nominal value of `value`, one of the measured values.
     pub fn of(&self, value: f64) -> f64 {
         let index = self.moves.partition_point(|&(from, _)| from < value);
         self.moves.get(index).map_or(value, |&(_, to)| to)
@@ -371,6 +373,7 @@ impl RecordingSet {
             };
             for &member in &members {
                 let trial = &mut self.trials[member];
+                // Spectral lines stay at the speed that was measured.
                 trial.measured_speed_mm_s.get_or_insert(trial.speed_mm_s);
                 trial.speed_mm_s = speeds.of(trial.speed_mm_s);
                 trial.force_n = forces.of(trial.force_n);

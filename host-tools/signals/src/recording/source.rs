@@ -73,9 +73,9 @@ pub struct Account {
 pub struct Samples {
     /// One to three axes of equal length, m/s²: at [`SAMPLE_RATE_HZ`], unless another rate was asked for.
     pub axes: Vec<Vec<f64>>,
-    /// The file's own sample rate, Hz.
+    /// The file's own sample rate, rounded to whole hertz, or the sensor's own if the file holds its values, Hz.
     pub source_rate_hz: f64,
-    /// Findings in the samples at the file's own rate.
+    /// Findings in the samples at that rate, before conversion.
     pub defects: Defects,
     /// What is known about the samples.
     pub account: Account,

@@ -17,8 +17,8 @@ use super::unit::Stated;
 use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 
-/// Number of samples after a long step that are examined. The earliest of them shows whether samples are missing, or
-/// one time was only late.
+/// Number of samples after a long step that are examined. The one that is least late shows whether samples are missing,
+/// or one time was only late.
 const LOOK_AHEAD: usize = 8;
 
 /// Largest fraction of single samples that may be missing before they count as gaps.
@@ -32,15 +32,16 @@ pub(super) struct Clock<'a> {
     pub unit: Option<TimeUnit>,
     /// True if the samples are evenly spaced, regardless of the times.
     pub is_even: bool,
-    /// The sample rate that was given, Hz. The times have priority if they can be used.
+    /// The sample rate that was given, Hz. The times have priority if they can be used, unless `is_even`.
     pub rate_hz: Option<f64>,
 }
 
 /// Returns the samples of `channels` within `cut`. `times` has one time for each row of `table` below its header.
 ///
 /// # Errors
-/// The times give a rate that is not possible for a recording; or, within the part, they do not rise, come in bunches
-/// with gaps between them, or consist mostly of gaps. The error states the line.
+/// There are fewer than two times, or they give a rate that is not possible for a recording; or, within the part, they
+/// do not rise, come in bunches with gaps between them, or consist mostly of gaps. Where one line is at fault, the
+/// error states it. With a given rate, such samples are evenly spaced at it instead.
 pub(super) fn source(
     table: &CsvTable,
     clock: &Clock<'_>,
@@ -57,6 +58,7 @@ pub(super) fn source(
     }
     .layout(&channels, cut);
     let mut layout = match (layout, clock.rate_hz) {
+        // The times were needed for their rate only.
         (Err(_), Some(rate_hz)) => return Ok(even(rate_hz, channels, cut)),
         (layout, _) => layout?,
     };
@@ -84,6 +86,7 @@ impl Clock<'_> {
         if times.len() < 2 {
             return (TimeUnit::S, false);
         }
+        // If a sensor's queue is read at once, the usual step is short or zero, and only the mean shows the rate.
         let (mean, usual) = (mean_step(times), Steps::of(times).usual_s);
         let by_rate = |rate_hz| TimeUnit::of_steps(mean, usual, Some(rate_hz));
         if let Some(unit) = self.rate_hz.and_then(by_rate) {
@@ -155,9 +158,11 @@ impl Stamps<'_> {
     /// Returns the layout of times without gaps and without rows of other sensors.
     fn without_gaps(&self, channels: &[Vec<f64>], cut: &Cut) -> Result<Layout> {
         let times = self.times;
+        // Over the whole duration, late times in between do not count.
         let step = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
         let rate_hz = self.checked(self.unit.per_second() / step)?;
         let mut layout = Layout::even(rate_hz, channels, cut);
+        // Conversion takes whole rates, so samples at any other are moved like uneven ones.
         if let Rows::Range(part) = &layout.rows
             && (rate_hz.fract() != 0.0 || !are_even(times))
         {
@@ -174,6 +179,7 @@ impl Stamps<'_> {
 
     /// Returns the rows whose times are within `cut`.
     fn part(&self, cut: &Cut, step: f64) -> Range<usize> {
+        // Half a step is the rounding of [`Cut::frames`].
         let half = if step.is_finite() { 0.5 * step } else { 0.0 };
         let from = |first: usize, seconds: f64| {
             if seconds.is_infinite() {
@@ -208,6 +214,7 @@ impl Stamps<'_> {
         let steps = Steps::of(&times);
         let (step, missing) = missing(&times, steps);
         let bunch = bunch(&times);
+        // Between bunches, missing samples cannot be told from the wait for the next bunch.
         if let Some((size, apart)) = bunch.filter(|_| !missing.is_empty()) {
             return Err(Error::file(
                 self.table.path(),
@@ -261,6 +268,7 @@ impl Stamps<'_> {
     fn refuse_falling(&self, channels: &[Vec<f64>], part: Range<usize>) -> Result<()> {
         let is_bad = |row: &usize| {
             let step = self.times[*row] - self.times[row - 1];
+            // A row without a sample of an axis may be another sensor's at the same time.
             let is_other = |axis: &Vec<f64>| !(axis[*row].is_finite() && axis[row - 1].is_finite());
             let is_same = |axis: &Vec<f64>| axis[*row] == axis[row - 1] || is_other(axis);
             let is_twice = step == 0.0 && channels.iter().all(is_same);
@@ -357,6 +365,7 @@ impl Layout {
             if gap.count > 1 || !are_few {
                 self.timing.gaps.push(Gap {
                     start_s: (gap.after + before) as f64 / self.rate_hz,
+                    // A gap reaches from the sample before it to the sample after it.
                     seconds: (gap.count + 1) as f64 / self.rate_hz,
                 });
             }
@@ -418,6 +427,7 @@ fn filled(samples: &[f64], missing: &[Missing]) -> Vec<f64> {
         }
         let before = at((gap.after + 1).saturating_sub(n));
         let behind = at(gap.after + 1 + gap.count - n);
+        // The squares of both weights sum to one, so the level of two uncorrelated stretches stays.
         let angle = FRAC_PI_2 * n as f64 / (gap.count + 1) as f64;
         mean + before * angle.cos() + behind * angle.sin()
     })
@@ -556,6 +566,7 @@ pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result
         } else {
             falling(column, before, time)
         };
+        // The header counts as a row, and the fault is in the second row of the step.
         return Err(Error::line(path, table.line_of_row(index + 2), problem));
     }
     Ok((times.len() - 1) as f64 / (times[times.len() - 1] - times[0]))

@@ -18,6 +18,7 @@ pub(super) fn seconds(field: &str) -> Option<f64> {
     let end = rest.find(['Z', '+', '-']).unwrap_or(rest.len());
     let days = if date.is_empty() { 0.0 } else { days(date)? };
     let [hours, minutes] = [whole(hours, 24)?, whole(minutes, 60)?];
+    // A minute with a leap second has 61 seconds.
     let seconds = number(&rest[..end]).filter(|seconds| (0.0..61.0).contains(seconds))?;
     Some(days * DAY_S + f64::from(60 * (60 * hours + minutes)) + seconds)
 }
@@ -54,6 +55,7 @@ fn days(date: &str) -> Option<f64> {
     // From March on, months have 31, 30, 31, 30, 31 days, and then the same again.
     let before_month = i64::from((153 * from_march + 2) / 5);
     let since_march_of_0 = 365 * year + leaps + before_month + i64::from(day) - 1;
+    // 1970-01-01 is day 719 468.
     Some((since_march_of_0 - 719_468) as f64)
 }
 

@@ -43,7 +43,7 @@ pub struct Trial {
     pub texture: String,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
-    /// Tangential speed, mm/s, before it was moved to a nominal value; `None` if it was not moved.
+    /// Tangential speed, mm/s, before speeds of its texture were moved to nominal values; `None` if none were moved.
     pub measured_speed_mm_s: Option<f64>,
     /// Normal force, N.
     pub force_n: f64,
@@ -67,8 +67,8 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Returns the trial that consists of the whole recording `file` of `texture` at a speed, mm/s, and a force, N, in
-    /// m/s².
+    /// Returns the trial that consists of the whole recording `file` of `texture` at a speed, mm/s, and a force, N. Its
+    /// samples are in the unit of the file's header, or in m/s².
     pub fn of(
         file: impl Into<PathBuf>,
         texture: impl Into<String>,

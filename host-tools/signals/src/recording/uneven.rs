@@ -27,14 +27,14 @@ const MOST_DECIMALS: usize = 9;
 /// The steps of a file's times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Steps {
-    /// Median of the steps, s.
+    /// Median of the steps, in the unit of the times.
     pub usual_s: f64,
     /// Relative deviation from the median that nine of ten steps do not exceed.
     pub unevenness: f64,
 }
 
 impl Steps {
-    /// Computes the steps of at least two `times`, s.
+    /// Computes the steps of at least two `times`, in any unit.
     pub fn of(times: &[f64]) -> Self {
         let stride = times.len().div_ceil(MOST_STEPS);
         let steps = times.windows(2).step_by(stride);
@@ -54,7 +54,7 @@ impl Steps {
         }
     }
 
-    /// Returns whether `step_s` is possible for even steps.
+    /// Returns whether `step_s`, in the unit of the times, is possible for even steps.
     pub fn hold_even(&self, step_s: f64) -> bool {
         // The comparison is false for a NaN.
         step_s > 0.0 && (step_s / self.usual_s - 1.0).abs() <= LARGEST_DEVIATION
@@ -73,8 +73,8 @@ impl Steps {
     }
 }
 
-/// Returns whether samples at `times`, s, are evenly spaced, within the precision of the digits with which the times
-/// are written.
+/// Returns whether samples at `times`, in any unit, are evenly spaced, within the precision of the digits with which
+/// the times are written.
 pub(super) fn are_even(times: &[f64]) -> bool {
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return true;
@@ -82,6 +82,7 @@ pub(super) fn are_even(times: &[f64]) -> bool {
     let step = (last - first) / (times.len() - 1).max(1) as f64;
     let stride = times.len().div_ceil(MOST_STEPS);
     let decimals = times.iter().step_by(stride).map(|time| {
+        // The shortest decimal form has the digits that were written.
         let text = time.to_string();
         text.split_once('.').map_or(0, |(_, digits)| digits.len())
     });
@@ -111,6 +112,7 @@ pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<
         while next < times.len() && times[next] <= time {
             next += 1;
         }
+        // Near an end, most points lie on one side of the time.
         let from = next.saturating_sub(points / 2).min(times.len() - points);
         let near = &times[from..from + points];
         let weights: Vec<f64> = (0..points)

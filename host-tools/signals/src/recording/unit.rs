@@ -205,7 +205,8 @@ impl Stated {
 
 /// Returns what `names` of columns and the `comments` above them state about the columns' units.
 ///
-/// A column without a unit has the unit of the others. Comments are used only if no name has a unit.
+/// A column without a unit has that of the first column with one. The unit of a comment is used only if no name has a
+/// unit, and the sensitivity of a comment only if no name has a sensitivity.
 pub(super) fn stated(names: &[String], comments: &str) -> Stated {
     let in_names: Vec<Option<(Unit, String)>> = names.iter().map(|name| in_name(name)).collect();
     let mut texts = names.iter().map(String::as_str).chain([comments]);
@@ -257,6 +258,7 @@ pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
         let outside = outside.trim().trim_end_matches('_');
         let starts = outside.match_indices([' ', '_', '-', ',', ':', '/', '.', ';']);
         let starts = starts.map(|(at, sign)| at + sign.len());
+        // The longest ending comes first, so that `m_s2` is not read as `s2`.
         [0].into_iter()
             .chain(starts)
             .find_map(|at| last_words(&outside[at..]))
@@ -286,6 +288,7 @@ fn brackets(name: &str) -> (Vec<String>, String) {
             ')' | ']' | '}' | '>' if depth == 1 => depth = 0,
             _ if depth == 0 => outside.push(sign),
             _ => {
+                // A unit may have brackets of its own: `[m/(s^2)]`.
                 depth = match sign {
                     '(' | '[' => depth + 1,
                     ')' | ']' => depth - 1,

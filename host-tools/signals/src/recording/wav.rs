@@ -18,7 +18,7 @@ use super::source::{Cut, Source};
 use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
 
-/// Remark on a file that is read to its end.
+/// Remark on a file whose header has a length that does not fit it.
 const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or \
                           of a program that wrote to a pipe: the samples that are there are read";
 
@@ -56,6 +56,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let decoder = decoder.map_err(|e| unusable(path, &e))?;
     let (first, end) = cut.frames(f64::from(rate_hz));
     let (channels, position) = decoded(path, &mut format, decoder, first..end)?;
+    // Only the part that is used must be there.
     if let Some(declared) = declared_frames
         && (position as u64) < declared.min(end as u64)
     {
@@ -99,6 +100,7 @@ fn decoded(
         let packet = match format.next_packet() {
             Ok(Some(packet)) => packet,
             Ok(None) => break,
+            // The caller judges a file that ends early by the number of its frames.
             Err(WavError::IoError(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => break,
             Err(e) => return Err(unusable(path, &e)),
         };

@@ -15,6 +15,7 @@ pub(super) fn unwrap(times: &mut [f64]) -> Option<String> {
     }
     let usual = Steps::of(times).usual_s;
     let find = |span: &f64| {
+        // A counter's times are whole numbers below its range.
         let are_counts = times
             .iter()
             .all(|time| time.fract() == 0.0 && (0.0..*span).contains(time));

@@ -149,6 +149,7 @@ fn check_recording(field: &Field, recording: &Recording) -> Checked {
         field.each_within(values, 0.0, high)?;
         field.ascending(values)?;
     }
+    // At rest, a sample would be no step along the track.
     let slowest = recording.speeds_mm_s[0];
     field
         .key("speeds_mm_s")
@@ -221,6 +222,7 @@ fn check_contact(field: &Field, texture: &Texture, rig: &RigDescription) -> Chec
         });
     };
     let modulus = texture.effective_modulus_mpa;
+    // The largest force makes the widest contact.
     let largest_n = rig.recording.forces_n.last().copied().unwrap_or(0.0);
     let contact = Contact::hertz(tool.tip_radius_mm, modulus, largest_n);
     let radius_mm = contact.map_or(0.0, |contact| contact.radius_mm());

@@ -90,6 +90,7 @@ fn hum_sine(hum: &Hum, sample_rate_hz: f64, key: StreamKey, samples: usize) -> V
     let start_cycles: f64 = key.stream("hum").random();
     (0..samples)
         .map(|i| {
+            // Without whole turns, the angle keeps its digits in a long trial.
             let cycles = start_cycles + hum.frequency_hz * i as f64 / sample_rate_hz;
             (TAU * cycles.fract()).sin()
         })

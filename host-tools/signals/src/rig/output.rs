@@ -121,6 +121,7 @@ fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
                 bar.inc(1);
                 Ok(row)
             })
+            // The rows keep the order of the trials, whichever thread computed them.
             .collect::<Result<Vec<_>>>()?;
         rows.extend(of_texture);
     }
@@ -172,6 +173,7 @@ impl Row {
         );
         let wav = wav_bytes(trial, description.recording.sample_rate_hz, &comment)
             .map_err(|failure| Error::file(&path, failure.to_string()))?;
+        // The folder appears whole or not at all, so its recordings are written in place.
         fs::write(&path, &wav).map_err(Error::io("write", &path))?;
         Ok(Self {
             texture: texture.to_owned(),

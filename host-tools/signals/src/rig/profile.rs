@@ -25,6 +25,7 @@ impl Profile {
         let key = StreamKey::new(seed).text(&texture.name);
         let mut coefficients = Vec::new();
         for (index, weave) in texture.weaves.iter().enumerate() {
+            // Each weave has random streams of its own.
             let terms = weave_terms(weave, circumference_mm, key.index(index));
             add(&mut coefficients, &terms);
         }
@@ -38,7 +39,7 @@ impl Profile {
         }
     }
 
-    /// Returns true if the height is zero everywhere.
+    /// Returns true if the profile has no parts, so that its height is zero everywhere.
     pub fn is_flat(&self) -> bool {
         self.coefficients.is_empty()
     }
@@ -138,6 +139,7 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
             .map(|(index, amplitude_um)| amplitude_um * ((index + 1) as f64 * angle).cos())
             .sum();
     }
+    // The mean is left out, because a constant height causes no vibration.
     let spectrum = fourier::forward(&mut profile);
     for (term, bin) in terms.iter_mut().zip(&spectrum).skip(1) {
         *term = bin * (2.0 / length as f64);

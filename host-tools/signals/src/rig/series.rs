@@ -23,6 +23,7 @@ impl UniformSampler {
     pub(super) fn new(terms: usize, samples: usize, step_cycles: f64) -> Self {
         let chirp: Vec<_> = (0..=terms.max(samples))
             .map(|j| {
+                // Whole turns are removed before the factor of 2π rounds the angle.
                 let square = (j as f64) * (j as f64);
                 Complex::cis(TAU * (0.5 * step_cycles * square).fract())
             })

@@ -128,6 +128,7 @@ impl<'a> Strip<'a> {
             )?;
             Some((pass, contact))
         });
+        // Without contact, only the effects of measuring remain.
         let mut samples_m_s2 = match felt {
             Some((pass, contact)) => {
                 let spectra = pass.spectra(&self.profile, self.texture.loss_factor, &contact, key);
@@ -188,6 +189,7 @@ impl Pass {
         let sampler = UniformSampler::new(self.tool.len(), points, point_cycles);
         let start_cycles = first as f64 * point_cycles;
         std::array::from_fn(|axis| {
+            // The sampler begins at 0, so the series is turned to begin at the first point.
             let turned: Vec<Complex<f64>> = spectra[axis]
                 .iter()
                 .enumerate()
@@ -207,6 +209,7 @@ impl Pass {
         key: StreamKey,
     ) -> [Vec<Complex<f64>>; 3] {
         let start_cycles: f64 = key.stream("start").random();
+        // Term 0 is not used.
         let mut axes: [Vec<Complex<f64>>; 3] = std::array::from_fn(|_| vec![Complex::default()]);
         for (n, (height_um, term)) in profile
             .coefficients_um()

@@ -81,12 +81,13 @@ impl MotionPath {
     ///
     /// # Errors
     /// There are no rows. Or, with the number of the row from 1: a value that no hand reaches or that is not a finite
-    /// number; a time that does not rise; or a position or contact that is missing although the first row has it, or
-    /// vice versa.
+    /// number; a time that is negative or does not rise; a position or contact that is missing although the first row
+    /// has it, or vice versa; or more than ten million rows.
     pub fn from_rows(rows: impl IntoIterator<Item = MotionRow>) -> Result<Self> {
         let mut found: Option<Points> = None;
         for (index, row) in rows.into_iter().enumerate() {
             let tells = (row.position_mm.is_some(), row.contact.is_some());
+            // The first row decides what all rows give.
             let points = found.get_or_insert_with(|| Points::new(tells.0, tells.1));
             let pushed = if tells == (points.tells_position, points.tells_contact) {
                 checked(&row).and_then(|point| points.push(point))
@@ -150,6 +151,7 @@ impl MotionPath {
             return if self.tells_position {
                 first.position_mm
             } else {
+                // From 0 s to the first row, its speed is held.
                 f64::from(first.speed_mm_s) * time_s
             };
         };
@@ -164,7 +166,8 @@ impl MotionPath {
         }
     }
 
-    /// Returns the contact of the last row up to `time_s`, or `None` if the rows do not give contact.
+    /// Returns the contact of the last row up to `time_s`, or of the first row before it; `None` if the rows do not
+    /// give contact.
     pub fn contact_at(&self, time_s: f64) -> Option<bool> {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         self.tells_contact
@@ -189,6 +192,7 @@ impl MotionPath {
         let moves = |point: &Point| point.speed_mm_s != 0.0;
         let presses = |point: &Point| point.force_n > 0.0;
         let any = |row: &[Point]| row.iter().any(moves) && row.iter().any(presses);
+        // Before the first row, its values are held. A motion of one row has no pair.
         any(&self.points[..1]) || self.points.windows(2).any(any)
     }
 
@@ -210,6 +214,7 @@ impl MotionPath {
         let steps = self.points.windows(2);
         let path_m = 1e-3 * steps.map(|pair| pair[0].distance_mm(&pair[1])).sum::<f64>();
         let rows = self.points.len();
+        // A motion of one row has no step.
         let step_s = (duration_s - self.points[0].time_s) / (rows.max(2) - 1) as f64;
         let is_sparse = rows >= FEWEST_ROWS && step_s > LONGEST_STEP_S;
         let is_far = duration_s > LONG_S || path_m > LONG_M;
@@ -369,8 +374,10 @@ impl<'a> Hand<'a> {
     /// history of the force if the motion does not give it.
     pub fn at(&mut self, time_s: f64) -> Interaction {
         let motion = self.motion.at(time_s);
+        // The detector sees every update, because it decides from the history of the force.
         let touches = self.detector.touches(motion, ContactThreshold::LEAST);
         let contact = self.motion.contact_at(time_s).unwrap_or(touches);
+        // The integral of a long motion may exceed single precision, and an infinite position is refused.
         let farthest = f64::from(f32::MAX);
         let position_mm = self
             .motion

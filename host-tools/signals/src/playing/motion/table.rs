@@ -22,7 +22,8 @@ impl MotionPath {
     ///
     /// # Errors
     /// The file cannot be read or has no rows, or a column is missing. Or, with the line: a row does not have as many
-    /// fields as the header, a value is not a finite number or no hand reaches it, or a time does not rise.
+    /// fields as the header, a value is not a finite number or no hand reaches it, a contact is neither 0 nor 1, a time
+    /// is negative or does not rise, or there are more than ten million rows.
     pub fn from_csv(path: &Path) -> Result<Self> {
         read(path).map(Self::of)
     }

@@ -72,6 +72,7 @@ impl<'a> Rendering<'a> {
     /// Stores the samples that `collect` returns in memory.
     pub fn rendered(mut self, collect: impl FnOnce(&mut Self) -> Vec<OutputSample>) -> Rendered {
         Rendered {
+            // Saturations are counted while samples are collected, so the samples come first.
             samples: collect(&mut self),
             sample_rate_hz: self.sample_rate_hz(),
             saturations: self.saturations(),
@@ -88,6 +89,7 @@ impl Iterator for Rendering<'_> {
             let interaction = self.hand.for_block(time_s, self.clock.block_s());
             let samples = self.clock.block_samples();
             self.player.follow(interaction, samples);
+            // A rendering may end within its last block.
             self.block.truncate(left.min(samples as usize));
             self.player.next_block(&mut self.block);
             self.taken = 0;
@@ -164,6 +166,7 @@ impl SampleClock {
     /// A duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
     pub fn new(seconds: f64, sample_rate_hz: u32) -> Result<Self> {
         let samples = (seconds * f64::from(sample_rate_hz)).round();
+        // The comparisons are false for a NaN.
         if !(seconds <= MAX_SECONDS && samples >= 1.0) {
             return Err(Error::Request(format!(
                 "cannot render {seconds} s: give at least the duration of one sample and at most {MAX_SECONDS} s"

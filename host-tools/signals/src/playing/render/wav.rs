@@ -129,6 +129,7 @@ fn write_each<Sample>(
     samples: impl ExactSizeIterator<Item = Sample>,
     mut write: impl FnMut(&mut WavWriter<&mut BufWriter<&mut File>>, Sample) -> hound::Result<()>,
 ) -> Result<u64> {
+    // Refused before the work, so that no long rendering ends in an error.
     format.validate(samples.len())?;
     atomic_file::write_with(path, |file| {
         let failed = |error| match error {

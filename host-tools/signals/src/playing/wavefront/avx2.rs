@@ -34,6 +34,7 @@ pub fn rotate_block(simd: V3, rotations: &[Rotation], backward: &mut [i32], samp
     if rotations.is_empty() || samples.len() < 2 {
         return Portable::rotate_block(rotations, backward, samples);
     }
+    // Only the last pass may be narrower than four vectors.
     let whole = samples.len() - samples.len() % MAX_SAMPLES;
     let (whole, rest) = samples.split_at_mut(whole);
     for samples in [whole, rest] {
@@ -198,6 +199,7 @@ impl Step {
                 simd.avx2._mm256_mul_epi32(sin, forward),
                 simd.avx2._mm256_mul_epi32(cos, backward),
             );
+            // The high words: that of `up` is in the upper half already.
             let down = simd.avx2._mm256_srli_epi64::<32>(down);
             let high = simd.avx2._mm256_blend_epi32::<0b1010_1010>(down, up);
             *vector = self.doubled_toward_zero(high);
@@ -236,6 +238,7 @@ impl Step {
         let Self { simd, .. } = self;
         let word = simd.avx._mm256_set1_epi32(word);
         let halves = (simd.avx)._mm256_setr_epi32(0, NONE, 1, NONE, 2, NONE, 3, NONE);
+        // A mask for each vector keeps them all in registers, which an index would not.
         for (index, vector) in lanes.iter_mut().enumerate() {
             let lane = if index == number % V {
                 (number / V) as i32
@@ -271,8 +274,8 @@ pub const MAX_SAMPLES: usize = 16;
 /// ended, read zeros. Each sample is two stages behind the previous one.
 const MARGIN: usize = 2 * MAX_SAMPLES;
 
-/// Number of entries of all planes, rounded up so that the planes have equal lengths and every read of several lanes
-/// stays within the array.
+/// Number of entries of all planes, rounded up so that every read of several lanes stays within the array. Six planes
+/// leave two entries unused.
 const ENTRIES: usize = (MAX_ORDER + 2 * MARGIN + 2 * MAX_SAMPLES).next_multiple_of(64);
 
 /// Rotations in `SPACING` planes. A plane holds every `SPACING`-th stage, so that neighbouring entries load into

@@ -29,7 +29,8 @@ const MOST: usize = 10;
 /// Number of samples per block; only the highest energy in a block is a candidate.
 const BLOCK: usize = 64;
 
-/// Ratio to the median above which a window's energy is an event. White noise reaches this ratio once in 3000 windows.
+/// Ratio to the median above which a window's energy is an event. Gaussian noise exceeds this ratio once in two million
+/// windows.
 const EVENT: f64 = 6.0;
 
 /// Number of samples on either side that ring in a contact, and their least mean power in this case, relative to the
@@ -37,7 +38,7 @@ const EVENT: f64 = 6.0;
 const SHOULDER: usize = 32;
 const LOUD_SHOULDER: f64 = 9.0;
 
-/// Largest number of successive samples without a large error within a burst.
+/// Largest distance from one large error of a burst to the next, samples.
 const PAUSE: usize = 6;
 
 /// Least ratio of a burst's energy to that of the next event, and least product of this ratio and [`Left::whiteness`].
@@ -73,8 +74,8 @@ pub struct Burst {
     pub start_s: f64,
     /// Duration, s.
     pub seconds: f64,
-    /// Ratio of the burst's prediction error to the largest prediction error elsewhere on the axis, both as RMS over 8
-    /// samples.
+    /// Ratio of the burst's prediction error to the largest elsewhere on the axis where no other axis has an event,
+    /// both as RMS over 8 samples.
     pub ratio: f64,
 }
 
@@ -146,6 +147,7 @@ impl<'a> Errors<'a> {
         if axis.deviation <= 0.0 || samples.len() < 10 * BLOCK {
             return None;
         }
+        // An offset, such as gravity, would otherwise be most of what is predicted.
         let middle = mean(samples);
         let centred: Vec<f64> = samples.iter().map(|x| x - middle).collect();
         let lag = |lag: usize| dot(&centred[lag..], &centred) / centred.len() as f64;
@@ -159,6 +161,7 @@ impl<'a> Errors<'a> {
         let squares: Vec<f64> = of_samples.iter().map(|e| e * e).collect();
         let energy = sliding(&squares, &[1.0; WINDOW]);
         let median = upper_median(&energy)?;
+        // If most windows are predicted exactly, nothing can be compared with them.
         (median > 0.0).then_some(Self {
             axis,
             predictor,
@@ -206,6 +209,7 @@ impl<'a> Errors<'a> {
             blocks[end].1 = 0.0;
         }
         let mut strongest: Vec<(usize, f64)> = Vec::with_capacity(MOST + 1);
+        // One more than may be bursts, as the next event of the last burst.
         for _ in 0..=MOST {
             let largest = (0..blocks.len()).max_by(|&a, &b| blocks[a].1.total_cmp(&blocks[b].1));
             let Some(largest) = largest else { break };
@@ -216,6 +220,7 @@ impl<'a> Errors<'a> {
         // If the axis rarely has events without a witness, these few show nothing.
         let rest = |count: usize| strongest[count].1.max(EVENT * self.median);
         let stands_out = |&count: &usize| strongest[count - 1].1 >= ratio * rest(count);
+        // The largest number comes first, so that bursts of equal strength do not hide each other.
         let count = (1..strongest.len()).rev().find(stands_out).unwrap_or(0);
         let rest = rest(count);
         strongest.truncate(count);
@@ -226,12 +231,14 @@ impl<'a> Errors<'a> {
     /// they are too few or too many for a burst, or if their surroundings are loud.
     fn left_out(&self, at: usize, rest: f64) -> Option<Left> {
         let errors = &self.of_samples;
+        // Two such errors in a window would exceed `rest`.
         let is_large = |index: &usize| 2.0 * errors[*index] * errors[*index] > rest;
         let largest =
             (at..at + WINDOW).max_by(|&a, &b| errors[a].abs().total_cmp(&errors[b].abs()))?;
         let (mut first, mut last) = (largest, largest);
         while let Some(before) = (first.saturating_sub(PAUSE)..first).find(is_large) {
             first = before;
+            // The errors of the longest burst last for LONGEST + ORDER samples, which is less.
             if last - first > 2 * LONGEST {
                 return None;
             }
@@ -265,6 +272,7 @@ impl<'a> Errors<'a> {
     fn whiteness(&self, first: usize, count: usize, rest: f64) -> Option<f64> {
         let (a, p) = (&self.predictor, self.order());
         let errors = self.of_samples.get(first..first + count + p)?;
+        // Beyond the predictor's order, its correlation is zero.
         let lag = |lag: usize| dot(&a[lag.min(p + 1)..], a);
         let lags: Vec<f64> = (0..count).map(lag).collect();
         let normal = DMatrix::from_fn(count, count, |row, column| lags[row.abs_diff(column)]);

@@ -18,8 +18,8 @@ pub(super) fn clipped_share(axes: &[Axis<'_>]) -> f64 {
     axes.iter().map(clipped_share_of).fold(0.0, f64::max)
 }
 
-/// Returns the fraction of samples at the highest or lowest value, if there are enough runs of [`LEAST_RUN`] or more
-/// such samples. A signal that has only one or two different values does not count as clipped.
+/// Returns the fraction of samples at the highest or lowest value, if at least eight of them begin [`LEAST_RUN`] equal
+/// samples. A signal that has only one or two different values does not count as clipped.
 fn clipped_share_of(axis: &Axis<'_>) -> f64 {
     let (samples, outside) = (axis.samples, axis.at_limits.len());
     if axis.low >= axis.high || outside < MIN_CLIPPED_SAMPLES || outside == samples.len() {

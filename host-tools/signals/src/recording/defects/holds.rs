@@ -83,6 +83,7 @@ fn is_unnatural(axis: &[f64], first: usize, end: usize) -> bool {
         // Laplace's rule of succession, because an event that did not occur among few samples is not impossible.
         (equal + 1) as f64 / (part.len() + 1) as f64
     };
+    // A hold may lie between a quiet part, in which equal neighbours are natural, and a loud one.
     let p = share(before).max(share(after));
     axis.len() as f64 * p.powi((end - first) as i32 - 1) < LARGEST_CHANCE
 }

@@ -41,9 +41,9 @@ pub struct Timing {
     pub guessed_unit: Option<TimeUnit>,
     /// Number of rows that were removed because they repeat other rows.
     pub joined_rows: usize,
-    /// Number of single samples that were missing and were interpolated.
+    /// Number of single samples that were missing and were interpolated; 0 if they are more than 1 % and count as gaps.
     pub lost: usize,
-    /// Number of samples, including those that were missing.
+    /// Number of samples, including those that were missing; may be 0 if none are missing.
     pub samples: usize,
     /// Gaps, in order of time.
     pub gaps: Vec<Gap>,
@@ -91,12 +91,14 @@ impl Defects {
             .flat_map(|axis| spikes::spikes(axis, rate_hz))
             .collect();
         spikes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        // Spikes on several axes at once are one.
         spikes.dedup_by(|next, first| next.time_s - first.time_s < spikes::REACH as f64 / rate_hz);
         let clips: Vec<Clip> = axes
             .iter()
             .flat_map(|axis| clipping::clips(axis, rate_hz))
             .collect();
         let mut bursts = bursts::bursts(&axes, rate_hz);
+        // Clipped peaks, holds and spikes are unpredictable, too.
         bursts.retain(|burst| {
             let reach_s = spikes::REACH as f64 / rate_hz;
             let overlaps = |start_s: f64, seconds: f64| {

@@ -29,6 +29,7 @@ pub struct GridAxis {
 impl GridAxis {
     /// Returns the grid's value nearest to `value`, if it is within half a step.
     pub(super) fn nearest(&self, value: f64) -> Option<f64> {
+        // Round-off must not take away the highest value.
         let last = ((self.highest - self.lowest) / self.step + 1e-9).floor();
         let index = ((value - self.lowest) / self.step).round().clamp(0.0, last);
         let nearest = self.lowest + index * self.step;
@@ -83,21 +84,24 @@ pub fn proposed_grid(recordings: &[Freehand]) -> Option<(GridAxis, GridAxis)> {
     Some((proposed(speeds, SPEEDS)?, proposed(forces, FORCES)?))
 }
 
-/// Returns an axis of at most `lines` lines, or one more, for `values` above zero.
+/// Returns an axis of at most `lines` lines for `values` above zero; `None` if there are none.
 fn proposed(mut values: Vec<f64>, lines: f64) -> Option<GridAxis> {
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
     let margin = (LEFT_OUT * last as f64) as usize;
     let (low, high) = (values[margin], values[last - margin]);
+    // Lines begin one step above zero at the earliest, so the highest value decides the step.
     let exact = high / lines;
     let power = 10f64.powf(exact.log10().floor());
     let factor = [1.0, 2.0, 5.0, 10.0]
         .into_iter()
+        // Round-off must not lead to the next larger step.
         .find(|factor| factor * power >= exact * (1.0 - 1e-9))?;
     // Powers of ten below one are not exact, so values are rounded to the decimals that a user would write.
     let rounded = |value: f64| (value * 1e6).round() / 1e6;
     let step = rounded(factor * power);
     Some(GridAxis {
+        // A line at zero would be a node at rest or without contact.
         lowest: rounded((low / step).round().max(1.0) * step),
         highest: rounded((high / step).round().max(1.0) * step),
         step,

@@ -74,7 +74,8 @@ impl Freehand {
         notes
     }
 
-    /// Appends a row, whose accelerations are in units of `scales_m_s2`. `names` are the names of the row's columns.
+    /// Appends a row, whose accelerations are in units of `scales_m_s2`; an outlier becomes 0. `names` are the names of
+    /// the row's columns.
     fn push(
         &mut self,
         row: &Row<'_, '_>,
@@ -95,6 +96,7 @@ impl Freehand {
                     value,
                 });
             }
+            // Segments and strokes leave out a block with an outlier, so any finite number will do for them.
             0.0
         };
         let speed = keep(columns.speed, row.number(columns.speed)?, MAX_SPEED_MM_S);
@@ -155,7 +157,8 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 /// comment at the top that begins with SIMULATED marks the file as simulated.
 ///
 /// # Errors
-/// The file cannot be read or lacks one of these columns, a field is not a number, or there are too many outliers.
+/// The file cannot be read or lacks one of these columns, a field is not a number, the times are not even, the rate is
+/// not possible for a recording, or there are too many rows or outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Result<Freehand> {
     // Only regular files are accepted, because a recording is read again to determine its kind.
     TABLE.open(path)?;
@@ -277,6 +280,7 @@ fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
         let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
         return Err(Error::file(table.path(), problem));
     }
+    // Times are often written with few digits, so their rate is rounded.
     Ok(even_rate(table, TIME, times)?.round().max(1.0))
 }
 

@@ -61,7 +61,7 @@ pub struct Options {
 pub struct Segment {
     /// Index of the recording that contains the segment.
     pub recording: usize,
-    /// First sample.
+    /// Index of the first sample in the recording.
     pub first: usize,
     /// Index after the last sample.
     pub end: usize,
@@ -220,6 +220,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         jumps.extend(jump_times_s(&blocks).map(|time_s| (index, time_s)));
         for segment in segments_of(recording, &blocks, index, options) {
             let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
+            // A hand at rest or in the air is steady, too.
             if !is_moving(segment.median_speed_mm_s, segment.median_force_n, options) {
                 continue;
             }
@@ -259,6 +260,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         too_little,
         reversals,
         jumps,
+        // Segments consist of whole blocks, which may have samples at rest.
         steady_share: if moving > 0.0 {
             (steady / moving).min(1.0)
         } else {
@@ -402,6 +404,7 @@ fn segments_of(
     let mut begin = 0;
     while begin < blocks.len() {
         let end = steady_end(blocks, begin, options);
+        // A steady part may begin at any block.
         if end - begin < least {
             begin += 1;
             continue;

@@ -61,6 +61,7 @@ impl Sketch {
     fn is_copy_of(&self, other: &Self) -> bool {
         let most = COPY_DIFFERENCE * SUMS as f64;
         let mut square = 0.0;
+        // Most pairs differ after a few sums, at which the search ends.
         let differ = self.sums.iter().zip(&other.sums).any(|(a, b)| {
             square += f64::from(a - b) * f64::from(a - b);
             square > most
@@ -90,6 +91,7 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
         let near = order[place + 1..].iter();
         for &b in near.take_while(|&&b| first(b) - first(a) <= reach) {
             let (earlier, later) = (a.min(b), a.max(b));
+            // The comparison of sketches takes the most time, so it comes last.
             if original[later].is_none_or(|known| earlier < known)
                 && sketches[a].is_copy_of(sketches[b])
             {

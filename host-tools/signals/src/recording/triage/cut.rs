@@ -48,6 +48,7 @@ fn between<'a>(
         if end >= from + least {
             parts.push(from..end);
         }
+        // Spans of different verdicts may overlap.
         from = from.max(cut.end);
     }
     let left: usize = parts.iter().map(ExactSizeIterator::len).sum();
@@ -105,6 +106,7 @@ fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
         let before = &mut joined[joint..];
         let length = before.len() as f64;
         for (index, (last, next)) in before.iter_mut().zip(samples.by_ref()).enumerate() {
+            // The half makes both ends of the joint alike.
             let angle = std::f64::consts::FRAC_PI_2 * (index as f64 + 0.5) / length;
             *last = *last * angle.cos() + next * angle.sin();
         }

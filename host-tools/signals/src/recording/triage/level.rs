@@ -116,6 +116,7 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
             spans.push(run);
         }
     }
+    // Both searches may find the same part.
     spans.sort_by_key(|span| span.start);
     spans.dedup_by(|next, first| {
         let joins = next.start <= first.end;
@@ -183,6 +184,7 @@ fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
     for _ in 0..=MOST_TAPS {
         let first = (0..events.len()).max_by(|&a, &b| events[a].total_cmp(&events[b]))?;
         strongest.push((first, events[first]));
+        // Windows up to one part away from the event belong to it.
         let own = first.saturating_sub(TAP_PARTS + 1)..(first + TAP_PARTS + 2).min(events.len());
         events[own].fill(0.0);
     }

@@ -18,7 +18,7 @@
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`](crate::dsp::high_pass::SLOW_HZ) | |
 //! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
-//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g or 0.9 to 1.1, header's unit, 45 dB from the median | |
+//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g, 0.9 to 1.1 or 1 mg, header's unit, 45 dB from the median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | unlike | from some frequency on, more than [`UNLIKE_NEIGHBOURS_DB`] from both neighbours in speed | |

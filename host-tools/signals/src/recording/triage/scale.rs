@@ -52,6 +52,7 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
     let rms = moments.iter().map(|axis| axis.variance).sum::<f64>().sqrt();
     let mean = moments.iter().map(|axis| axis.mean.powi(2)).sum::<f64>();
     let mean = mean.sqrt();
+    // The mean comes first, because gravity tells the unit, and an RMS does not.
     if mean > LARGE_MEAN_M_S2 {
         let alike = if has_scale {
             Vec::new()
@@ -85,6 +86,7 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
     } else {
         GRAVITY_RMS_OF_FEW
     };
+    // Fewer axes may be tilted, so with a scale that was given, a mean of 1 is no finding on them.
     let is_gravity = (mean - 1.0).abs() <= GRAVITY_TOLERANCE
         && (SILENCE_FLOOR_M_S2..most).contains(&rms)
         && (is_whole || !has_scale);

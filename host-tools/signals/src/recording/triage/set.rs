@@ -86,6 +86,7 @@ fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut 
     let median = upper_median(&levels).unwrap_or(0.0);
     for index in loud {
         let off_db = level(index) - median;
+        // One doubt about the scale is enough.
         let is_doubted = verdicts[index]
             .iter()
             .any(|verdict| verdict.kind() == Kind::Scale);

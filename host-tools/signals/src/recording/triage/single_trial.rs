@@ -45,7 +45,7 @@ pub fn samples(samples: &Samples, slow_share: f64) -> Vec<Verdict> {
     let moments: Vec<Moments> = axes.iter().map(|axis| moments(axis)).collect();
     verdicts.extend(scale(&moments, &samples.account));
     let power: f64 = moments.iter().map(|axis| axis.variance).sum();
-    // In a silent trial, nothing else can be judged.
+    // In a silent trial, only a drift can be judged.
     if power.sqrt() >= SILENCE_FLOOR_M_S2 {
         verdicts.extend(of_defects(samples));
         verdicts.extend(dead_axes(&moments));
@@ -124,6 +124,7 @@ fn of_times(samples: &Samples) -> Vec<Verdict> {
     let gaps = timing.gaps.iter();
     let gaps = gaps.map(|gap| span(gap.start_s, gap.seconds, SPIKE_REACH, length));
     let mut gaps: Vec<Span> = gaps.collect();
+    // The margins may let neighbouring gaps overlap.
     gaps.dedup_by(|next, last| {
         let meets = next.start <= last.end;
         last.end = if meets { next.end } else { last.end };
@@ -245,6 +246,7 @@ const LANES: usize = 8;
 /// Returns the fraction of the energy about the mean that a straight line explains.
 fn drift_share(axis: &[f64]) -> f64 {
     let n = axis.len() as f64;
+    // The first sample is subtracted, so that a large offset costs no digits.
     let first = axis.first().copied().unwrap_or(0.0);
     let (mut sum, mut moment) = (0.0, 0.0);
     // One moment per chunk is enough, because the line's rise within a chunk is negligible compared with the chunk's

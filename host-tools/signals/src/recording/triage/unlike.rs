@@ -68,7 +68,7 @@ fn departure(
     let audible = strongest(slower).min(strongest(faster)) - AUDIBLE_DB;
     let known = own.iter().filter(|(hz, _)| *hz >= LOWEST_HZ);
     // Difference from the level of the nearer neighbour. It is 0 if the level lies between both neighbours, or deviates
-    // by less than they differ from each other.
+    // by no more than they differ from each other or than the bound.
     let off: Vec<(f64, f64)> = known
         .filter_map(|&(hz, own_db)| {
             let (slower, faster) = (level(slower, hz)?, level(faster, hz)?);

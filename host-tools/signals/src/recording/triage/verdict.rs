@@ -145,8 +145,8 @@ impl Verdict {
         self.kind.words().0
     }
 
-    /// Size of the finding, larger for worse findings: the number of samples that the verdict would leave out, or the
-    /// first number in its words.
+    /// Size of the finding, for most kinds larger for worse findings: the number of samples that the verdict would
+    /// leave out, or else the first number in its words, negative where less is worse; 0 for a duplicate.
     pub fn size(&self) -> f64 {
         let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
         let mut words = self.finding.split(|c| !is_of_number(c));
@@ -155,6 +155,7 @@ impl Verdict {
             _ if !self.spans.is_empty() => {
                 self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64
             }
+            // Fewer samples, and a lower rate, are worse.
             Kind::TooShort | Kind::Truncated | Kind::WrongRate => -first,
             Kind::Duplicate => 0.0,
             _ => first,
