@@ -25,12 +25,12 @@ pub fn middling() -> Vec<u8> {
     library(1, 200, 1)
 }
 
-/// A library of one texture of about 7 KB.
+/// A library of one texture of about 8 KB.
 pub fn other() -> Vec<u8> {
     library(1, 25, 2)
 }
 
-/// Four textures of the highest order, which almost fill a slot.
+/// Four textures of the highest order, which fill three quarters of a slot.
 pub fn large() -> Vec<u8> {
     library(4, MAX_ORDER, 3)
 }

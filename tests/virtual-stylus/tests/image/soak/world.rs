@@ -100,10 +100,12 @@ pub struct World {
     run: Run,
     /// Virtual time of the previous runs, ns.
     earlier_ns: u64,
+    /// How often each operation was done.
     pub done: BTreeMap<&'static str, u64>,
     /// Largest figures of each quarter of the run.
     most: [Figures; 4],
     pub quarter: usize,
+    /// Codes put out in the previous runs, and those of them that were not mid-scale.
     pub codes: [u64; 2],
     /// True after a step that was not possible.
     pub skipped: bool,
@@ -454,6 +456,7 @@ impl World {
             [config.limit_steps() as u16, config.slew_steps() as u16]
         };
         let [one, other] = [of(&before), of(&self.settings)];
+        // The step may have changed the settings, so each code must keep one or the other limit.
         let limits = Limits {
             offset: one[0].max(other[0]),
             slew: one[1].max(other[1]),
