@@ -354,6 +354,7 @@ impl SteppedStylus {
     ) -> R {
         let mut stage = self.control.clone();
         let mut job = pin!(job(&mut self.storage, &mut stage));
+        // Nothing wakes the job: it is polled again after each call of `meanwhile`.
         let mut context = Context::from_waker(Waker::noop());
         for _ in 0..JOB_LIMIT_MS {
             if let Poll::Ready(result) = job.as_mut().poll(&mut context) {

@@ -270,6 +270,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
         let faults = lock(shared).faults.clone();
         let blocks = catch_up(&control, begin.elapsed(), &faults);
         let frames = connection.as_mut().map(Connection::receive);
+        // A connection is read with a timeout; without one the loop would use a whole core.
         if frames.is_none() {
             thread::sleep(Duration::from_millis(1));
         }
@@ -286,7 +287,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             requests.take_answers()
         };
         let Some(open) = &mut connection else {
-            // Without a connection nobody receives the answers.
+            // Jobs go on without a connection, but nobody receives the answers.
             step();
             continue;
         };

@@ -102,6 +102,7 @@ fn subject(
             if bench.device.status().is_err() {
                 let _ = bench.device.reconnect();
             }
+            // The next subject must not begin while something plays.
             let _ = bench.device.stop();
             Ok(())
         }

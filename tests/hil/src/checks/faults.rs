@@ -160,6 +160,7 @@ fn takes_faults(bench: &mut Bench, name: &str, has_to: bool) -> Result<bool> {
     let malformed = |status: &Status| status.usb.malformed + status.serial.malformed;
     let before = bench.status()?;
     inject(bench, Injected::Nothing)?;
+    // A message on a topic is not answered, so the device has some time to count it.
     let after = bench.wait(20)?;
     let takes = malformed(&after) == malformed(&before);
     let told = |takes: bool| if takes { "takes them" } else { "refuses them" };
