@@ -28,6 +28,7 @@ pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     };
     bench.report.interrupted = matches!(ended, Err(Error::Interrupted));
     bench.begin("end");
+    // Failures of subjects are lines of the report already, so this one is that of `make_playable`.
     if let Err(error) = &ended
         && !bench.report.interrupted
     {

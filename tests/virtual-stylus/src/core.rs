@@ -403,6 +403,7 @@ impl Core {
         };
         let (exit, retired) = self.inner.run(budget, &mut seen);
         let flash_reads = seen.flash_reads;
+        // A load that was put off has not happened; its instruction begins again once the bank is idle.
         let Some(address) = seen.put_off else {
             return (exit, retired, flash_reads);
         };

@@ -66,6 +66,7 @@ impl Motion {
         let mut knots: Vec<Knot> = Vec::with_capacity(speeds.len());
         for &(at_ns, speed) in speeds {
             let speed = speed / mm_per_count;
+            // The speed is linear between knots, so the mean of both is exact.
             let position = knots.last().map_or(0.0, |last| {
                 last.position + f64::midpoint(last.speed, speed) * seconds(at_ns - last.at_ns)
             });

@@ -384,6 +384,7 @@ fn tell_what_is_left_out(Call { registers, context }: &mut Call<'_, '_>) {
         Register::Ofr3,
         Register::Ofr4,
     ];
+    // The offset itself, without the channel that it is for.
     if offsets
         .iter()
         .any(|&offset| registers.get(offset) & 0x03FF_FFFF != 0)

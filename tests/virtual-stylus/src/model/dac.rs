@@ -294,6 +294,7 @@ impl Device for Dac {
             Register::Dhr12r1 => self.hold(at, 0, value, registers),
             Register::Dhr12r2 => self.hold(at, 1, value, registers),
             Register::Sr => self.underruns &= !value,
+            // Read only, or of the calibration and of sample and hold, whose timing is left out.
             Register::Dor1
             | Register::Dor2
             | Register::Ccr

@@ -69,6 +69,7 @@ fn flash_set(libraries: &[&[u8]], further: &[(Setting, f32)]) -> Contents {
         let address = u64::from(BASE) + at as u64;
         contents.place(address, bytes).expect("it is in the flash");
     };
+    // The slots are the whole of bank 2.
     place(BYTES / 2, slots.bytes());
     let range = SETTINGS_RANGE.start as usize..SETTINGS_RANGE.end as usize;
     place(range.start, &settings.bytes()[range]);

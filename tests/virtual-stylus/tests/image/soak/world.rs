@@ -287,6 +287,7 @@ impl World {
             "RAM that nobody had written was read"
         );
         self.earlier_ns += self.device.stylus.now_ns();
+        // The image is that of the contents, whichever file is named.
         self.device = switched_on(&product(), contents, true, &mut self.chance);
         self.wait_for_exchange();
         let running = active_image(&self.device.stylus.flash().bytes);

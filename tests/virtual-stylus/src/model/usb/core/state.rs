@@ -135,6 +135,7 @@ pub struct Core {
 
 impl Default for Core {
     fn default() -> Self {
+        // Values after a reset (section 57.14). The places of the FIFOs in their RAM are not modelled.
         Self {
             otg_control: 0,
             otg_interrupts: 0,

@@ -57,12 +57,14 @@ impl Host {
     /// next call must come; `None` if nothing is due until the core or the software does something.
     pub fn advance(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         let is_pulled_up = core.is_connected();
+        // The device counts silence from its own pull-up on, with or without a cable.
         if is_pulled_up && !self.is_pulled_up {
             self.quiet_from_ns = now_ns;
             self.quiet_told = false;
         }
         self.is_pulled_up = is_pulled_up;
         let sees_device = self.bus != Bus::Unplugged && is_pulled_up;
+        // To the host, a pull-up that ends is a device that is gone.
         if self.sees_device && !sees_device {
             self.go_quiet(Bus::Silent, now_ns);
             self.fail_all(now_ns, TransferError::Gone);
@@ -71,6 +73,7 @@ impl Host {
         match self.bus {
             Bus::Unplugged | Bus::Silent => self.quiet(now_ns, core),
             Bus::Reset { until_ns, begun } => {
+                // The software's call has no access to the core, so the core learns of the reset here.
                 if !begun {
                     core.bus_reset_begins();
                     self.bus = Bus::Reset {

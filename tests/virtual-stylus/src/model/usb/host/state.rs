@@ -129,6 +129,7 @@ impl Default for Host {
             next_id: 0,
             completions: Vec::new(),
             traffic: Traffic::default(),
+            // At power-on USB has no clock yet.
             clock_is_off: true,
         }
     }
