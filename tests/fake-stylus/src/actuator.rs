@@ -23,8 +23,8 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// Creates a plant at rest. For each code, `log` receives two `f32` in little endian: the voltage at the pin, V,
-    /// and the acceleration at the tip, m/s².
+    /// Creates a plant at rest. For each code, `log` receives two `f32` in little endian: the voltage at the pin, V
+    /// from mid-scale, and the acceleration at the tip, m/s².
     pub fn new(parameters: Parameters, seed: u64, log: Option<Box<dyn Write + Send>>) -> Self {
         Self {
             plant: Plant::new(&parameters, seed),
@@ -95,6 +95,7 @@ impl Performance {
     ) {
         let samples = UPDATE_INTERVAL_SAMPLES * rate.samples_per_tick();
         self.player.at_tick(now);
+        // One block late, as in the image, whose update decides a block while the one before it plays.
         self.player.follow(self.decided, samples);
         self.decided = self.follower.follow(chosen, encoder, inputs, now);
     }
@@ -172,6 +173,7 @@ mod tests {
             stylus.run(1);
             let [AdcCode(x), ..] = stylus.hardware().actuator.as_ref().unwrap().acceleration();
             let volts = (f64::from(x) - 32_768.0) * f64::from(AdcCode::STEP.0);
+            // The preset's accelerometer has 33.65 mV per m/s².
             square += (volts / 0.033_65).powi(2) / 200.0;
         }
         let [pin, tip] = taken(&log);

@@ -59,7 +59,9 @@ pub struct Connection {
 impl Connection {
     /// Creates a connection over `stream`.
     pub fn new(stream: TcpStream) -> Self {
+        // On some systems an accepted socket is non-blocking like its listener.
         stream.set_nonblocking(false).expect("a socket can block");
+        // Otherwise an answer waits until the host has acknowledged the one before (Nagle's algorithm).
         stream.set_nodelay(true).expect("a socket can send at once");
         stream
             .set_read_timeout(Some(READ_TIMEOUT))

@@ -1,5 +1,5 @@
 //! The application on fake hardware, in virtual time. [`Control`] is behind a lock that is never held across a wait,
-//! and [`Storage`] works next to it, as `firmware/src/storage.rs` arranges them.
+//! and [`Storage`] works next to it, as `firmware/src/link/storage.rs` arranges them.
 
 use std::cell::{Cell, RefCell, RefMut};
 use std::ops::Deref;
@@ -90,7 +90,7 @@ pub const MOTION: MotionSample = MotionSample {
     contact: None,
 };
 
-/// Virtual time after which a job of the storage counts as stuck, ms. It is one hour.
+/// Number of waits after which a job of the storage counts as stuck: one hour, if the device runs 1 ms in each.
 const JOB_LIMIT_MS: u32 = 3_600_000;
 
 /// The application's [`Control`], shared by all parts that serve the device in one thread.
@@ -218,7 +218,8 @@ impl SteppedStylus {
         Self::boot_as(slots, flash, hardware)
     }
 
-    /// Boots in the order of the image: on `slots`, on the settings in `flash` (two sectors), and on `hardware`.
+    /// Boots on `slots`, on the settings in `flash` (two sectors), and on `hardware`. As in the image, the settings are
+    /// read first. In safe mode no library is activated.
     pub fn boot_as(slots: Flash, flash: Flash, hardware: Hardware) -> Self {
         let safe_mode = hardware.start.safe_mode;
         let range = 0..2 * SECTOR_BYTES as u32;
@@ -314,7 +315,7 @@ impl SteppedStylus {
     /// Proposes new values of settings and applies them, like a host.
     ///
     /// # Errors
-    /// A refusal of either step.
+    /// More values than there are settings, or a refusal of either step.
     pub fn change_settings(&mut self, values: &[SettingChange]) -> Result<Settings, SettingsError> {
         self.propose_and_apply(SettingsChange::of(values)?)
     }
@@ -353,6 +354,7 @@ impl SteppedStylus {
     ) -> R {
         let mut stage = self.control.clone();
         let mut job = pin!(job(&mut self.storage, &mut stage));
+        // Nothing wakes the job: it is polled again after each call of `meanwhile`.
         let mut context = Context::from_waker(Waker::noop());
         for _ in 0..JOB_LIMIT_MS {
             if let Poll::Ready(result) = job.as_mut().poll(&mut context) {
@@ -406,6 +408,7 @@ impl Bench for BoardOf {
     fn encoder(&self) -> EncoderValues {
         let stuck = self.board().stuck_line;
         let count = self.control.borrow_mut().device().encoder_count();
+        // A Gray code of two lines: one of them changes at each count.
         let half = count >> 1;
         EncoderValues {
             count,

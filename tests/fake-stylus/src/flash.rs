@@ -206,6 +206,7 @@ impl Memory {
                 }
                 // Half of the bits have changed.
                 for (index, (byte, new)) in bytes.iter_mut().zip(data).enumerate() {
+                    // Each mask has four bits of a byte, and the next byte has the other four.
                     let mask = if (index + word).is_multiple_of(2) {
                         0x5a
                     } else {
@@ -240,6 +241,7 @@ impl Memory {
 
     /// Seeds the random numbers that decide how unstable and marginal words read.
     pub fn seed(&mut self, seed: u64) {
+        // Never zero, which xorshift would not leave.
         self.chance = seed | 1;
     }
 
@@ -322,7 +324,7 @@ pub enum Mishap {
     Refuse,
     /// This operation and every later one fail halfway and report the failure.
     RefuseFrom,
-    /// The operation writes a wrong bit and reports success.
+    /// A write has a wrong bit and reports success. An erase is done as it should be.
     Corrupt,
 }
 
@@ -385,9 +387,9 @@ pub struct SimulatedFlash<'a> {
     pub memory: Memory,
     /// Number of operations so far.
     pub operations: usize,
-    /// Offset of a word, and the number of its reads after which it faults.
+    /// Offset of a byte, and the number of reads that reach it before its word faults for good.
     pub wears_out: Option<(usize, usize)>,
-    /// Offset of a word, and the number of its next reads that fault; later reads succeed.
+    /// Offset of a byte, and the number of the next reads that reach it and fault; later reads succeed.
     pub recovers: Option<(usize, usize)>,
     /// Number of reads so far.
     pub reads: usize,
@@ -434,6 +436,7 @@ impl<'a> SimulatedFlash<'a> {
             Some(Mishap::Cut(cut)) => {
                 self.memory.perform(operation, cut);
                 self.fate.0.is_off.set(true);
+                // Without power nothing goes on, so the caller never learns of the operation.
                 return pending().await;
             }
             Some(Mishap::Refuse | Mishap::RefuseFrom) => {
@@ -499,6 +502,7 @@ impl ReadNorFlash for SimulatedFlash<'_> {
         if let Some((offset, left)) = self.wears_out
             && (from..to).contains(&offset)
         {
+            // Later reads fault by themselves.
             let Some(left) = left.checked_sub(1) else {
                 self.memory.set_faulty(offset);
                 return Err(ECC);

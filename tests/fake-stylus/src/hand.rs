@@ -22,7 +22,7 @@ pub struct Hand {
     pub goal_counts: Option<i64>,
 }
 
-/// Counts per tick at which a tip moves to its goal.
+/// Largest number of counts per tick at which a tip moves to its goal.
 const GOAL_COUNTS_PER_TICK: i64 = 40;
 
 impl Default for Hand {
@@ -62,6 +62,7 @@ impl Hand {
         let path = f64::from(settings.get(Setting::PathPerCount));
         let zero = f64::from(settings.force_zero().0);
         let force = zero + self.force_n / per_volt / f64::from(AdcCode::STEP.0);
+        // A step is the difference of two positions, so that the rounding to counts does not add up.
         let counts = |tick: u64| {
             let per_tick = self.speed_mm_s / path / f64::from(SAMPLE_RATE_HZ);
             (tick as f64 * per_tick).floor() as i64

@@ -135,7 +135,8 @@ pub struct Hardware {
     pub slower_by: u32,
     /// Instructions per tick that a scene may take.
     pub budget: u32,
-    /// Number of next libraries that are damaged while they are copied to RAM.
+    /// Number of the next steps of a load that fail, as if the library were damaged in RAM. A load ends with its first
+    /// failure.
     pub bad_loads: u32,
     /// Heat of the coil that was kept across the reset before this start.
     pub kept_heat: Option<Heat>,
@@ -238,6 +239,7 @@ impl Hardware {
                 let rate = self.config.rate();
                 performance.begin_block(chosen, &self.estimator, &self.inputs, self.now, rate);
             }
+            // Any duration within the three ticks that an update has.
             let cycles = 60_000;
             self.updates = self.updates.merged(CycleRange {
                 runs: 1,
@@ -265,6 +267,7 @@ impl Hardware {
         } else {
             self.tap.put(self.now, sample, whole);
         }
+        // Seven durations, so that they fill several bins of the histogram.
         self.histogram
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }

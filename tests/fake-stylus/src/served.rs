@@ -176,7 +176,7 @@ impl FakeStylus {
         lock(&self.inner).damage.push((offset, damage));
     }
 
-    /// Loses the next `samples` samples before they reach the recorder.
+    /// Loses the next `samples` samples before they reach the recorder. A call replaces one that has not begun yet.
     pub fn lose_samples(&self, samples: u32) {
         lock(&self.inner).lose_samples = samples;
     }
@@ -262,6 +262,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
     let begin = Instant::now();
     let mut connection: Option<Connection> = None;
     while set_scene(&control, shared) {
+        // A new connection replaces the present one, like a port that another program opens.
         connection = accepted(listener, shared).or(connection);
         for (offset, damage) in std::mem::take(&mut lock(shared).damage) {
             fate.damage(offset, damage);
@@ -269,6 +270,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
         let faults = lock(shared).faults.clone();
         let blocks = catch_up(&control, begin.elapsed(), &faults);
         let frames = connection.as_mut().map(Connection::receive);
+        // A connection is read with a timeout; without one the loop would use a whole core.
         if frames.is_none() {
             thread::sleep(Duration::from_millis(1));
         }
@@ -285,7 +287,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             requests.take_answers()
         };
         let Some(open) = &mut connection else {
-            // Without a connection nobody receives the answers.
+            // Jobs go on without a connection, but nobody receives the answers.
             step();
             continue;
         };

@@ -1,6 +1,6 @@
 //! Properties of the decoder and the host's parsers, which hold for any bytes. Nothing panics. Accepted input is within
-//! its bounds, and is read the same after a writer has written it again. Refused input is reported with its file and
-//! place.
+//! its bounds, and where there is a writer, it is read the same after it was written again. Refused input is reported
+//! with its file and place.
 //!
 //! libFuzzer bounds memory and time: see `smoke`.
 

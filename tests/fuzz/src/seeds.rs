@@ -136,7 +136,7 @@ fn parts(codebooks: usize, modulation: bool, nodes: usize) -> PartsSpec {
         codebooks: (0..codebooks)
             .map(|number| CodebookSpec {
                 peak: 1.0 + number as f32,
-                // One of (1 + number)² samples is at the peak.
+                // One of (1 + number)² samples is at the peak, 1 + number, so that the mean square is 1.
                 codes: (0..limits::MIN_CODEBOOK_SAMPLES)
                     .map(|n| i8::from(n % (1 + number).pow(2) == 0) * 127)
                     .collect(),

@@ -182,7 +182,7 @@ impl Bench {
     /// Waits for `ms` of the device's clock.
     ///
     /// # Errors
-    /// The errors of [`Bench::status`].
+    /// The errors of [`Bench::wait_until`].
     pub fn wait(&self, ms: u64) -> Result<Status> {
         let end = self.status()?.uptime_ms + ms;
         self.wait_until("the device's clock did not go on", ms + 1_000, |status| {
@@ -193,11 +193,11 @@ impl Bench {
     /// Waits until the device answers after a reset. The reset shows in the device's clock, which starts again.
     ///
     /// # Errors
-    /// The device does not answer again, or it does not reset.
+    /// The device does not answer again, or it does not reset, or the user ends the run.
     pub fn wait_for_restart(&mut self, before: &Status) -> Result<Status> {
         /// Number of attempts. Each takes as long as the link needs to return.
         const ATTEMPTS: u32 = 5;
-        /// Time within which a requested reset occurs, ms of the device. The watchdog needs 400 ms.
+        /// Time within which a requested reset occurs, ms of the device. The watchdog needs about 100 ms.
         const WITHIN_MS: u64 = 2_000;
         let mut attempts = 0;
         loop {
@@ -233,6 +233,7 @@ impl Bench {
         self.device.play(&request)?;
         let goes_on = AtomicBool::new(true);
         let plan = Drive {
+            // Without a motion, `drive` only keeps the link alive.
             motion: match source {
                 MotionSource::Host => Some(motion()),
                 MotionSource::Sensors => None,
@@ -249,6 +250,7 @@ impl Bench {
             goes_on.store(false, Ordering::Relaxed);
             (done, driving.join())
         });
+        // The device is stopped whatever failed. The failure of `work` is told first, because it came first.
         let stopped = self.device.stop();
         let done = done?;
         let driven = driven.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
@@ -259,7 +261,7 @@ impl Bench {
     /// Waits until the output is heard: it plays and is not muted.
     ///
     /// # Errors
-    /// The output stays muted.
+    /// The errors of [`Bench::wait_until`]; the output stays muted for 2 s.
     pub fn wait_until_heard(&self) -> Result<Status> {
         self.wait_until("the output was not unmuted", 2_000, |status| {
             is_playing(status) && status.output.mute.is_empty()
@@ -270,7 +272,7 @@ impl Bench {
     /// last status, whose request was the last frame sent.
     ///
     /// # Errors
-    /// The output stays muted.
+    /// The errors of [`Bench::status`]; or the output stays muted.
     pub fn heard_with_motions(&self) -> Result<Status> {
         /// Largest number of motions that the output may need.
         const MOTIONS: u32 = 2_000;

@@ -65,7 +65,8 @@ impl Board {
         matches!(self, Self::Virtual(_))
     }
 
-    /// Resets the processor by its reset pin.
+    /// Resets the processor: a virtual stylus by its reset pin, a board as its probe does it, which may be a request to
+    /// the core.
     ///
     /// # Errors
     /// There is no control of the board, or it fails.
@@ -149,7 +150,7 @@ pub struct VirtualBoard {
     _folder: tempfile::TempDir,
 }
 
-/// The hand's motion, mm/s and N: at rest for a moment, then a stroke that is longer than any run.
+/// The hand's motion, mm/s and N: from rest to 120 mm/s and 1 N in a second, then a stroke that is longer than any run.
 const MOTION: &str = "time_s,speed_mm_s,force_n\n0,0,0\n1,120,1\n100000,120,1\n";
 
 impl VirtualBoard {

@@ -38,7 +38,7 @@ pub enum Injected {
     /// A critical section that begins before a trigger and lasts until 25 µs after it.
     ShortSection = 30,
     /// A critical section that begins before a trigger and lasts until 45 µs after it. The first conversion ends after
-    /// 32 µs.
+    /// 31.7 µs.
     LongSection,
     OverflowInTask,
     OverflowInUpdate,

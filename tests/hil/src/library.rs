@@ -1,5 +1,5 @@
-//! The library that the suite uploads: one texture for each filter and order whose cycles are measured, and one scene
-//! for each effect.
+//! The library that the suite uploads: a lattice texture of each order whose cycles are measured, and scenes with each
+//! effect.
 
 use kernel_vectors::scenes::{equalised, of_surface, side_by_side, sticky, tapped};
 use kernel_vectors::{COUNTED_ORDERS, counted_texture};
@@ -64,6 +64,7 @@ fn scenes() -> Vec<Scene> {
         of_surface("stick-slip", sticky(plain())),
         equalised(of_surface("one section", plain()), 1),
         equalised(of_surface("eight sections", plain()), 8),
+        // Wide enough that no stroke of a run leaves the regions.
         side_by_side("transition", surfaces, [-1e5, 0.0, 1e5], 100.0),
     ]
 }

@@ -113,6 +113,7 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     );
     if !may_overwrite(&bench, arguments)? {
         eprintln!("nothing was changed");
+        // Nothing was tested either, so this is no success.
         return Ok(false);
     }
     let restored = run(&mut bench, arguments.library.clone());
@@ -182,6 +183,7 @@ fn lengths(arguments: &Arguments) -> Lengths {
             play_ms: 40,
             record_ms: 500,
             endurance_ms,
+            // Emulated flash does not wear.
             between_uploads_ms: 0,
         }
     } else {

@@ -1,5 +1,4 @@
-//! Order of the tests. At the end of a run the stylus is silent, has its own settings again, and holds a library of the
-//! user's.
+//! Order of the tests. At the end of a run the stylus is silent and has its own settings again.
 //!
 //! A library cannot be read back from a device, so the tests overwrite the libraries in its slots for good. At the end,
 //! a library file of the user's can be uploaded.
@@ -17,7 +16,7 @@ use crate::library::{Played, played};
 /// Runs all tests, and uploads `library` at the end. The results are in the bench's report.
 ///
 /// # Errors
-/// The device could not be restored. Every other failure is in the report.
+/// The settings could not be saved, or the device could not be restored. Every other failure is in the report.
 pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     let kept = Kept::save(bench, library)?;
     let played = played();
@@ -29,6 +28,7 @@ pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     };
     bench.report.interrupted = matches!(ended, Err(Error::Interrupted));
     bench.begin("end");
+    // Failures of subjects are lines of the report already, so this one is that of `make_playable`.
     if let Err(error) = &ended
         && !bench.report.interrupted
     {
@@ -103,6 +103,7 @@ fn subject(
             if bench.device.status().is_err() {
                 let _ = bench.device.reconnect();
             }
+            // The next subject must not begin while something plays.
             let _ = bench.device.stop();
             Ok(())
         }

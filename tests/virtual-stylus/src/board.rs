@@ -76,6 +76,7 @@ impl StylusBoard {
             defects.clone(),
         )
         .map_err(told)?;
+        // The emulator needs a rate. Without an external clock, the wrapper of the clock controller withholds HSE.
         let high_speed_hz = electrical.clocks.external_hz.unwrap_or(HIGH_SPEED_HZ);
         part.rcc.inner.attach_crystals(high_speed_hz, LOW_SPEED_HZ);
         part.rest.set_supply(electrical.supply_millivolts);

@@ -146,8 +146,8 @@ impl Auditor {
     }
 }
 
-/// The registers that the core has read or written. Each word's address maps to the bits that were ever written as
-/// ones.
+/// The registers that the core has read or written, and the words of memory whose pages went over the bus. Each word's
+/// address maps to the bits that were ever written as ones.
 #[derive(Clone, Debug, Default)]
 pub struct Touched(Arc<OnceLock<Mutex<BTreeMap<u64, u64>>>>);
 
@@ -157,7 +157,7 @@ impl Touched {
         self.0.get_or_init(Mutex::default);
     }
 
-    /// All registers that were noted.
+    /// All registers and words that were noted; none before [`Touched::begin`].
     pub fn noted(&self) -> BTreeMap<u64, u64> {
         let noted = self.0.get().map(|noted| noted.lock());
         noted.map_or_else(BTreeMap::new, |noted| {
@@ -218,7 +218,7 @@ struct Core {
     busy: Busy,
     /// Instructions that count as executed because the core stood still.
     stalled: u64,
-    /// Address in the bank for which the core waits.
+    /// An address in the bank for which the core waits.
     stall: Option<u64>,
     polls: Polls,
     /// Number of instructions retired when the bank with the code became busy.
@@ -227,7 +227,7 @@ struct Core {
     next_look: u64,
     /// The MPU's region that covers the code in the busy bank.
     code_region: Option<u64>,
-    /// Instant per bank until which the bank's reads go over the bus.
+    /// Instant per bank until which the bank's reads go over the bus after it was busy.
     on_bus_until: [VirtualNanos; 2],
     /// The banks whose reads go over the bus, a bit per bank.
     on_bus: u8,
@@ -247,6 +247,7 @@ impl Core {
     /// audit, the pages that [`Ram::pages`] names, and the AXI SRAM while its reads are corrupted.
     fn route(&mut self) {
         let page = self.inner.page_size();
+        // Plain memory is read past the bus, so an audit could not count loads from it.
         let mut wanted: BTreeSet<u64> = if self.auditing.is_some() {
             FLASH.step_by(page as usize).collect()
         } else {
@@ -296,7 +297,8 @@ impl Core {
         }
     }
 
-    /// Returns whether the core stands still, because of a load that it has put off or because of its next instruction.
+    /// Returns whether the core stands still: because of a load that it has put off, because of its next instruction,
+    /// or because it may fetch ahead from the busy bank with the code.
     fn stands_still(&mut self) -> bool {
         if let Some(address) = self.stall {
             if self.busy.holds(address) {
@@ -304,6 +306,7 @@ impl Core {
             }
             self.stall = None;
         }
+        // A core that sleeps fetches nothing.
         if self.inner.waiting() {
             return false;
         }
@@ -313,6 +316,7 @@ impl Core {
             self.stall = Some(at);
         } else if self.busy.banks() & CODE_BANK != 0 && self.may_fetch_ahead() {
             self.busy.count_ahead();
+            // Any address in the bank with the code serves: the core waits until the bank is idle.
             self.stall = Some(FLASH.start);
         }
         self.stall.is_some()
@@ -322,6 +326,7 @@ impl Core {
     /// region with the highest number that covers the bank's first address decides; it is determined when the bank
     /// becomes busy. Subregions are ignored.
     fn may_fetch_ahead(&mut self) -> bool {
+        // PRIVDEFENA of MPU_CTRL, and XN and AP of MPU_RASR (ARM DDI 0403E, B3.5.5 and B3.5.9).
         const BACKGROUND: u64 = 1 << 2;
         const NEVER: u64 = 1 << 28;
         const ACCESS: u64 = 0b111 << 24;
@@ -336,9 +341,11 @@ impl Core {
         let control = self.mpu(None, MPU_CTRL);
         let selected = self.mpu(None, MPU_RNR);
         if is_first {
+            // To find the region takes 48 accesses, too many for each look.
             self.code_region = (0..REGIONS).rev().find(|&region| {
                 self.mpu(Some(region), MPU_RNR);
                 let attributes = self.mpu(None, MPU_RASR);
+                // A region has 2^(SIZE + 1) bytes.
                 let length_log2 = (attributes >> 1 & 0x1F) + 1;
                 let base = self.mpu(None, MPU_RBAR);
                 attributes & MPU_ENABLE != 0 && FLASH.start >> length_log2 == base >> length_log2
@@ -348,6 +355,7 @@ impl Core {
             self.mpu(Some(region), MPU_RNR);
             self.mpu(None, MPU_RASR)
         });
+        // The image may be between its own write of RNR and the registers that RNR selects.
         self.mpu(Some(selected), MPU_RNR);
         attributes.map_or(control & BACKGROUND != 0, |attributes| {
             attributes & NEVER == 0 && attributes & ACCESS != 0
@@ -366,6 +374,7 @@ impl Core {
         let step = budget.min(LOOK);
         let (exit, retired, _) = self.run_inner(step, bus, true);
         match exit {
+            // `Budget` would say that the whole budget was used.
             Exit::Budget if step < budget => (Exit::Returned, retired),
             other => (other, retired),
         }
@@ -394,6 +403,7 @@ impl Core {
         };
         let (exit, retired) = self.inner.run(budget, &mut seen);
         let flash_reads = seen.flash_reads;
+        // A load that was put off has not happened; its instruction begins again once the bank is idle.
         let Some(address) = seen.put_off else {
             return (exit, retired, flash_reads);
         };
@@ -415,6 +425,7 @@ impl Core {
         if self.stall.is_some() {
             return (exit, retired);
         }
+        // Only a fault preempts the tick, so another exception number means that the handler has returned.
         let left = self.exception() != exception;
         let mut asked = self.auditor.asked();
         if let Asked::Running(audit) = &mut *asked {
@@ -468,6 +479,7 @@ impl CoreBus for Seen<'_> {
             return Some(0);
         }
         self.touched.note(&access);
+        // To the rest of the machine the core has executed what it could have executed while it stood still.
         access.instruction_count += self.stalled;
         let status = FLASH_STATUS
             .iter()
@@ -492,6 +504,7 @@ impl CoreBus for Seen<'_> {
             && access.address.is_multiple_of(MISREAD_BYTES)
             && self.defects.misreads()
         {
+            // One wrong bit suffices: the image compares the library's checksum.
             return self.bus.access(access, from_code).map(|value| value ^ 1);
         }
         if USB.contains(&access.address) {
@@ -565,6 +578,7 @@ impl Processor for Core {
             return (Exit::Budget, u64::from(budget));
         }
         let changes = [self.unreadable.changes(), self.ram.changes()];
+        // No line of the emulator's core leads to these interrupts, so they are made pending as a debugger does it.
         for (interrupt, address, bit) in PENDING {
             if self.defects.take_interrupt(interrupt) {
                 let now = bus.time(0);
@@ -633,10 +647,12 @@ impl Processor for Core {
 
     fn reset(&mut self) {
         self.inner.reset();
+        // The tick that was being audited never returns.
         self.auditing = None;
         if self.auditor.running() {
             *self.auditor.asked() = Asked::Nothing;
         }
+        // Pages are routed anew: after a reset RAM may not be written.
         self.seen_changes = None;
         self.stall = None;
         self.ram.reset();

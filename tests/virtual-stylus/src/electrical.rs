@@ -68,7 +68,7 @@ impl OldConverter {
     }
 }
 
-/// An interrupt that the emulator's own models do not request.
+/// An interrupt that the emulator's own models do not pass to the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interrupt {
     /// The non-maskable interrupt, of the clock security system.
@@ -79,7 +79,7 @@ pub enum Interrupt {
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Interrupts that the core has not taken yet: the non-maskable one, and the voltage detector's.
+    /// Requests that the core has not taken yet, in the order of [`Interrupt`].
     interrupts: [AtomicBool; 2],
     /// True if reads of the AXI SRAM are corrupted unless they are issued one at a time (ES0392 section 2.2.9).
     old_silicon: AtomicBool,

@@ -118,6 +118,7 @@ impl Hands {
                 contents,
             });
         }
+        // The operation has just started, so the cells still hold what they held before.
         if let Kind::Program { address, word } = &operation.kind {
             self.unreadable
                 .program(*address, word, erased(*address, host));
@@ -142,6 +143,7 @@ impl Driver<StylusBoard> for Hands {
         host: &mut dyn Host,
         settled: Settled,
     ) {
+        // A reset is seen only here; the tick that it cut short would otherwise be taken for one that has not returned.
         if session.resets().len() != self.resets {
             self.resets = session.resets().len();
             self.ticks.reset();
@@ -233,6 +235,7 @@ fn load(path: &Path, mut contents: Contents, keep: bool) -> Result<(Contents, Op
         let segments: Vec<_> = image.segments().collect();
         contents.flash(&segments).map_err(told)?;
     }
+    // Bit 0 of a function's symbol marks Thumb code and is not part of its address.
     let symbols = Symbols::read(image.bytes(), |value| value & !1)
         .map_err(|error| told(error.to_string()))?;
     Ok((contents, symbols.get(TICK_HANDLER).ok()))

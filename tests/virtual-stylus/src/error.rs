@@ -32,15 +32,15 @@ pub enum Error {
     /// A motion cannot be used.
     #[error("motion {0}")]
     Motion(String),
-    /// The serial line's socket could not be opened.
+    /// The socket of the serial line or of USB could not be opened.
     #[error("port {port}: {reason}; name another one")]
     Port {
-        /// The port asked for.
+        /// The port asked for, 0 for any.
         port: u16,
         /// The reason.
         reason: String,
     },
-    /// The emulator stopped by itself.
+    /// The emulator could not begin, or stopped by itself.
     #[error("the emulator stopped: {0}")]
     Emulator(String),
 }

@@ -22,7 +22,8 @@ impl FlashFile {
     /// holds an erased flash.
     ///
     /// # Errors
-    /// The file is not a regular file, cannot be opened, has another length than a flash, or is in use by another run.
+    /// The file is not a regular file, cannot be opened or locked, has another length than a flash, or is in use by
+    /// another run.
     pub fn open(path: &Path) -> Result<(Self, Contents)> {
         let told = |reason: String| Error::FlashFile {
             path: path.to_owned(),
@@ -63,6 +64,7 @@ impl FlashFile {
         let mut write = || {
             self.file.seek(SeekFrom::Start(0))?;
             self.file.write_all(&bytes)?;
+            // The flash may have fewer marked words than before.
             self.file.set_len(bytes.len() as u64)
         };
         write().map_err(|error| Error::FlashFile {

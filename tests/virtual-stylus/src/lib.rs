@@ -2,7 +2,8 @@
 //!
 //! The emulator is `rigless`: the core, the memories and most of the part. The peripherals that it lacks are in
 //! [`model`]. The module doc of each model names the sections of RM0433 that it follows, and what it leaves out. Also
-//! left out are caches, wait states, everything analogue, and the assignment of functions to pins.
+//! left out are caches, wait states, the assignment of functions to pins, and everything analogue but the levels at the
+//! converters' pins.
 //!
 //! [`VirtualStylus`] runs an image for tests, from instant to instant. Between two runs a test reads state, feeds
 //! inputs or cuts the power. The core retires

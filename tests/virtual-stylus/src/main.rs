@@ -150,6 +150,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
     if let Some(serial) = &serial {
         let port = serial.port()?;
         println!("serial line on 127.0.0.1:{port}");
+        // A program that has started this one learns the port from this line.
         std::io::stdout().flush()?;
         links.push(format!("tcp:127.0.0.1:{port}"));
     }
@@ -264,6 +265,7 @@ fn run(
         }
         if let Some(flash) = (around.flash.as_mut()).filter(|_| kept.elapsed() > KEEP_EVERY) {
             let now = stylus.board(|board| board.part.flash.around.started());
+            // Two megabytes are written only if the flash has changed.
             if now != operations {
                 flash.write(&stylus.flash())?;
                 operations = now;

@@ -10,8 +10,9 @@ const NANOS_PER_SECOND: f64 = 1e9;
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Knot {
     at_ns: u64,
+    /// Counts per second.
     speed: f64,
-    /// Position of the wheel relative to the first knot.
+    /// Position of the wheel relative to the first knot, counts.
     position: f64,
 }
 
@@ -65,6 +66,7 @@ impl Motion {
         let mut knots: Vec<Knot> = Vec::with_capacity(speeds.len());
         for &(at_ns, speed) in speeds {
             let speed = speed / mm_per_count;
+            // The speed is linear between knots, so the mean of both is exact.
             let position = knots.last().map_or(0.0, |last| {
                 last.position + f64::midpoint(last.speed, speed) * seconds(at_ns - last.at_ns)
             });
@@ -84,7 +86,8 @@ impl Motion {
         knot.position + knot.speed * elapsed + acceleration / 2.0 * elapsed * elapsed
     }
 
-    /// The first edge after `after_ns`. The encoder's present `count` is the position plus `offset`, rounded down.
+    /// The first edge after `after_ns`; `None` if the wheel never reaches another. The encoder's present `count` is the
+    /// position plus `offset`, rounded down.
     pub fn next_edge(&self, after_ns: u64, count: i64, offset: f64) -> Option<Edge> {
         let mut from_ns = after_ns;
         loop {
@@ -103,6 +106,7 @@ impl Motion {
             if let Some((after, count)) = first {
                 let at_ns = from_ns as f64 + (after * NANOS_PER_SECOND).ceil();
                 if until_ns.is_none_or(|until| at_ns <= until as f64) {
+                    // Rounding may give the present instant again, at which the caller asks for the next edge.
                     let at_ns = (at_ns as u64).max(after_ns + 1);
                     return Some(Edge { at_ns, count });
                 }
@@ -130,10 +134,11 @@ fn seconds(nanos: u64) -> f64 {
     nanos as f64 / NANOS_PER_SECOND
 }
 
-/// The first non-negative time at which a point with `speed` and `acceleration` passes `distance` while it moves
+/// The first non-negative time, s, at which a point with `speed` and `acceleration` passes `distance` while it moves
 /// forward.
 fn reach(distance: f64, speed: f64, acceleration: f64) -> Option<f64> {
     let forward = |after: f64| speed + acceleration * after > 0.0;
+    // Edges are at whole nanoseconds, so the point may be a little beyond the place already.
     if distance <= 0.0 && (forward(0.0) || (speed == 0.0 && acceleration > 0.0)) {
         return Some(0.0);
     }

@@ -247,6 +247,7 @@ impl Part {
         if hz == 0 {
             return NO_CLOCK_PPM;
         }
+        // What the dividers and the external clock make of it; the deviations of internal oscillators are added below.
         let set = (hz - USB_HZ) * 1_000_000 / USB_HZ;
         let source = rcc::d2ccip2r::USBSEL.get(clocks.get(rcc::Register::D2ccip2r));
         let reference = rcc::pllckselr::PLLSRC.get(clocks.get(rcc::Register::Pllckselr));
@@ -287,8 +288,8 @@ impl Part {
             });
     }
 
-    /// Sets the supply. If it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3). Panics
-    /// if the emulator's part lacks EXTI or PWR.
+    /// Sets the supply. If it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3), and the
+    /// core is interrupted if the image has enabled that. Panics if the emulator's part lacks EXTI or PWR.
     pub fn set_supply(&mut self, millivolts: u32) {
         let before = self.is_supply_low();
         self.rest.set_supply(millivolts);
@@ -326,16 +327,17 @@ impl Part {
         registers.set(dbgmcu::Register::Cr, 0);
     }
 
-    /// Protects these sectors of bank 1 from writing, one bit per sector, and no others (section 4.5.2).
+    /// Protects these sectors of bank 1 from writing, one bit per sector, and no others of that bank (section 4.5.2).
     pub fn protect_sectors(&mut self, sectors: u8) {
         let options = self.flash.inner.committed_options();
+        // In FLASH_WPSN a zero protects its sector.
         let wpsn = [u64::from(!sectors), options.wpsn[1]];
         let registers = registers(&mut self.rest, self.slots.flash);
         let options = OptionBytes { wpsn, ..options };
         self.flash.inner.keep_options(options, registers);
     }
 
-    /// Returns true if any peripheral stops while the core is halted.
+    /// Returns true if any peripheral of APB1L, APB2 or APB4 stops while the core is halted.
     pub fn is_frozen_in_halt(&self) -> bool {
         use dbgmcu::Register::{Apb1lfz1, Apb2fz1, Apb4fz1};
         let registers = self.rest.bus().slots()[self.slots.debug].registers();
@@ -404,6 +406,7 @@ impl Mcu for Part {
             self.usb.core_reset();
         }
         self.deliver_triggers();
+        // Not `||`: both must be taken, or the second would be found at the next call.
         if self.rcc.around.take_changed() | std::mem::take(&mut self.trimming.changed) {
             self.usb.host.set_clock_deviation(self.usb_clock_ppm());
         }
@@ -419,6 +422,7 @@ impl Mcu for Part {
         self.rest.reset(at, cause);
         std::mem::swap(&mut self.rest.rcc, &mut self.rcc.inner);
         Around::reset(&mut self.rcc.around);
+        // The reset has put the emulator's own revision into the register.
         self.show_revision();
         self.dac.part_reset(at);
         Device::reset(&mut self.adc);
@@ -433,6 +437,7 @@ impl Mcu for Part {
         self.amplifier.around.part_reset(at);
         self.encoder.inner = Tim::new(TIMERS[TIM3]);
         Device::reset(&mut self.encoder);
+        // Option bytes outlive the reset, but not the model that holds them.
         let options = self.flash.inner.committed_options();
         Device::reset(&mut self.flash);
         self.flash.inner = Flash::new();

@@ -11,7 +11,7 @@ use crate::motion::MotionLine;
 /// Code of half the reference voltage, where an accelerometer is at rest.
 pub const MID_SCALE: u16 = 0x8000;
 
-/// A constant code per channel.
+/// A constant code per channel; further channels read zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConstantPins(pub [u16; 20]);
 
@@ -50,7 +50,7 @@ pub const REFERENCE_VOLTS: f64 = 3.3;
 /// Code of the converter's full scale.
 pub const FULL_SCALE: f64 = 65_535.0;
 
-/// The default of `setting`. The text that it is read from has six digits, which are all digits of the default.
+/// The default of `setting`. It is read from its text, because a default such as 0.01 is a little off as an `f32`.
 fn default_of(setting: Setting) -> f64 {
     let default = setting.spec().default.to_string();
     default.parse().expect("a number in decimals is a number")

@@ -89,6 +89,7 @@ impl SerialSocket {
         if let Some(stream) = self.listener.accept() {
             self.program = Some(stream);
         }
+        // These are taken even without a program, or the next one would receive them all.
         let sent: Vec<u8> = stylus.receive().iter().map(|sent| sent.byte).collect();
         let Some(program) = &mut self.program else {
             return;
@@ -194,6 +195,7 @@ impl UsbSocket {
     pub fn serve(&mut self, stylus: &mut VirtualStylus) {
         let runs = stylus.usb(|host, _| host.is_running());
         if self.endpoints.is_some() && !runs {
+            // The program sees the end of its connection, as one on a real bus sees its device vanish.
             self.program = None;
             self.endpoints = None;
             stylus.run_for(UNPLUGGED_NS);
@@ -221,6 +223,7 @@ impl UsbSocket {
             && !program.serve(endpoints, &mut self.usb, stylus)
         {
             let ended = self.program.take();
+            // Otherwise the next program would receive the answers to this one.
             let waiting: Vec<TransferId> = ended
                 .into_iter()
                 .flat_map(|program| program.out.into_iter().chain(program.input))
@@ -273,6 +276,7 @@ impl Program {
                 return false;
             }
         }
+        // Only the oldest of each direction can have ended, because a pipe carries one transfer at a time.
         let mut answers = Vec::new();
         for (transfers, is_out) in [(&mut self.out, true), (&mut self.input, false)] {
             while let Some(&id) = transfers.front()

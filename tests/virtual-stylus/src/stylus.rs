@@ -40,7 +40,7 @@ impl VirtualStylus {
     /// Puts the ELF file at `image` into the flash and switches the power on, without running anything yet.
     ///
     /// # Errors
-    /// The image cannot be read or does not fit the flash.
+    /// The image cannot be read or does not fit the flash, or the emulator's part does not fit the models.
     pub fn new(image: &Path, options: Options) -> Result<Self> {
         let ram_noise = options.ram_noise;
         let (commands, stops, thread) = start(image, options)?;
@@ -274,7 +274,7 @@ impl VirtualStylus {
         self.ask(|_, hands, host| hands.contents(host))
     }
 
-    /// The accesses of the run that no model could serve.
+    /// The accesses, requests and interrupts of the run so far that no model served.
     pub fn report(&mut self) -> RunReport {
         self.ask(|session, _, _| report(session))
     }
@@ -285,6 +285,7 @@ impl VirtualStylus {
     ) -> T {
         let (sender, answer) = channel();
         self.command(Command::Do(Box::new(move |session, hands, host| {
+            // Whoever asks waits for the answer below, so this fails only if they have panicked.
             let _ = sender.send(job(session, hands, host));
         })));
         answer.recv().unwrap_or_else(|_| self.over())
@@ -303,6 +304,7 @@ impl VirtualStylus {
 
     /// Panics with the reason why the run is over.
     fn over(&mut self) -> ! {
+        // Without this the thread would wait for the next command, and the join would not end.
         self.commands = None;
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(Err(error))) => panic!("{error}"),
@@ -314,6 +316,7 @@ impl VirtualStylus {
 
 impl Drop for VirtualStylus {
     fn drop(&mut self) {
+        // The thread ends when nobody can send commands any more.
         self.commands = None;
         if let Some(thread) = self.thread.take() {
             // If the thread panicked, it has printed its own message.
@@ -342,10 +345,11 @@ pub struct Reset {
     pub cause: ResetCause,
 }
 
-/// Accesses that the part would serve but no model does.
+/// Accesses, requests and interrupts of a run that no model served.
 #[derive(Clone, Debug, Default)]
 pub struct RunReport {
-    /// Registers without a model, with the numbers of their reads and writes.
+    /// Registers without a model, and addresses of an instance at which no register is described, with the numbers of
+    /// their reads and writes.
     pub without_model: Vec<String>,
     /// Unmapped addresses, and the addresses of the instructions that accessed them.
     pub unmapped: Vec<String>,
@@ -372,7 +376,7 @@ fn resets(session: &Session<StylusBoard>) -> Vec<Reset> {
         .collect()
 }
 
-/// The accesses of the run that no model could serve.
+/// The accesses, requests and interrupts of the run that no model served.
 fn report(session: &mut Session<StylusBoard>) -> RunReport {
     let without_model = session.unimplemented().iter().map(|(address, met)| {
         format!(

@@ -116,6 +116,7 @@ impl TickWatch {
             && !self.auditor.running()
             && let Some((count, at_ns)) = self.entered.take()
         {
+            // A watch stops before its instruction, so the return itself is not counted yet.
             let instructions = (hit.instruction_count + 1 - count) as u32;
             self.ticks.push(Tick {
                 at_ns,
@@ -144,6 +145,7 @@ impl TickWatch {
     }
 
     fn enter(&mut self, hit: &Hit) -> Option<Watch> {
+        // The audit of the previous tick may have ended without a stop since then.
         let watch = self.audited();
         let unknown_return = self.entered.is_some() || self.exits.is_empty();
         self.unfollowed += u64::from(self.entered.is_some());

@@ -111,6 +111,7 @@ fn read_as(name: &str, content: &[u8], sample_rate_hz: Option<f64>) {
         Err(error) => panic!("names no file: {error}"),
     };
     check_samples(&samples);
+    // Only at the models' rate are the samples those of the file; other rates are converted.
     if samples.source_rate_hz == f64::from(SAMPLE_RATE_HZ) {
         let again = place::written("again.wav", &wav(&samples.axes));
         let again = recording::read(&trial(again)).expect("it was written from a recording");

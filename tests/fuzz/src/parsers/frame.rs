@@ -41,7 +41,8 @@ fn decoded(stream: &[u8]) -> Vec<Vec<u8>> {
     frames.collect()
 }
 
-/// Decodes a frame as every answer of a device.
+/// Decodes a frame as the answer of each endpoint but those of probes, responses and updates. Chunks of an upload and
+/// applied settings have answers of the same types as others here.
 fn messages(frame: &[u8]) {
     answer::<InfoEndpoint>(frame);
     answer::<StatusEndpoint>(frame);

@@ -6,7 +6,8 @@ use std::sync::OnceLock;
 use host_tools::support::error::Error;
 use tempfile::TempDir;
 
-/// The folder of this run. It stays after the run, because a fuzzer ends without cleaning up; the system empties it.
+/// The folder of this run. It stays after the run, because a fuzzer ends without cleaning up; `smoke` removes it with
+/// the folder around it.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER

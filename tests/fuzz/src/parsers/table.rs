@@ -45,6 +45,7 @@ fn motion(path: &Path, table: &[u8]) -> host_tools::support::error::Result<()> {
     }
     assert!(motion.end_s(path).is_ok() == (end_s > 0.0));
     // The same table with another separator must be read as the same motion.
+    // In a table with quotes, comments or another separator, an exchange of commas changes the meaning.
     let text = String::from_utf8_lossy(table);
     if !text.contains([';', '\t', ' ', '"', '#', '\r', '\u{feff}']) && text.contains(',') {
         let other = place::written("other.csv", text.replace(',', "\t").as_bytes());

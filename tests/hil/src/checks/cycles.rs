@@ -36,7 +36,7 @@ pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<()
     Ok(())
 }
 
-/// Adds two lines: the tick must end within its period, and the update before its block begins.
+/// Adds a line: the tick must end within its period, and the update before its block begins.
 fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
     let CycleReport {
         core_hz,

@@ -1,4 +1,4 @@
-//! Tests with the fault image: rows of the converters that are read late, and each fault on request. After a fault
+//! Tests with the fault image: rows of the converters that are read late, and each fault of [`ENDING`]. After a fault
 //! there must be a reset, its reason and the kind of the fault in the status, and silence.
 
 use std::ops::Range;
@@ -160,6 +160,7 @@ fn takes_faults(bench: &mut Bench, name: &str, has_to: bool) -> Result<bool> {
     let malformed = |status: &Status| status.usb.malformed + status.serial.malformed;
     let before = bench.status()?;
     inject(bench, Injected::Nothing)?;
+    // A message on a topic is not answered, so the device has some time to count it.
     let after = bench.wait(20)?;
     let takes = malformed(&after) == malformed(&before);
     let told = |takes: bool| if takes { "takes them" } else { "refuses them" };
@@ -178,7 +179,7 @@ fn with_fault_image(bench: &mut Bench) -> Result<()> {
     ENDING.iter().try_for_each(|ending| ends(bench, ending))
 }
 
-/// Delays ticks once beyond the first conversion of the converter and once less far. Only silicon shows the difference.
+/// Delays ticks once to before the end of the converter's first conversion, and once beyond it.
 fn late_rows(bench: &mut Bench) -> Result<()> {
     let told = |late: u32, torn: u32| format!("{late} late conversions, {torn} torn samples");
     let (late, torn) = with_sections(bench, Injected::ShortSection)?;
@@ -198,6 +199,7 @@ fn late_rows(bench: &mut Bench) -> Result<()> {
 fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, u32)> {
     let before = bench.status()?;
     let mut stream = Stream::start(&bench.device)?;
+    // Two intervals more than there are sections, so that the last section's samples have arrived.
     for block in 0..(SECTIONS + 2) * BLOCKS_BETWEEN {
         if bench.is_interrupted() {
             return Err(Error::Interrupted);

@@ -145,9 +145,11 @@ fn from_the_sensors(bench: &mut Bench) -> Result<()> {
     Ok(())
 }
 
-/// Keeps the link alive without sending motions. The output must fade, because the last motion becomes stale.
+/// Sends neither motions nor keep-alives. The output must fade, and the status must name the motion that became stale,
+/// beside the lost link.
 fn stale(bench: &mut Bench) -> Result<()> {
     let play = library::cheap();
+    // Shows first that the same play is heard while motions come.
     bench.while_playing(&play, MotionSource::Host, Bench::wait_until_heard)?;
     bench.device.play(&request(&play, MotionSource::Host))?;
     let status = bench.wait_until("an old motion did not mute", 2_000, |status| {
@@ -188,6 +190,7 @@ fn lost_link(bench: &mut Bench) -> Result<()> {
             lost - before
         );
         holds = after.output.at_rest && lost > before && gap <= SILENT_WITHIN_MS;
+        // An output that was found at rest too late says nothing: this computer may have paused meanwhile.
         if !after.output.at_rest || gap <= SILENT_WITHIN_MS {
             break;
         }

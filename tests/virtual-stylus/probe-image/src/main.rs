@@ -6,14 +6,15 @@
 //! | byte | does | answers |
 //! |---|---|---|
 //! | `e` | erases the first sector of bank 2 | `e` |
-//! | `p` | programs the next word of bank 2 with the word's number | `p` |
+//! | `p` | programs the next word of bank 2 with the word's number, from 1 on | `p` |
 //! | `P` | programs the first word of bank 2 again | `P` |
 //! | `b` | begins to program the next word of bank 2, and reads that word at once | 4 bytes |
 //! | `E` | begins to erase a sector of bank 1, the bank that holds the code | `E` |
 //! | `R` | erases the same sector with code in RAM | `R` |
 //! | `M` | erases the same sector with code in RAM, while the MPU hides bank 1 | `M` |
-//! | `r` | reads the first words of bank 2, four bytes each | 4 x 4 bytes |
+//! | `r` | reads the first four bytes of each of bank 2's first four words | 4 x 4 bytes |
 //! | `c` | | the number of ticks, 2 bytes |
+//! | other | | `?` |
 #![no_std]
 #![no_main]
 
@@ -117,6 +118,7 @@ mod fault {
         super::send(b"!");
         super::send(&FLASH.bank(1).sr().read().0.to_le_bytes());
         super::send(&FLASH.bank(1).far().read().0.to_le_bytes());
+        // A reset would cut off the last byte.
         while !USART3.isr().read().tc() {}
         SCB::sys_reset()
     }
@@ -124,7 +126,7 @@ mod fault {
 
 fn receive() -> u8 {
     while !USART3.isr().read().rxne() {
-        // The next tick wakes the core early enough to receive every byte.
+        // The next tick wakes the core. A host waits for each answer, so no second byte comes meanwhile.
         cortex_m::asm::wfi();
     }
     USART3.rdr().read().dr() as u8

@@ -15,7 +15,7 @@ const OSCILLATORS: u64 = 0x5802_4400;
 const WAITS: u32 = 4096;
 /// Largest number of instructions between two reads of a waiting loop.
 const WAIT_LOOP: u64 = 64;
-/// Instructions left out between two reads of a loop that is shortened: 1.3 µs at 480 MHz.
+/// Instructions left out between two reads of a loop that is shortened: 3.2 µs of virtual time.
 pub(super) const WAIT_INSTRUCTIONS: u32 = 640;
 
 /// Reads in a row by a loop, with nothing else on the bus in between.
@@ -43,6 +43,7 @@ impl Polls {
             (true, true) => self.waits + 1,
         };
         self.waited_at = access.instruction_count;
+        // A loop may limit its polls by the cycle counter, so reads of the counter lie between two polls.
         if access.address == CYCLE_COUNT {
             return;
         }
@@ -69,6 +70,8 @@ impl Polls {
             Self { waits: WAITS.., .. } => budget.min(WAIT_INSTRUCTIONS),
             _ => return None,
         };
+        // The next read of a wait shortens it again at once, so one turn of the loop is executed between two jumps. The
+        // instructions left out count as executed, or the next read would seem too far from this one.
         *self = Self {
             waits: self.waits.min(WAITS - 1),
             waited_at: self.waited_at + u64::from(left_out),

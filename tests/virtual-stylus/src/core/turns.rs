@@ -65,7 +65,7 @@ fn is_of_memory(queued: Queued) -> bool {
     )
 }
 
-/// One processor per [`Turn`]. Only one of them holds the machine's state at a time.
+/// One processor per [`Turn`], in its order. Only one of them holds the machine's state at a time.
 #[derive(Debug)]
 pub(super) struct Turns {
     processors: [Box<dyn Processor>; 3],
@@ -103,6 +103,7 @@ impl Turns {
             return;
         }
         let state = self.active().save();
+        // Without the hand-over the run only becomes slower.
         if self.processors[next as usize].load(&state).is_ok() {
             self.turn = next;
         }
@@ -147,6 +148,7 @@ impl CoreBus for FollowedBus<'_> {
     }
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        // A change of turn ends the stretch, because the state can be handed over only between two stretches.
         if self.next == self.turn {
             self.bus.carry_on(instructions, event)
         } else {
@@ -187,6 +189,7 @@ impl Processor for Turns {
         };
         let ran = self.processors[turn as usize].run(budget, &mut followed);
         let FollowedBus { next, asked, .. } = followed;
+        // The processor that ran has taken these itself; the others must know the same memory when their turn comes.
         for queued in asked {
             self.ask_others(queued);
         }

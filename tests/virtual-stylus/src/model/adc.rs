@@ -18,8 +18,8 @@
 //! Left out: the two to three cycles from a trigger to the start, which are constant for one clock setting, and their
 //! jitter with an asynchronous clock; the queue of contexts (`JQDIS` clear, `JQM`, `JQOVF`): `JSQR` counts as written;
 //! `JAUTO`, `JDISCEN`, oversampling (`JOVSE`), offsets (`OFRy`), differential channels, analogue watchdogs, dual mode,
-//! and the interruption of a regular sequence by an injected one. If the image asks for one of these, the run's report
-//! says so.
+//! and the interruption of a regular sequence by an injected one. The run's report says so if the image asks for
+//! another trigger, `JAUTO`, `JDISCEN`, `JOVSE`, `OFRy` or dual mode.
 
 use std::fmt::Debug;
 
@@ -246,6 +246,7 @@ impl Injected {
         self.flags |= isr::JEOC.mask();
         let setting = registers.get(Register::Jsqr);
         if (done.rank as u64) < jsqr::JL.get(setting) {
+            // Counted from the sequence's begin, so that the rounding to nanoseconds does not add up.
             self.schedule(done.began, done.half_cycles + whole, done.rank + 1, call);
             return;
         }
@@ -278,6 +279,7 @@ impl Injected {
     fn refresh_interrupt(&mut self, Call { registers, context }: &mut Call<'_, '_>) {
         let enabled = registers.get(Register::Ier);
         let wanted = self.flags & enabled & (ier::JEOCIE.mask() | ier::JEOSIE.mask()) != 0;
+        // The emulator's model drives the same line, and only when its own flags change.
         if wanted || self.raised {
             let others = registers.get(Register::Isr) & enabled & !injected_flags() != 0;
             context.interrupt(INTERRUPT, Level::from(wanted || others));
@@ -289,7 +291,7 @@ impl Injected {
 impl Around<Adc> for Injected {
     fn before_write(&mut self, register: Register, value: u64, registers: &mut RegisterFile) {
         match register {
-            // The emulator's model knows neither of the two commands, and treats a command that stays set as an error.
+            // The emulator's model reports each of the two commands as not modelled, and clears it.
             Register::Cr => {
                 let others =
                     registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
@@ -330,6 +332,7 @@ impl Around<Adc> for Injected {
 
     fn after(&mut self, _inner: &mut Adc, call: &mut Call<'_, '_>) {
         let others = call.registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
+        // The image reads `JADSTART` as set while a sequence runs or waits for its trigger (25.6.3).
         let control = cr::JADSTART.set(others, u64::from(self.started));
         call.registers.set(Register::Cr, control);
         self.refresh_interrupt(call);
@@ -381,6 +384,7 @@ fn tell_what_is_left_out(Call { registers, context }: &mut Call<'_, '_>) {
         Register::Ofr3,
         Register::Ofr4,
     ];
+    // The offset itself, without the channel that it is for.
     if offsets
         .iter()
         .any(|&offset| registers.get(offset) & 0x03FF_FFFF != 0)

@@ -48,7 +48,8 @@ pub trait Around<D: Device>: Debug + Send {
     /// because there are hundreds of them per code at the output.
     fn after(&mut self, _inner: &mut D, _call: &mut Call<'_, '_>) {}
 
-    /// Called after a reset of the part, after which no scheduled event comes.
+    /// Called after a reset of the part, or of the instance alone by the clock controller. No event that was scheduled
+    /// before comes any more.
     fn reset(&mut self) {}
 }
 

@@ -5,7 +5,7 @@
 //! | `CR`: `ENx`, `TENx`, `TSELx` of four bits, for both channels | 26.4.5, 26.7.1 |
 //! | `TSELx` does not change while `ENx` is set | 26.4.7, note |
 //! | `DHR12Rx` load the holding registers | 26.4.4, 26.7.3, 26.7.6 |
-//! | `TENx` clear: a holding register goes to `DORx` as it is written, and as the channel is enabled | 26.4.6 |
+//! | `TENx` clear: a holding register goes to `DORx` as it is written, even before the channel is enabled | 26.4.6 |
 //! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6) | 26.4.7, table 217 |
 //! | `DMAENx`: a trigger raises the channel's request; its acknowledge lowers it | 26.4.8 |
 //! | A trigger before the acknowledge sets `DMAUDRx`: no request until a one is written to clear it | 26.4.8, 26.7.14 |
@@ -19,8 +19,8 @@
 //!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
 //! 100 MHz), settling and the buffer, the other triggers and holding registers, waves (`WAVEx`), calibration (`CENx`),
-//! the interrupt on an underrun (`DMAUDRIEx`), and the timing of sample and hold. If the image asks for one of these,
-//! the run's report says so (`told`).
+//! the interrupt on an underrun (`DMAUDRIEx`), and the timing of sample and hold. The run's report says so (`told`) if
+//! the image asks for another holding register, a trigger by software, waves, calibration or the interrupt.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::Width;
@@ -155,8 +155,8 @@ impl Dac {
         self.control >> (16 * channel + 2) & 0xF
     }
 
-    /// Returns true if channel 1 drives its pin. Modes 3 and 7 keep the channel from its pin. Modes 6 and 7 are sample
-    /// and hold, and mode 6 drives the pin (26.7.16).
+    /// Returns true if channel 1 drives its pin. Modes 3 and 7 keep the channel from its pin. Modes 4 to 7 are sample
+    /// and hold, and modes 4 to 6 drive the pin (26.7.16).
     fn reaches_pin(&self) -> bool {
         self.has(0, ENABLE) && !matches!(self.mode & 0b111, 0b011 | 0b111)
     }
@@ -175,6 +175,7 @@ impl Dac {
         if !self.has(channel, DMA_ENABLE) || self.underruns & underrun != 0 {
             return;
         }
+        // The code that this trigger has put out was not fetched in time: the last one was put out again.
         if self.requested[channel] {
             self.underruns |= underrun;
         } else {
@@ -246,6 +247,7 @@ impl Dac {
             }
         }
         self.control = landed;
+        // A channel without DMA requests nothing, so a request that waits is lowered.
         for channel in 0..CHANNELS {
             if !self.has(channel, DMA_ENABLE) {
                 self.acknowledge(channel, context);
@@ -292,6 +294,7 @@ impl Device for Dac {
             Register::Dhr12r1 => self.hold(at, 0, value, registers),
             Register::Dhr12r2 => self.hold(at, 1, value, registers),
             Register::Sr => self.underruns &= !value,
+            // Read only, or of the calibration and of sample and hold, whose timing is left out.
             Register::Dor1
             | Register::Dor2
             | Register::Ccr

@@ -2,8 +2,8 @@
 //! driven at its own instant, and the emulator's timer counts it.
 //!
 //! The timer's input filters (`TIMx_CCMR1`, `IC1F` and `IC2F`) are the emulator's. Interference reaches first one track
-//! and then the other, as on two wires of a cable. In encoder mode 3 this pair of pulses adds four counts, where a
-//! pulse on only one track would count one up and one down.
+//! and then the other, as on two wires of a cable. In encoder mode 3 this pair of pulses moves the count by four, where
+//! a pulse on only one track would count one up and one down.
 //!
 //! The first track leads when the tool moves forward, so encoder mode 3 without inversion counts up. The tracks are
 //! connected to the timer's inputs; their pins, and the assignment of these pins to TIM3, are not modelled.
@@ -61,6 +61,7 @@ impl Default for Quadrature {
 impl Quadrature {
     /// Continues with `motion` at `now_ns`, from the present count of the encoder.
     pub fn set_motion(&mut self, motion: Motion, now_ns: u64) {
+        // The wheel begins in the middle between two edges, so that it reaches either after half a count.
         self.offset = self.count as f64 + 0.5 - motion.position(now_ns);
         self.motion = motion;
         self.next = None;
@@ -71,6 +72,7 @@ impl Quadrature {
     /// later a pulse on the second track. The pulses must end before the next instant.
     pub fn disturb(&mut self, instants: impl IntoIterator<Item = u64>, width_ns: u64) {
         for at in instants {
+            // These are in order, as the queue must be: the pulses of an instant end before the next instant.
             let half = width_ns / 2;
             self.disturbances.extend([
                 (at, 0),
@@ -124,6 +126,7 @@ impl Around<Tim<General>> for Quadrature {
         }
         if is_edge.is_some() || is_disturbance.is_some() {
             self.drive(inner, call);
+            // An instant that was asked for before keeps its event, so asking for both again is harmless.
             self.schedule(call.context);
         }
     }

@@ -121,7 +121,7 @@ impl Contents {
     /// Reads a file that [`Contents::write`] has written.
     ///
     /// # Errors
-    /// There is no such file, or it has another length.
+    /// The file cannot be read, or its length is not that of both banks and of marks of four bytes.
     pub fn read(path: &Path) -> Result<Self> {
         let told = |reason: String| Error::FlashFile {
             path: path.to_owned(),
@@ -181,6 +181,7 @@ impl Contents {
     pub fn place(&mut self, address: u64, bytes: &[u8]) -> std::result::Result<(), String> {
         let place = in_flash(address, bytes)?;
         self.bytes[offsets(&place)].copy_from_slice(bytes);
+        // The first word may be covered in part only.
         self.mend(&(word_of(place.start)..place.end));
         Ok(())
     }
@@ -199,6 +200,7 @@ impl Contents {
             }
             Ok(units)
         };
+        // Both lists are made before anything is erased, so that a segment outside of the flash changes nothing.
         let pages = units(PAGE_BYTES)?;
         for sector in units(SECTOR_BYTES)? {
             self.erase(&(sector..sector + SECTOR_BYTES));
@@ -257,6 +259,7 @@ impl Contents {
         } else if *word == ONES {
             self.filled.insert(address);
         }
+        // Programming can only turn ones into zeros.
         for (cell, bits) in cells.iter_mut().zip(word) {
             *cell &= bits;
         }
@@ -264,6 +267,7 @@ impl Contents {
 
     fn tear(&mut self, address: u32, word: &[u8; WORD_BYTES as usize], chance: &mut Chance) {
         let cells = &mut self.bytes[offsets(&(address..address + WORD_BYTES))];
+        // Of the bits that were to become zeros, some at random still are ones.
         for (cell, bits) in cells.iter_mut().zip(word) {
             *cell &= bits | chance.draw() as u8;
         }
@@ -360,6 +364,7 @@ impl Unreadable {
     /// Handles an access to a number of `bytes` at `address`, and returns true if the access fails.
     pub fn fails(&self, address: u32, bytes: u32) -> bool {
         let mut marks = self.marks();
+        // An unaligned load may reach into the next word.
         let last = word_of(address.saturating_add(bytes - 1));
         let failed = marks.words.contains(&word_of(address)) || marks.words.contains(&last);
         if failed {
@@ -564,6 +569,7 @@ impl Journal {
     fn settle(&mut self, asked: &Asked, registers: &RegisterFile, at_ns: u64) {
         let (Asked::Store { bank } | Asked::Force { bank } | Asked::Erase { bank, .. }) = *asked;
         let status = registers.get(status(bank));
+        // If the emulator's model has accepted the request, the bank is busy now.
         let busy = status & (sr1::QW1.mask() | sr1::BSY1.mask()) != 0;
         match asked {
             Asked::Store { .. } if busy && self.buffers[bank].full() => {
@@ -620,6 +626,7 @@ impl Around<Flash> for Journal {
     }
 
     fn before_write(&mut self, register: Register, _value: u64, registers: &mut RegisterFile) {
+        // This write may clear the flags, so they must be set before.
         self.show_failures(registers);
         let bank = match register {
             Register::Cr1 => 0,
@@ -627,6 +634,7 @@ impl Around<Flash> for Journal {
             _ => return,
         };
         let control = registers.get(register);
+        // A locked register takes no request.
         if cr1::LOCK1.is_set(control) {
             return;
         }

@@ -48,6 +48,7 @@ impl LowSpeedInput {
 
     fn schedule(&mut self, began: u64, edge: u64, context: &mut DeviceContext<'_>) {
         self.next = self.hz.map(|hz| {
+            // Counted from the first edge, so that the rounding to nanoseconds does not add up.
             let at = began + edge * NANOS_PER_SECOND / (2 * hz);
             (began, edge, context.schedule(VirtualNanos(at)))
         });

@@ -156,6 +156,7 @@ impl Oscillators {
         let vco_hz = reference_hz * (divn.get(registers.get(*dividers)) + 1);
         let configuration = registers.get(Register::Pllcfgr);
         let within = |[low, high]: [u64; 2], hz: u64| (low..=high).contains(&hz);
+        // The wide range needs a reference above the medium one's (section 8.5.5).
         let vco = if medium.is_set(configuration) {
             within(MEDIUM_REFERENCE_HZ, reference_hz) && within(MEDIUM_VCO_HZ, vco_hz)
         } else {

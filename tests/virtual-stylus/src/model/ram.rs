@@ -3,7 +3,7 @@
 //!
 //! Until `ACTVOSRDY` of `PWR_CSR1` is set after a reset, RAM may not be written (RM0433 section 6.4.1). Here a store of
 //! the core changes nothing until the core has read that bit as set. The emulator's model of PWR sets the bit some time
-//! after the first write of `PWR_CR3` since power-on.
+//! after the first write of `PWR_CR3` since power-on, and some time after each later reset.
 //!
 //! A code covers 64 bits in ITCM and AXI SRAM, and 32 bits elsewhere. A read of bits that were never written is an
 //! error, which RAMECC notes. A store to only some of a code's bits is an error too, because it reads the others
@@ -36,6 +36,7 @@ struct State {
     /// Pages that hold words whose code does not fit. For each page: whether each of its words was written, and the
     /// number of words that were not.
     pages: HashMap<u64, (Vec<bool>, usize)>,
+    /// Length of a page, bytes: 0 before [`Ram::power_on`], and `u64::MAX` from then until the core has told it.
     page_bytes: u64,
     /// A word of which one instruction has written only some bytes so far.
     part: Option<Part>,
@@ -83,7 +84,8 @@ impl Ram {
         self.state().refused.iter().copied().collect()
     }
 
-    /// Pages of `page_bytes` bytes whose accesses must be passed to [`Ram::takes`].
+    /// Addresses of the pages, of `page_bytes` bytes, whose accesses must be passed to [`Ram::takes`]: all of RAM until
+    /// it may be written, then those with a word that was not written.
     pub fn pages(&self, page_bytes: u64) -> Vec<u64> {
         let mut state = self.state();
         if !state.is_writable {
@@ -144,6 +146,7 @@ impl State {
         }
         // Two stores to the same word by one instruction count as one store of 64 bits.
         let part = self.part.take();
+        // A part that was not completed by its own instruction is an error, even if a later store completes the word.
         let earlier =
             part.filter(|part| part.word == word && part.instruction == access.instruction_count);
         if let (Some(part), None) = (part, earlier) {

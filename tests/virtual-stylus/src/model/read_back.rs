@@ -5,7 +5,7 @@
 //! | What | Section |
 //! |---|---|
 //! | The pin is sampled as the sampling time ends: half a cycle and half a cycle per bit before the word | 25.4.17 |
-//! | The buffered output approaches a new code exponentially, and is within half a code of it after 3 µs | 26.4.3 |
+//! | The buffered output approaches a new code exponentially; a full step is half a code away after 3.6 µs | 26.4.3 |
 //! | A pin that nothing drives floats | |
 //!
 //! Left out: channels other than 18, which read zero, and the load of the sampling capacitor.
@@ -106,6 +106,7 @@ impl ReadBack {
 
     /// Level at `at_ns`, words.
     fn level_at(&self, at_ns: u64) -> f64 {
+        // The outputs that are no longer remembered would change nothing: they are many time constants old.
         let mut level = self.level(None);
         let mut since = 0;
         let mut aim = level;

@@ -25,6 +25,7 @@ const CONVERTER_REQUESTS: [usize; 2] = [67, 68];
 /// The pulses of a timer's trigger output, and the acknowledges for the converter, until they are taken.
 #[derive(Debug, Default)]
 pub struct TriggerOutput {
+    /// Number of pulses of the emulator's timer that were seen.
     sent: u64,
     unheard: Vec<VirtualNanos>,
     acknowledged: Option<(VirtualNanos, usize)>,

@@ -72,6 +72,7 @@ impl Watchdog {
     }
 
     fn span_ns(&self, counts: u64) -> u64 {
+        // Rounded up, so that the count has surely ended at that instant.
         let cycles = u128::from(counts) * u128::from(self.divider);
         (cycles * u128::from(NANOS_PER_SECOND)).div_ceil(u128::from(self.hz)) as u64
     }
@@ -85,6 +86,7 @@ impl Watchdog {
 
     fn count_from(&mut self, count: u64, context: &mut DeviceContext<'_>) {
         self.counted_from = (context.now(), count);
+        // The reset comes one step after zero.
         self.end = (self.started && self.hz != 0)
             .then(|| context.schedule(VirtualNanos(context.now().0 + self.span_ns(count + 1))));
     }
@@ -128,6 +130,7 @@ impl Device for Watchdog {
             Register::Winr => context.tell("WINR", WITHOUT_WINDOW),
             Register::Pr | Register::Rlr | Register::Sr => {}
         }
+        // The register file has taken whatever was written, even while the registers were shut.
         let divider_code = u64::from(self.divider.trailing_zeros() - 2);
         registers.set(Register::Pr, divider_code);
         registers.set(Register::Rlr, self.reload);

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | the cable, 100 ms until the contacts are still | 7.1.7.3 |
 //! | a reset of 10 ms, 10 ms to recover | 7.1.7.5 |
-//! | the device descriptor's first 8 bytes, a second reset, the address, 2 ms to recover | 9.1.2, 9.2.6.3 |
+//! | the device descriptor, with up to 64 bytes, a second reset, the address, 2 ms to recover | 9.1.2, 9.2.6.3 |
 //! | descriptors of device, configuration, BOS and Microsoft OS 2.0, strings, the configuration | 9.4, 9.6 |
 
 pub mod descriptor;
@@ -31,7 +31,7 @@ pub struct Descriptors {
     pub device: Vec<u8>,
     /// The configuration descriptor, with the descriptors that belong to it.
     pub configuration: Vec<u8>,
-    /// The descriptor of further capabilities (BOS), if there is one.
+    /// The descriptor of further capabilities (BOS); empty for a device of USB 2.0, which has none.
     pub bos: Vec<u8>,
     /// The Microsoft OS 2.0 descriptor set, if the BOS names one.
     pub microsoft: Vec<u8>,
@@ -76,7 +76,7 @@ impl UsbHost {
     /// it.
     ///
     /// # Errors
-    /// A transfer failed.
+    /// No device is seen within 2 s ([`TransferError::Gone`]), or a transfer failed.
     pub fn enumerate(&mut self, stylus: &mut VirtualStylus) -> Result<Descriptors, TransferError> {
         stylus.usb(Host::plug);
         let begin_ns = stylus.now_ns();
@@ -104,6 +104,7 @@ impl UsbHost {
             device: self.read(stylus, descriptor::DEVICE, 18)?,
             ..Descriptors::default()
         };
+        // The head holds the length of the whole.
         let head = self.read(stylus, descriptor::CONFIGURATION, 9)?;
         read.configuration = self.read(stylus, descriptor::CONFIGURATION, total_length(&head))?;
         if read.device.get(2..4) > Some(&[0x00, 0x02]) {
@@ -187,6 +188,7 @@ impl UsbHost {
                 return ended.result;
             }
             if stylus.now_ns() >= until_ns {
+                // The next turn of this loop finds the completion of the cancelled transfer.
                 stylus.usb(move |host, now_ns| host.cancel(id, now_ns));
             } else {
                 stylus.run_for(STEP_NS);
@@ -327,6 +329,7 @@ impl BulkFrames {
         let mut frames = Self {
             output: output & 0x0F,
             input: input & 0x0F,
+            // A packet is at most full, so the last one cannot exceed a transfer of whole packets.
             bytes: bytes.next_multiple_of(PACKET_BYTES),
             waiting: VecDeque::new(),
             sending: VecDeque::new(),
@@ -347,6 +350,7 @@ impl BulkFrames {
     pub fn send(&mut self, stylus: &mut VirtualStylus, frame: &[u8]) {
         let (endpoint, data) = (self.output, frame.to_vec());
         let ids = stylus.usb(move |host, _| {
+            // Only a packet that is not full ends a frame, so an empty one follows a full last packet.
             let is_full = data.len().is_multiple_of(PACKET_BYTES) && !data.is_empty();
             let first = host.submit(Transfer::Out { endpoint, data });
             let end = is_full.then(|| {
@@ -383,6 +387,7 @@ impl BulkFrames {
             self.waiting.pop_front();
             let data = ended.result?;
             self.await_one(stylus);
+            // The device, too, ends a frame of full packets with an empty one.
             if !data.is_empty() {
                 frames.push(data);
             }

@@ -59,11 +59,13 @@ impl Device {
 #[test]
 fn the_file_for_the_parts_own_loader_leaves_the_flash_as_a_probe_does() {
     let mut before = library::flash_with(&[&library::small()]);
+    // Something in the record's sectors, which flashing must erase.
     place(&mut before, RECORDS.start, &vec![0; 2 * SECTOR_BYTES]);
     let mut by_probe = Device::new(&product(), library::of(before.clone()));
     let by_probe = by_probe.stylus.flash().bytes;
     let file = fs::read(product().with_extension("dfu")).expect("it lies beside the image");
-    // UM0391, sections 2.2 to 2.4: after the prefixes, each element follows its address and length.
+    // UM0391, sections 2.2 to 2.4: after the prefixes of 11 and 274 bytes, each element follows its address and length.
+    // A suffix of 16 bytes ends the file.
     let mut elements = Vec::new();
     let mut rest = &file[285..file.len() - 16];
     while let Some((head, behind)) = rest.split_first_chunk::<8>() {

@@ -84,6 +84,7 @@ fn a_library_of_much_work_keeps_neither_the_watchdog_nor_a_stop_waiting() {
     let before = device.status().marks;
 
     let commit = device.send_frame(UploadCommitEndpoint::REQ_KEY, &());
+    // The commit has arrived by then, and the library is still being checked.
     device.run_for(6 * MS);
     let asked_ns = device.stylus.now_ns();
     device.stop();

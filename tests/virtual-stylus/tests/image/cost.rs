@@ -97,6 +97,8 @@ fn count_struck(device: &mut Device, scene: &str) -> Count {
     count(device, &format!("{scene}, struck"), 30)
 }
 
+/// Checks that the model's cost for `each` is at least what was measured, and exceeds it by at most 5 % and 8
+/// instructions.
 fn covers(model: StageCost, each: u32, measured: u32) {
     let modelled = u32::from(model.base) + u32::from(model.each) * each;
     assert!(
@@ -138,6 +140,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let both = count_struck(&mut device, "tap, four sections").within;
 
     // The first voice's instructions include those of the mix, which two voices share.
+    // The two textures together have one mix and one idle tick more than their transition.
     let mix = lattice + short - transition - idle;
     let of_voice = |played: u32| played - idle - mix;
     for (model, each, measured) in [

@@ -30,7 +30,7 @@ pub const CODES: usize = stylus_app::safety::OVERSAMPLING;
 /// Time between two codes at the output, ns.
 pub const CODE_NS: u64 = PERIOD_NS / CODES as u64;
 
-/// Virtual time between two checks of the line, ns.
+/// Virtual time between two checks of the line while a host waits for an answer, ns: on the serial port, and on USB.
 const STEP_NS: u64 = MS / 2;
 const USB_STEP_NS: u64 = MS / 10;
 /// Longest time until an answer arrives, including operations on flash.
@@ -271,6 +271,7 @@ impl Device {
     pub fn answers_within(&mut self, nanos: u64) -> bool {
         let end = self.stylus.now_ns() + nanos;
         while self.stylus.now_ns() < end {
+            // Sent again and again, because what is sent before the image listens is lost.
             let sequence = self.send_frame(InfoEndpoint::REQ_KEY, &());
             self.run_for(20 * MS);
             if self.take_answer(InfoEndpoint::RESP_KEY, sequence).is_some() {

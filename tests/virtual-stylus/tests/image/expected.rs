@@ -128,6 +128,7 @@ impl<'a> Output<'a> {
     fn of(heard: &Heard<'_>, compared: &'a Compared) -> Self {
         let rate = PlayRate::of(heard.plan.sample_rate_hz()).expect("a stylus plays it");
         let config = safety::Config::at_rate(&Settings::default(), 1.0, rate);
+        // The image's stages have run at each tick since the start, so their state must be the same.
         let mut rested = safety::State::new(&config);
         for _ in 1..compared.asked {
             rested.process(&config, model_format::OutputSample::SILENCE, true);
@@ -209,6 +210,7 @@ impl Compared {
         let first_heard =
             codes.find(|&(tick, codes)| tick >= self.asked && *codes != [MID_SCALE; CODES]);
         let (first_heard, _) = first_heard.expect("something is heard");
+        // A host does not learn the ticks at which the play began and the mute ended, so all of them are tried.
         let output = Output::of(heard, self);
         let mut best = None;
         for play in (self.asked..=first_heard).filter(|&tick| begins_block(tick)) {
@@ -240,6 +242,7 @@ pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared
     // After this time the estimate of the speed is exactly at rest.
     device.run_for(60 * MS);
     let asked = device.status().tick.ticks;
+    // A prime, so that the audits fall on every place in a block of ten ticks.
     device.stylus.audit_ticks(997);
     play(device);
     let stopped = device.stop_recording();

@@ -98,6 +98,7 @@ fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_count
     let mut device = Device::started(Options::default());
     let start = device.stylus.now_ns();
     // A pulse of 0.8 µs is the longest that the filter of 1.28 µs suppresses with a margin.
+    // Each pulse is 377 ns later within its millisecond, so that they meet the filter at all phases of its clock.
     let instants: Vec<u64> = (1..400).map(|n| start + n * MS + n * 377).collect();
     device.stylus.disturb_encoder(instants, 800);
     let counts = |device: &mut Device, ms: u64| -> i64 {

@@ -126,6 +126,7 @@ fn latencies(step: &Step, both: bool) -> Latencies {
             _ => 0x8000,
         }
     });
+    // A motion's instants must rise, so a step of the speed takes 100 ns.
     let [slow, fast] = step.speed;
     let knots = |&at: &u64| {
         let back = at + HELD_NS;

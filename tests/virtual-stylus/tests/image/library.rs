@@ -25,12 +25,12 @@ pub fn middling() -> Vec<u8> {
     library(1, 200, 1)
 }
 
-/// A library of one texture of about 7 KB.
+/// A library of one texture of about 8 KB.
 pub fn other() -> Vec<u8> {
     library(1, 25, 2)
 }
 
-/// Four textures of the highest order, which almost fill a slot.
+/// Four textures of the highest order, which fill three quarters of a slot.
 pub fn large() -> Vec<u8> {
     library(4, MAX_ORDER, 3)
 }
@@ -69,6 +69,7 @@ fn flash_set(libraries: &[&[u8]], further: &[(Setting, f32)]) -> Contents {
         let address = u64::from(BASE) + at as u64;
         contents.place(address, bytes).expect("it is in the flash");
     };
+    // The slots are the whole of bank 2.
     place(BYTES / 2, slots.bytes());
     let range = SETTINGS_RANGE.start as usize..SETTINGS_RANGE.end as usize;
     place(range.start, &settings.bytes()[range]);

@@ -88,7 +88,7 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
     let mut started = None;
     let compared = recorded(&mut device, |device| {
         started = Some(start(device, request));
-        // The probe plays to its own end, and to the end of its mute.
+        // The probe plays to its own end, and to the end of its mute: 40 periods of 317 samples take 2.54 s at 5 kHz.
         device.run_for(2_700 * MS);
         device.keep_alive(false);
     });

@@ -1,5 +1,5 @@
-//! Checks every register that the image touches against two descriptions that share no source with the models:
-//! stm32-data (crate stm32-metapac) and ST's own SVD file (crate rigless).
+//! Checks every register that the image touches against two descriptions: stm32-data (crate stm32-metapac), and ST's
+//! own SVD file, from which the crate rigless and so the models have their names, offsets and bits.
 
 use std::collections::BTreeMap;
 

@@ -68,6 +68,7 @@ fn playing(settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
     });
     device.move_along(&[(0, 10.0), (1_500, 300.0)]);
     device.play_until_heard(PLAYED.0);
+    // A prime, so that the audits fall on every place in a block of ten ticks.
     device.stylus.audit_ticks(251);
     device.run_for(200 * MS);
     let audits = device.stylus.take_audits();

@@ -230,6 +230,7 @@ fn a_new_image_that_faults_on_its_trial_is_put_back_and_one_that_lasts_a_minute_
     assert_eq!(state_of(&mut device), before);
     device.update(&new);
     device.wait_for_exchange();
+    // Some time before the end of the trial, and then some time after it.
     device.run_for(TRIAL_MS * MS - 5 * SECOND);
     assert!(device.is_on_trial());
     device.run_for(7 * SECOND);

@@ -76,7 +76,7 @@ fn an_upload_with_chunks_ahead_takes_less_time_than_one_with_a_turn_of_the_line_
         device.upload_ahead(&library, window);
         device.status().uptime_ms - begin_ms
     });
-    // Programming takes 0.1 ms per word of 32 bytes, about 190 ms in all. Sending ahead saves most of it.
+    // Programming takes 0.1 ms per word of 32 bytes, about 160 ms in all. Sending ahead saves most of it.
     assert!(ahead + 80 < one_by_one, "{ahead} ms of {one_by_one} ms");
 }
 

@@ -31,6 +31,7 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
         device.send_frame(ActivateEndpoint::REQ_KEY, &slot);
         device.run_for(MS / 2 + micros * 1_000);
         (device.stylus.usb(Host::suspend));
+        // Longer than the 3 ms of silence that suspend the device.
         device.run_for(7 * MS / 2);
         let read = device.enumerate();
         assert!(read.is_ok(), "{read:?}, {micros} us later");
@@ -40,8 +41,8 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
 
 #[test]
 fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
-    // Three broken attempts in succession end a transfer. With one packet broken in 200, that happens to one
-    // transaction in a million.
+    // Three broken attempts in succession end a transfer. With one packet broken in 200 and three packets to a
+    // transaction, that happens to three transactions in a million.
     const PER_MILLION: u64 = 5_000;
     let mut device = Device::on_usb(library::options());
     device
@@ -86,6 +87,7 @@ fn a_bus_that_breaks_many_packets_still_enumerates_within_some_tries() {
 #[test]
 fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     let mut device = Device::on_usb(library::options());
+    // The device is suspended after 3 ms.
     for millis in [1, 3, 4, 10, 200] {
         device.stylus.usb(Host::suspend);
         device.run_for(millis * MS);
@@ -149,6 +151,7 @@ fn a_program_that_ends_in_the_middle_of_a_frame_leaves_nothing_to_the_next_one()
     for point in (0..24).filter(|&point| long() || point % 6 == 1) {
         // A frame of almost the largest length is cancelled on its way.
         device.send_raw(&[0x55; 900]);
+        // In steps shorter than a transaction of 64 bytes, which takes some 59 µs.
         device.stylus.run_for(point * 47_000);
         device.reopen();
         device.clear_halts();

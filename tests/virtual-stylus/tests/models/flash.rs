@@ -215,6 +215,7 @@ fn an_audit_sees_code_in_flash_and_every_tick_is_followed() {
     // The handler of this image is in flash.
     assert_eq!(first.flash_fetches, first.instructions);
     assert!(!first.places.is_empty());
+    // The image is ready after 100 periods of the tick, of which its start takes some.
     let ticks = stylus.take_ticks();
     assert!(ticks.len() > 90 && stylus.unfollowed_ticks() == 0);
     assert!((ticks.iter()).all(|tick| u64::from(tick.instructions) == first.instructions));

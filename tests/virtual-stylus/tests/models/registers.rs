@@ -73,6 +73,7 @@ fn with_stream(bench: &mut Bench) {
     let clocks = bench.read(AHB1ENR);
     bench.write(AHB1ENR, clocks | 1);
     bench.write(DMAMUX1, 67);
+    // The stream's count and addresses, which must be set before it is enabled (RM0433 chapter 15).
     bench.write(DMA1 + 0x14, 4);
     bench.write(DMA1 + 0x18, DHR12R1);
     bench.write(DMA1 + 0x1C, DHR12R2);

@@ -11,7 +11,8 @@
 //! | A transmit FIFO per endpoint, of `DIEPTXFx` words; `DTXFSTSx` | 57.14 |
 //! | `DxEPCTLx`, `DxEPTSIZx`: enable, disable, NAK, stall, packet and byte counts, data toggles | 57.14, 57.15 |
 //! | An OUT transfer ends with its last packet or one that is not full; the endpoint answers NAK from then on | 57.15 |
-//! | A SETUP is always taken, ends a stall of endpoint 0, sets both its NAKs, and ends with the next token | 57.15 |
+//! | A SETUP is taken despite NAK and stall if the receive FIFO has room; it ends the stall of endpoint 0, | 57.15 |
+//! | sets both NAKs, and is complete with the next token to the endpoint | 57.15 |
 //! | A packet whose toggle is not due is acknowledged and dropped | USB 2.0, 8.6 |
 //! | A reset of the bus disables all endpoints but endpoint 0 and changes nothing else of them | 57.14, 57.15 |
 //! | Suspend after 3 ms of silence, with or without a cable, as the pull-up is the device's own; resume | 57.14 |
@@ -25,8 +26,7 @@
 //!
 //! Left out: host mode, OTG and its change of roles, DMA, high speed and the ULPI, isochronous endpoints and the end of
 //! a periodic frame, remote wakeup, LPM, battery charging, the sensing of VBUS, and the clock cycles that a reset or a
-//! flush takes. If the firmware asks for one of these and could notice that it is missing, the run's report says so
-//! (`told`).
+//! flush takes. The run's report says so if the firmware asks for DMA or host mode (`told`).
 //!
 //! The emulator has no windows for the FIFOs. So the core's registers and FIFOs together are one window at
 //! [`WINDOW_BASE`], to which `core.rs` redirects the accesses to [`BASE`].
@@ -221,6 +221,7 @@ impl ErasedDevice for Usb {
     }
 
     fn read_window(&mut self, offset: u64, _width: Width, context: &mut DeviceContext<'_>) -> u64 {
+        // The read sees what has happened on the bus until now, even without an event since.
         self.host.advance(context.now().0, &mut self.core);
         let value = self.core.read(offset);
         self.settle(context);

@@ -19,7 +19,7 @@ use crate::device::SECOND;
 /// Number of steps that the report of a failure lists.
 const TOLD: usize = 40;
 
-/// Time after which the mark of the stack must no longer grow, s.
+/// Length from which on a run must not let the stack's mark grow in its last quarter, s.
 const LONG_S: u64 = 600;
 
 /// The number in the environment variable `variable`, or `default`.
@@ -51,6 +51,7 @@ impl Drop for Told {
             );
             println!(
                 "to see it again: cargo tasks soak --seed {seed} --for {}s",
+                // The step that failed may take a while.
                 *now_s + 60
             );
         }
@@ -59,6 +60,7 @@ impl Drop for Told {
 
 fn drawn(world: &mut World) -> &'static Operation {
     let shares = OPERATIONS.iter().map(|(_, share, _)| share).sum();
+    // Each operation takes a stretch of the numbers as long as its share.
     let mut left = world.below(shares);
     let drawn = OPERATIONS.iter().find(|(_, share, _)| {
         let is_drawn = left < *share;

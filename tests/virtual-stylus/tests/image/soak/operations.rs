@@ -217,6 +217,7 @@ fn calibrate(world: &mut World) {
     assert_eq!(at_rest.faults(true), Vec::<String>::new());
     let change = at_rest.force_zero();
     world.settings = world.device.set(change.setting, change.value);
+    // With the new zero, the force at rest must read zero.
     let off = measured(world).mean[3] - f64::from(world.settings.force_zero().0);
     assert!(off.abs() < 16.0, "{off} codes");
 }
@@ -256,6 +257,7 @@ fn mishap(world: &mut World) {
             break;
         }
     }
+    // A mishap that has not happened is replaced by one that never will, or it would meet a later step.
     (world.device.stylus).usb(|host, _| host.have(Mishap::Reset, u64::MAX / 2));
 }
 

@@ -52,6 +52,7 @@ impl Pin {
         let offset = code.abs_diff(MID_SCALE);
         assert!(offset <= limits.offset, "{output:?} of {limits:?}");
         if output.cause == Cause::Trigger {
+            // A code after a reset, or after one that was written, has neither a period nor a slew limit.
             if let Some(last) = self.last.filter(|last| last.cause == Cause::Trigger) {
                 assert_eq!(
                     output.at_ns - last.at_ns,

@@ -100,10 +100,12 @@ pub struct World {
     run: Run,
     /// Virtual time of the previous runs, ns.
     earlier_ns: u64,
+    /// How often each operation was done.
     pub done: BTreeMap<&'static str, u64>,
     /// Largest figures of each quarter of the run.
     most: [Figures; 4],
     pub quarter: usize,
+    /// Codes put out in the previous runs, and those of them that were not mid-scale.
     pub codes: [u64; 2],
     /// True after a step that was not possible.
     pub skipped: bool,
@@ -285,6 +287,7 @@ impl World {
             "RAM that nobody had written was read"
         );
         self.earlier_ns += self.device.stylus.now_ns();
+        // The image is that of the contents, whichever file is named.
         self.device = switched_on(&product(), contents, true, &mut self.chance);
         self.wait_for_exchange();
         let running = active_image(&self.device.stylus.flash().bytes);
@@ -454,6 +457,7 @@ impl World {
             [config.limit_steps() as u16, config.slew_steps() as u16]
         };
         let [one, other] = [of(&before), of(&self.settings)];
+        // The step may have changed the settings, so each code must keep one or the other limit.
         let limits = Limits {
             offset: one[0].max(other[0]),
             slew: one[1].max(other[1]),

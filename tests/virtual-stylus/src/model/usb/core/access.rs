@@ -43,6 +43,7 @@ impl Core {
         if offset == GRXSTSP {
             return self.pop_status();
         }
+        // There is one receive FIFO, which every endpoint's window reads.
         if fifo(offset).is_some() {
             self.changes += 1;
             let word = self.popped.pop_front();
@@ -190,6 +191,8 @@ impl Core {
                 }
             }
         }
+        // A driver flushes the FIFOs once it has set all their sizes, so the layout is checked here. The size of an
+        // endpoint that is not in use still has its reset value.
         let used = self.receive_words
             + (self.transmit_sizes.iter().enumerate())
                 .filter(|(index, _)| *index == 0 || self.inputs[*index].kept != 0)
@@ -256,6 +259,7 @@ impl Core {
                 TSIZ => {
                     endpoint.write_size(value);
                     if index == 0 {
+                        // OTG_DOEPTSIZ0 has one bit for packets, and the number of SETUPs in a row.
                         endpoint.packets &= 1;
                         self.setups = value >> TSIZ_SETUPS_SHIFT & 3;
                     }

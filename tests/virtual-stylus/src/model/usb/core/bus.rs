@@ -33,6 +33,7 @@ impl Core {
             return 0;
         };
         self.popped.extend(entry.words);
+        // Section 57.15: these interrupts come as the entry is popped, not as the packet arrives.
         let endpoint = &mut self.outputs[entry.endpoint];
         match entry.kind {
             OUT_DONE => {
@@ -139,6 +140,7 @@ impl Core {
         for endpoint in [&mut self.inputs[0], &mut self.outputs[0]] {
             endpoint.stalled = false;
             endpoint.nak = true;
+            // The stages that follow begin with DATA1 (USB 2.0, section 8.5.3).
             endpoint.odd = true;
         }
         Some(Handshake::Ack)
@@ -218,6 +220,7 @@ impl Core {
             || endpoint.packets == 0
             || index == 0 && self.setup_stage
             || self.device_control & DCTL_GINSTS != 0;
+        // A packet leaves only once all of it is in the FIFO.
         if refuses || held.len() < bytes.div_ceil(4) {
             return Some(InAnswer::Nak);
         }
@@ -257,6 +260,7 @@ impl Core {
             endpoint.enabled = false;
             endpoint.interrupts |= EPINT_XFRC;
         }
+        // The status stage of a request that sends nothing, such as SetAddress.
         if index == 0 && data.is_empty() {
             self.in_control = false;
             self.take_address();

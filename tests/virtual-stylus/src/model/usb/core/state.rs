@@ -39,6 +39,7 @@ impl Endpoint {
         let flag = |on: bool, bit: u32| if on { bit } else { 0 };
         self.kept
             | flag(self.active || index == 0, EPCTL_USBAEP)
+            // Endpoint 0 has no such bit; its toggles follow from the stages.
             | flag(self.odd && index != 0, EPCTL_DPID)
             | flag(self.nak, EPCTL_NAKSTS)
             | flag(self.stalled, EPCTL_STALL)
@@ -93,7 +94,7 @@ pub(super) struct Received {
     pub(super) words: VecDeque<u32>,
 }
 
-/// A register, and a request to it that the manual does not describe or the model does not carry out.
+/// A register, and a request to it that the manual forbids or does not describe, or that the model does not carry out.
 pub type Told = (&'static str, &'static str);
 
 /// The core.
@@ -125,7 +126,7 @@ pub struct Core {
     pub(super) in_control: bool,
     pub(super) address: u8,
     pub(super) received: VecDeque<Received>,
-    /// Data words of the entry that was popped last.
+    /// Data words of popped entries that the firmware has not read yet.
     pub(super) popped: VecDeque<u32>,
     pub(super) transmit: [VecDeque<u32>; ENDPOINTS],
     pub(super) changes: u64,
@@ -134,6 +135,7 @@ pub struct Core {
 
 impl Default for Core {
     fn default() -> Self {
+        // Values after a reset (section 57.14). The places of the FIFOs in their RAM are not modelled.
         Self {
             otg_control: 0,
             otg_interrupts: 0,
@@ -174,7 +176,8 @@ impl Core {
         self.changes
     }
 
-    /// Returns the requests since the last call that the manual does not describe or the model does not carry out.
+    /// Returns the requests since the last call that the manual forbids or does not describe, or that the model does
+    /// not carry out.
     pub fn take_told(&mut self) -> Vec<Told> {
         std::mem::take(&mut self.told)
     }
@@ -238,6 +241,7 @@ impl Core {
         let held = self.transmit[fifo].len() as u32;
         let half = (self.transmit_sizes[fifo] >> 16) / 2;
         let is_empty = held == 0 || self.bus_config & GAHBCFG_TXFELVL == 0 && held <= half;
+        // A level: it cannot be cleared while the FIFO is empty.
         endpoint.interrupts | if is_empty { DIEPINT_TXFE } else { 0 }
     }
 

@@ -14,7 +14,8 @@ const FRAME_NS: u64 = 1_000_000;
 const TOKEN_BITS: u64 = 35;
 const HANDSHAKE_BITS: u64 = 19;
 const DATA_BITS: u64 = 35;
-/// Longest time until an answer begins, and time after which an answer counts as missing, bits (section 7.1.19).
+/// Longest time until an answer begins, and time after which an answer counts as missing, bits (sections 7.1.18 and
+/// 7.1.19).
 const TURNAROUND_BITS: u64 = 8;
 const TIMEOUT_BITS: u64 = 18;
 /// Time that no transaction uses at the end of a frame.
@@ -25,6 +26,7 @@ fn nanos(bits: u64) -> u64 {
 }
 
 fn data_nanos(bytes: usize) -> u64 {
+    // A zero is stuffed after six ones (section 7.1.9), so at worst data take 7/6 of their bits.
     nanos(DATA_BITS + (bytes as u64 * 8 * 7).div_ceil(6))
 }
 
@@ -52,15 +54,17 @@ const SUSPEND_NS: u64 = 3_000_000;
 
 impl Host {
     /// Does what is due at `now_ns`, after any change of the core since the last call. Returns the instant by which the
-    /// next call must come.
+    /// next call must come; `None` if nothing is due until the core or the software does something.
     pub fn advance(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         let is_pulled_up = core.is_connected();
+        // The device counts silence from its own pull-up on, with or without a cable.
         if is_pulled_up && !self.is_pulled_up {
             self.quiet_from_ns = now_ns;
             self.quiet_told = false;
         }
         self.is_pulled_up = is_pulled_up;
         let sees_device = self.bus != Bus::Unplugged && is_pulled_up;
+        // To the host, a pull-up that ends is a device that is gone.
         if self.sees_device && !sees_device {
             self.go_quiet(Bus::Silent, now_ns);
             self.fail_all(now_ns, TransferError::Gone);
@@ -69,6 +73,7 @@ impl Host {
         match self.bus {
             Bus::Unplugged | Bus::Silent => self.quiet(now_ns, core),
             Bus::Reset { until_ns, begun } => {
+                // The software's call has no access to the core, so the core learns of the reset here.
                 if !begun {
                     core.bus_reset_begins();
                     self.bus = Bus::Reset {
@@ -125,6 +130,7 @@ impl Host {
             return Some(self.free_from_ns);
         }
         self.queue.retain(|_, waiting| !waiting.is_empty());
+        // Nothing has changed since the core refused everything, so it would refuse again.
         if self.queue.is_empty() || self.refused_at == Some(core.changes()) {
             return None;
         }
@@ -150,6 +156,7 @@ impl Host {
         let pipe = self.next_pipe()?;
         let packets = self.queue[&pipe][0].packets();
         let frame_ns = (now_ns - self.frames_from_ns) % FRAME_NS;
+        // A frame begins with its own token.
         let sof_ns = nanos(TOKEN_BITS);
         if frame_ns < sof_ns {
             self.free_from_ns = now_ns - frame_ns + sof_ns;
@@ -176,6 +183,7 @@ impl Host {
             return Some(ends_ns);
         }
         let traffic = self.traffic.transactions;
+        // An odd number lets the transaction end first, so that mishaps before and after its effect both occur.
         let Some((number, mishap)) = self.mishap.take_if(|(number, _)| traffic >= *number) else {
             self.end(transaction, core);
             return None;
@@ -226,6 +234,7 @@ impl Host {
     /// Begins the next transaction of `pipe`.
     fn begin(&mut self, now_ns: u64, pipe: Pipe, packets: Packets, core: &mut Core) -> Transaction {
         let is_there = self.address == core.address();
+        // A SETUP is always DATA0, and a status stage DATA1 (section 8.5.3).
         let pid = match (&packets, self.queue[&pipe][0].stage) {
             (Packets::Setup(_), _) => Pid::Data0,
             (_, Stage::Status) => Pid::Data1,
@@ -362,6 +371,7 @@ impl Outcome {
                     if is_acknowledged {
                         core.acknowledged(*endpoint);
                     }
+                    // The same packet comes again if the device has missed the host's last handshake.
                     if found == pid {
                         Self::Got(data)
                     } else {

@@ -129,6 +129,7 @@ impl Default for Host {
             next_id: 0,
             completions: Vec::new(),
             traffic: Traffic::default(),
+            // At power-on USB has no clock yet.
             clock_is_off: true,
         }
     }
@@ -161,8 +162,8 @@ impl Host {
         self.bus == Bus::Running
     }
 
-    /// Drives a reset for `nanos`. Afterwards the host sends frames, to address 0, and its data toggles start again at
-    /// DATA0.
+    /// Drives a reset for `nanos`, if the host sees a device. All transfers that wait are cancelled. Afterwards the
+    /// host sends frames, to address 0, and its data toggles start again at DATA0.
     pub fn reset_bus(&mut self, now_ns: u64, nanos: u64) {
         if self.sees_device {
             self.bus = Bus::Reset {
@@ -208,12 +209,13 @@ impl Host {
     }
 
     /// Schedules `mishap` for the end of a transaction: the one that follows once `transactions` more transactions have
-    /// been counted. It is lost if [`Traffic::transactions`] is even by then, and carried out if it is odd.
+    /// been counted. That transaction is lost if [`Traffic::transactions`] is even by then. If it is odd, it is carried
+    /// out before the mishap.
     pub fn have(&mut self, mishap: Mishap, transactions: u64) {
         self.mishap = Some((self.traffic.transactions + transactions, mishap));
     }
 
-    /// Returns true once the mishap has happened.
+    /// Returns true if no mishap is scheduled, so once the last one has happened.
     pub fn has_happened(&self) -> bool {
         self.mishap.is_none()
     }
@@ -235,6 +237,7 @@ impl Host {
             received: Vec::new(),
             failures: 0,
         });
+        // The core may accept the new transfer although it refuses all others.
         self.refused_at = None;
         id
     }

@@ -82,6 +82,7 @@ pub(super) enum Stage {
 pub(super) struct Pending {
     pub(super) id: TransferId,
     pub(super) transfer: Transfer,
+    /// Stage of a control transfer. Bulk transfers stay at the first.
     pub(super) stage: Stage,
     /// Number of data bytes that the device has acknowledged.
     pub(super) sent: usize,
