@@ -20,7 +20,7 @@ pub trait Arithmetic: Copy {
     /// Computes the rotation of each stage of `run` from the sum of its four nodes' θ, and writes it to `rotations`,
     /// which holds one rotation per stage.
     ///
-    /// Each product with a factor is truncated by itself, and their sum goes through [`Rotation::from_sum`].
+    /// Each product with a factor is rounded down by itself, and their sum goes through [`Rotation::from_sum`].
     #[inline]
     fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
         theta::mean_rotations(run, rotations);

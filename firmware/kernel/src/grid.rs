@@ -70,7 +70,8 @@ pub const ONE: u32 = 1 << 16;
 /// A position on a grid: the four nodes around it with their bilinear weights, and the fade of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridPoint {
-    /// Nodes as (speed index, force index). At an edge two of them are the same node, one of them with weight zero.
+    /// Nodes as (speed index, force index). At the upper end of an axis some are equal; of equal nodes only the first
+    /// may have a weight.
     pub nodes: [(usize, usize); 4],
     /// Weights of the nodes in steps of 2⁻¹⁶. They add up to exactly [`ONE`].
     pub weights: [u32; 4],

@@ -21,9 +21,10 @@
 //! Moments, with a mean length of at most 5000 samples, allow 5600: 75 standard deviations, more than a fed texture's
 //! full scale. Signals that reach full scale saturate, and `status` counts this.
 //!
-//! A fed excitation has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two pieces. Its
-//! lattice therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations. Round-off is 92
-//! to 95 dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more with steps of 2⁻²⁸.
+//! A codebook has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two pieces. The lattice
+//! of a fed texture therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations.
+//! Round-off is 92 to 95 dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more
+//! with steps of 2⁻²⁸.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
@@ -184,7 +185,7 @@ impl LatticeState {
         self.backward(stages).iter().all(|&g| g == 0)
     }
 
-    /// Passes one sample of excitation through the lattice, both in steps of 2⁻²⁸ of a standard deviation.
+    /// Passes one sample of excitation through the lattice. The output has the steps of the excitation.
     #[inline]
     pub fn filter<A: Arithmetic>(&mut self, rotations: &[Rotation], excitation: i32) -> i32 {
         let rotations = &rotations[..rotations.len().min(MAX_ORDER)];

@@ -5,7 +5,7 @@ use model_format::LevelLaw;
 use crate::grid::{GridPoint, ONE, mean};
 use crate::logarithm::{LOG2_FRACTION_BITS, exp2, log2};
 
-/// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`.
+/// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`, at most 2³¹ - 1.
 ///
 /// `power` · 4^`bits` must be below 2⁶⁴, which holds for every valid node and the bits that this crate uses.
 pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
@@ -57,7 +57,8 @@ pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -
                 }
                 sum += i64::from(weight) * log2(power);
             }
-            // At a node both bounds are its own level. Elsewhere they remove the rounding error of the logarithm.
+            // At a node both bounds are its own level. Elsewhere the rounding of the logarithm cannot leave the range
+            // of the nodes.
             exp2(sum + (i64::from(bits) << FRACTION_BITS), FRACTION_BITS)
                 .max(rms_in_steps(lowest, bits))
                 .min(rms_in_steps(highest, bits))

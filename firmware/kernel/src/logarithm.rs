@@ -1,6 +1,7 @@
 //! Logarithm and power of two in fixed point, for levels that are averaged in dB.
 //!
-//! All arithmetic is in integers, so that every processor gives the same bits. Both together are within 10⁻⁵ dB.
+//! All arithmetic is in integers, so that every processor gives the same bits. Both together are within 10⁻⁵ dB, plus
+//! the rounding of the power of two to a whole step.
 
 /// Digits after the point of a logarithm.
 pub const LOG2_FRACTION_BITS: u32 = 24;

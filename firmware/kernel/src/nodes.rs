@@ -59,8 +59,8 @@ impl<'a> Nodes<'a> {
 
     /// The run that begins at stage `done`, and its number of stages, at most `most`; none if no node has a stage left.
     ///
-    /// In a texture, either all nodes with stages beyond those of 16 bits have tails, or none has. So a run of tails
-    /// contains nothing else.
+    /// In a texture, either every node of more than [`model_format::limits::MAX_FINE_STAGES`] stages has a tail after
+    /// that many stages, or none has. So no node has codes of 16 bits in a run of tails.
     fn run(&self, done: usize, most: usize) -> Option<(Run<'a>, usize)> {
         let mut stages = most;
         let (mut coded, mut fine, mut tailed) = (None, None, None);

@@ -1,7 +1,7 @@
 //! Position of the tool along its path, exact over kilometres, and its movement from block to block.
 //!
-//! A position has 64 bits in steps of 2⁻³² mm, so that the phase of the finest line is exact to 10⁻⁵ of a turn at any
-//! distance that a hand moves, and is the same forwards and backwards. It wraps after 4295 km.
+//! A position has 64 bits in steps of 2⁻³² mm, so that the phase of the finest line is exact to 10⁻⁵ of a turn within
+//! 50 m of the origin, and is the same forwards and backwards anywhere. It wraps after 4295 km.
 //!
 //! The position is given for the **last sample of a block**, see [`Track`]. A caller that does not know the future must
 //! predict it from the speed, because a position that is late by a block makes a surface lag behind the hand.

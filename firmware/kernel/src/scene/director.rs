@@ -97,8 +97,8 @@ impl<'a> Director<'a> {
     /// `ringing` is the value of [`super::ScenePlayback::ringing`] after the block that is played had begun. `left` is
     /// the number of samples of that block's ramps that will not be played: 0 if blocks are played to their end.
     ///
-    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`], one start of a playback, and some
-    /// thousand instructions.
+    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`], one [`crate::Frame::feed`], one start
+    /// of a playback, and some thousand instructions.
     pub fn next_block(
         &mut self,
         interaction: Interaction,

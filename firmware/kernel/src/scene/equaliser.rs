@@ -74,7 +74,7 @@ impl Section {
         }
     }
 
-    /// Passes one sample through the section. The flag is true if any signal was at full scale.
+    /// Passes one sample through the section. The flag is true if its state or its output is at full scale.
     #[inline(always)]
     fn process(&self, backward: &mut [i32; 2], input: i32) -> (i32, bool) {
         let [one, two] = self.rotations;
@@ -120,7 +120,7 @@ impl Equaliser {
         sections: Vec::new(),
     };
 
-    /// The cascade of `biquads`, whose poles must be within the limit.
+    /// The cascade of `biquads`, as many as fit. Their poles must be within the limit.
     pub fn new(biquads: &[Biquad]) -> Self {
         Self {
             sections: biquads.iter().take(ROOM).map(Section::new).collect(),
@@ -153,7 +153,8 @@ impl EqualiserState {
         }
     }
 
-    /// Passes one sample through the cascade. The flag is true if any signal was at full scale.
+    /// Passes one sample through the cascade. The flag is true if the state or the output of a section, or the
+    /// cascade's output, is at full scale.
     #[inline]
     pub fn process(&mut self, equaliser: &Equaliser, input: OutputSample) -> (OutputSample, bool) {
         let mut signal = shift_toward_zero(i64::from(input.0), HEADROOM_BITS) as i32;

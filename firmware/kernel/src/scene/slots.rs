@@ -3,7 +3,7 @@
 //! A **slot** holds a voice: two frames, of which one may be played while the other is computed, and a playback. A
 //! surface that is to sound gets a slot and keeps it while it sounds; one that is no longer wanted fades within a
 //! block. A slot's playback changes its texture only after a block in which the tick did not play the slot. There are
-//! therefore never more than two voices, however far the tool jumps; a third surface waits one block for a slot.
+//! therefore never more than two voices, however far the tool jumps; a third surface waits up to two blocks for a slot.
 //!
 //! **A voice begins at its level**, in a stationary state. That state stays stationary at whatever motion it was left,
 //! so that a slot which holds the texture already continues from it ([`crate::lattice::LatticeState::stationary`]).
