@@ -185,7 +185,7 @@ impl CodeSpec {
 /// The bytes returned have passed [`Library::decode`].
 ///
 /// # Errors
-/// The first fault that makes the library invalid, as decoding it would report it.
+/// A fault that bytes cannot express, such as a tail at the wrong stage, or else the first one that decoding reports.
 pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     encode_with_scenes(textures, &[])
 }
@@ -217,7 +217,7 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// ```
 ///
 /// # Errors
-/// The first fault that makes the library invalid, as decoding it would report it.
+/// A fault that bytes cannot express, such as a tail at the wrong stage, or else the first one that decoding reports.
 pub fn encode_with_scenes(
     textures: &[TextureSpec],
     scenes: &[Scene],

@@ -202,7 +202,7 @@ impl<'a> NodesCheck<'a> {
     }
 }
 
-/// Checks everything about node `number` except its coefficients.
+/// Checks everything about node `number` except its coefficients and where they begin.
 fn check_record(texture: &Texture<'_>, number: usize, record: &NodeRecord) -> Result<(), Problem> {
     let order = usize::from(record.order);
     Problem::count("the order", order, [0, limits::MAX_ORDER])?;

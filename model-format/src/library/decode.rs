@@ -86,7 +86,7 @@ impl Default for Workspace {
 enum Stage<'a> {
     /// Prefix: magic, version, length.
     Prefix,
-    /// Checksum of the whole library. `digest` covers the bytes before `at` so far.
+    /// Checksum of the whole library. `digest` covers the bytes before `at` so far, except the stored checksum.
     Checksum {
         stored: u32,
         at: usize,

@@ -77,12 +77,13 @@ fn value(steps: i32) -> f64 {
     f64::from(steps) / (1i64 << Biquad::FRACTION_BITS) as f64
 }
 
-/// Evaluates |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle as a sum of squares, in which no digits cancel: (c0 c + c1 + c2
-/// c)² + (c0 - c2)² (1 - c²), where c is the cosine of the angle of z.
-/// (c0 c + c1 + c2 c)² + (c0 - c2)² (1 - c²).
+/// Evaluates |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle as a sum of squares, in which no digits cancel:
 ///
-/// With u = 1 - |c|, the first square is ((c0 + c2 + c1) - (c0 + c2) u)² for positive c, and ((c0 + c2 - c1) - (c0 +
-/// c2) u)² for negative c. The sums of coefficients are exact in integers and are rounded only once.
+/// ```text
+/// (c0 c + c1 + c2 c)² + (c0 - c2)² (1 - c²)                          c the cosine of the angle of z
+/// (c0 + c2 ± c1 - (c0 + c2) d)² + (c0 - c2)² d (2 - d)               d = 1 - |c|, + for c > 0 and - for c < 0
+/// ```
+/// The second form is computed. The sums of coefficients are exact in integers and are rounded only once.
 #[derive(Clone, Debug)]
 struct SquareMagnitude {
     at_one: f32,
@@ -157,8 +158,8 @@ const MOST_INTERVALS: usize = 512;
 /// Number of intervals that one step of a check looks at.
 const STEP_INTERVALS: usize = 24;
 
-/// Largest number of halvings of the band, one inside the other. The intervals are then much narrower than the
-/// resonance of a pole at the limit.
+/// Largest number of ends on the stack, one more than there are halvings one inside the other. The intervals are then
+/// much narrower than the resonance of a pole at the limit.
 const MOST_HALVINGS: usize = 40;
 
 /// A check of the gain at every frequency: of each section, and of the cascade from the first section up to each.
