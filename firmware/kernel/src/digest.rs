@@ -92,6 +92,7 @@ impl Stroke {
 
     /// Returns the interaction at this block, with contact as `detector` finds it from the force.
     pub fn interaction(&self, detector: &mut ContactDetector) -> Interaction {
+        // All numbers of the stroke are finite, so that neither constructor refuses them.
         let motion = Motion::new(MillimetresPerSecond(self.speed_mm_s), Newton(self.force_n));
         let motion = motion.unwrap_or(Motion::REST);
         let contact = detector.touches(motion, ContactThreshold::LEAST);

@@ -150,6 +150,7 @@ impl DirectState {
     pub fn filter(&mut self, frame: &DirectFrame, excitation: i64) -> (i32, bool) {
         let products = frame.coefficients().iter().zip(self.history());
         let sum = products.fold(0, |sum: i64, (&h, &y)| {
+            // [`CODE_SUM_LIMIT`] keeps the sum within 64 bits, so that no check of overflow is needed.
             sum.wrapping_add(i64::from(h) * i64::from(y))
         });
         let shift = COEFFICIENT_FRACTION_BITS - SUM_FRACTION_BITS - frame.exponent;

@@ -114,6 +114,7 @@ impl GridPoint {
 
 /// Returns the mean of four nodes' `quantities` with their `weights`, in single precision.
 pub(crate) fn mean(weights: &[u32; 4], quantities: &[f32; 4]) -> f32 {
+    // Floats are added in this order everywhere, because another order may give other bits.
     let mut sum = 0.0;
     for (quantity, &weight) in quantities.iter().zip(weights) {
         sum += quantity * (weight as f32 / ONE as f32);
@@ -139,6 +140,7 @@ impl AxisPosition {
         }
         let above = (below + 1).min(last);
         let (low, high) = (axis.value(below), axis.value(above));
+        // At the upper end of the axis the quotient would divide by zero.
         let fraction = if value <= low || above == below {
             0
         } else {

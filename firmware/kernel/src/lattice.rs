@@ -93,6 +93,8 @@ impl LatticeFrame {
         let law = texture.level_law();
         let rms = rms_of(&point.weights, law, GAIN_FRACTION_BITS, &nodes.powers);
         let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);
+        // It fits in a word: a gain above 1 leaves at most half the highest RMS, 2³⁰ steps (`highest_gain` of
+        // `model_format`).
         self.gain = Ramp::between(from.amplitude, gain as u32, samples);
     }
 
@@ -121,6 +123,7 @@ impl LatticeFrame {
     fn output(&self, filtered: i32, left: u32) -> (OutputSample, bool) {
         let gain = self.gain.value(left);
         let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), OUTPUT_SHIFT);
+        // A signal times a gain below 2³¹ steps, shifted by 31 digits, fits in a word.
         (OutputSample(output as i32), is_full_scale(filtered))
     }
 
@@ -130,6 +133,7 @@ impl LatticeFrame {
     fn fed_output(&self, excitation: i32, filtered: i32, left: u32) -> (OutputSample, bool) {
         let product = i64::from(filtered) * i64::from(self.gain.value(left));
         let output = shift_toward_zero(product, OUTPUT_SHIFT - FED_HEADROOM_BITS);
+        // A fed lattice's full scale is eight times a plain one's, so that its product may exceed a word.
         let (output, saturated) = saturate(output);
         let full = is_full_scale(excitation) | is_full_scale(filtered);
         (OutputSample(output), saturated | full)

@@ -77,6 +77,7 @@ pub fn log2(value: f32) -> i64 {
     const STORED_BITS: u32 = f32::MANTISSA_DIGITS - 1;
     /// Exponent of a value's lowest stored digit if the exponent field is 0 or 1.
     const LOWEST: i32 = f32::MIN_EXP - f32::MANTISSA_DIGITS as i32;
+    // Without the sign, so that -0.0 is zero.
     let bits = value.to_bits() & (u32::MAX >> 1);
     let field = bits >> STORED_BITS;
     let hidden = u32::from(field > 0) << STORED_BITS;

@@ -143,6 +143,8 @@ impl<'a> Nodes<'a> {
                 let step = u64::from(self.tails[index].step);
                 let factor =
                     step * u64::from(self.weights[index]) * u64::from(SUM_PER_THETA as u32);
+                // The product has up to 39 digits. Eight are dropped, so that it fits in a word; the codes of a tail
+                // are shifted up by eight instead.
                 factors[index] = (factor >> 8) as i32;
             }
         }

@@ -52,6 +52,7 @@ pub fn distance_steps(speed_mm_s: f32, samples: u32, sample_rate_hz: u32) -> i64
     const FASTEST_MM_S: f32 = 1.0e6;
     let speed = speed_mm_s.clamp(-FASTEST_MM_S, FASTEST_MM_S);
     let speed = (speed * (1u32 << SPEED_BITS) as f32) as i64;
+    // Only more than 2000 samples at the fastest speed exceed 64 bits; saturated, they keep their direction.
     let distance = speed.saturating_mul(i64::from(samples));
     let distance = distance.saturating_mul(1 << (Position::FRACTION_BITS - SPEED_BITS));
     distance / i64::from(sample_rate_hz.max(1))
@@ -121,6 +122,7 @@ pub const SLACK_STEPS: u64 = (1 << Position::FRACTION_BITS) / 2;
 impl Passage {
     /// The position when `left` of `samples` samples remain.
     fn with_left(self, left: u32, samples: u32) -> Position {
+        // Divided first, because a jump of kilometres times `left` would exceed 64 bits.
         let share = self.to.since(self.from) / i64::from(samples.max(1));
         self.to.ahead(share.wrapping_mul(-i64::from(left)))
     }

@@ -63,6 +63,7 @@ impl Section {
         let two = rotation(a2 << (31 - Biquad::FRACTION_BITS));
         let [a1, a2] = biquad.denominator();
         let [b0, b1, b2] = biquad.numerator();
+        // The taps are differences of near numbers, divided by small cosines, so that they need the digits of `f64`.
         let number = |q31: i32| f64::from(q31) / (1u64 << 31) as f64;
         let (cos1, cos2) = (number(one.0), number(two.0));
         let cos2_v1 = b1 - b2 * a1;
@@ -171,6 +172,7 @@ impl EqualiserState {
     /// Returns whether the state is zero, so that the output is zero until the next input.
     pub fn is_silent(&self) -> bool {
         let all = self.backward.as_flattened().iter();
+        // All signals are looked at, because the tick asks, and its instructions must not depend on the data.
         all.fold(0, |any, &signal| any | signal) == 0
     }
 

@@ -45,6 +45,7 @@ impl ScenePlayback {
     #[inline]
     pub fn begin_block(&mut self, block: &Block, mut begin_voice: impl FnMut(VoiceStage)) {
         self.left = block.samples;
+        // Before the strike, which belongs to the new plan.
         if block.resets {
             self.tap = TapState::new();
             self.equaliser = EqualiserState::new();

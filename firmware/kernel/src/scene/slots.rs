@@ -182,6 +182,7 @@ impl<'a> Slots<'a> {
         };
         let slot = &mut self.slots[index];
         slot.surface = surface;
+        // The amount of sticking was that of the surface before.
         slot.stick_slip = None;
         if holds(slot) {
             return;
@@ -223,12 +224,14 @@ impl<'a> Slots<'a> {
         };
         let left_of_frame = slot.left(left);
         if let Some(lines) = &mut slot.lines {
+            // Lines of a slot that was not played have no ramp that was cut.
             let left = if slot.played { left } else { 0 };
             let frame = lines.follow(&texture, motion, gain, moment.passage, samples, left);
             block.lines[index].clone_from(frame);
         }
         let goes_on = slot.played && left_of_frame == 0;
-        // A frame of a fed texture holds the excitation of one block.
+        // A frame of a fed texture holds the excitation of one block. Another one is played on without an update if
+        // motion and gain stay and its ramps have ended.
         let begins =
             texture.is_fed() || !(goes_on && slot.gain == gain && slot.motion == Some(motion));
         if begins {
@@ -304,6 +307,7 @@ impl Slot<'_> {
         }
         let frame = place.as_mut()?;
         if !core::mem::replace(&mut self.made[self.buffer], true) {
+            // The buffer may hold another texture's frame, with its order and excitation.
             frame.silence(&texture);
         }
         if self.updated[self.buffer].replace((motion, gain)) == Some((motion, gain)) {
