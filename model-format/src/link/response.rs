@@ -60,6 +60,7 @@ impl Sections {
             numerator: [0, 1, 2].map(|at| value(bytes, at)),
             denominator: [3, 4].map(|at| value(bytes, at)),
         };
+        // Bytes from elsewhere may state more sections than there are.
         let there = self.coefficients.iter().take(self.count.into());
         there.map(of).collect()
     }
@@ -232,6 +233,7 @@ impl Response {
         made_for
             .into_iter()
             .fold(SettingSet::NONE, |set, (of, value)| {
+                // Bit for bit, because values are copied from the settings and never computed.
                 set.with(of, settings.get(of).to_bits() != value.to_bits())
             })
     }
@@ -254,6 +256,7 @@ impl Response {
         if !self.figures().iter().all(|figure| figure.is_finite()) {
             return Err(ResponseError::NotFinite);
         }
+        // The response brings its own output gain, which is stored with it.
         let settings = settings.with(self.change())?;
         let differing = self.stale(&settings);
         if differing.is_empty() {

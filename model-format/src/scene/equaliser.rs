@@ -109,6 +109,7 @@ impl SquareMagnitude {
     /// d, then for the cosines d - 1.
     #[inline(always)]
     fn between(&self, [near, far]: [f32; 2]) -> [[f32; 2]; 2] {
+        // It rises with d up to 1, so that the ends of the interval are its bounds.
         let imaginary = [near, far].map(|d| self.square_difference * d * (2.0 - d));
         [self.at_one, self.at_minus_one].map(|end| {
             let [first, last] = [near, far].map(|distance| end - self.sum * distance);
@@ -118,6 +119,7 @@ impl SquareMagnitude {
             } else {
                 [squares[1], squares[0]]
             };
+            // Where the linear term changes its sign, its square is 0 within the interval.
             let least = if first * last > 0.0 { less } else { 0.0 };
             [least + imaginary[0], more + imaginary[1]]
         })
@@ -191,6 +193,7 @@ impl GainCheck {
         Self {
             sections: sections.iter().map(magnitudes).collect(),
             near: 0.0,
+            // A distance of 1 is a cosine of 0: each interval stands for one in either half of the band.
             ends: Vec::from([1.0]),
             left: MOST_INTERVALS,
         }
@@ -210,6 +213,7 @@ impl GainCheck {
                 self.ends.pop();
                 continue;
             };
+            // In `f32` the middle of the shortest interval is one of its ends.
             let middle = self.near + (far - self.near) / 2.0;
             let is_new = middle > self.near && middle < far && self.left > 0;
             if !is_new || self.ends.push(middle).is_err() {
@@ -229,6 +233,8 @@ impl GainCheck {
             let [above, below] = section.each_ref().map(|part| part.between(interval));
             let mut is_above = false;
             for side in 0..2 {
+                // The upper bound of the numerator over the lower bound of the denominator. If that is 0, the quotient
+                // is infinite, and the interval is halved.
                 let own = above[side][1] / below[side][0];
                 all[side] *= own;
                 // The comparison is negated so that a NaN counts as above the limit.

@@ -57,6 +57,7 @@ pub fn block_share(block: &[u8; BLOCK_BYTES], index: usize) -> i32 {
 pub(super) fn block_squares(block: &[u8; BLOCK_BYTES]) -> Option<u64> {
     let level = block[BLOCK_BYTES - 1].cast_signed();
     let mut sum = 0;
+    // Eight codes of 3 bits are three bytes. The byte of the level is the remainder.
     for &[a, b, c] in block.as_chunks::<3>().0 {
         let mut codes = u32::from_le_bytes([a, b, c, 0]);
         for _ in 0..8 {
@@ -65,6 +66,7 @@ pub(super) fn block_squares(block: &[u8; BLOCK_BYTES]) -> Option<u64> {
         }
     }
     let scale = u64::from(block_scale(level));
+    // Shifted in two steps, because the whole product may have 66 digits.
     (level <= 0).then(|| (((scale * scale) >> 8) * sum) >> 20)
 }
 
