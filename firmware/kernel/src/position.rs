@@ -61,7 +61,7 @@ pub fn distance_steps(speed_mm_s: f32, samples: u32, sample_rate_hz: u32) -> i64
 /// Movement of the tool in a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Passage {
-    /// Position at the end of the previous block.
+    /// Position at the last sample of the previous block that was played.
     pub from: Position,
     /// Position at the block's last sample.
     pub to: Position,

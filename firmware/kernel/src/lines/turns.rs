@@ -87,7 +87,7 @@ mod tests {
             let wavelength_mm = f32::from_bits(bits);
             let position = Position::from_exact_mm(mm);
             let phase = Turns::of(wavelength_mm).phase(position);
-            // Turns in steps of 2⁻³², from steps of 2⁻³² mm: steps / wavelength, in parts because it needs 90 bits.
+            // Turns in steps of 2⁻³², from steps of 2⁻³² mm: steps / wavelength, which needs 90 bits.
             let (mantissa, exponent) = fraction(wavelength_mm);
             let scaled = i128::from(position.steps()) << (-exponent).clamp(0, 40);
             let exact = scaled.div_euclid(mantissa);
