@@ -222,8 +222,8 @@ impl Response {
         }
     }
 
-    /// Returns the settings whose values differ from those for which the response was made. If there are any, the
-    /// response no longer describes the tip's motion.
+    /// Returns which of `output-gain`, `amplifier-gain` and `coil-resistance` differ from the values for which the
+    /// response was made. If any does, the response no longer describes the tip's motion.
     pub fn stale(&self, settings: &Settings) -> SettingSet {
         let made_for = [
             (Setting::OutputGain, self.output_gain),
@@ -238,8 +238,8 @@ impl Response {
             })
     }
 
-    /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that
-    /// `settings` are those of the measurement.
+    /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that none
+    /// of `settings` makes the response stale, see [`Response::stale`].
     ///
     /// # Errors
     /// The first fault that the check finds.
