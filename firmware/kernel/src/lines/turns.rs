@@ -43,8 +43,8 @@ impl Turns {
     }
 
     /// Turns at `position`, including whole turns, in steps of 2⁻¹⁶ of a turn. In addition to the error of the turns
-    /// per mm, they are too low by less than two steps: one for the lowest product, which is left out, and one for
-    /// rounding down.
+    /// per mm, they are too low by up to two steps: one for the lowest product, which is left out, and one for rounding
+    /// down.
     pub(super) fn turns(self, position: Position) -> i64 {
         // Each product of 32 by 32 bits is reduced to steps of 2⁻³² before the sum, so that the sum does not overflow.
         let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
