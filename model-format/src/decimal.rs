@@ -23,6 +23,7 @@ impl fmt::Display for Decimal {
         if digits == 0.0 {
             return f.write_str("0");
         }
+        // Half a digit is left at either bound, so that rounding never gives a seventh digit.
         while digits >= 999_999.5 {
             digits /= 10.0;
             exponent += 1;
@@ -32,12 +33,14 @@ impl fmt::Display for Decimal {
             exponent -= 1;
         }
         let mut digits = (digits + 0.5) as u32;
+        // Without zeros at the end, as the core library shows floats.
         while digits.is_multiple_of(10) {
             digits /= 10;
             exponent += 1;
         }
         match exponent {
             0..=9 => write!(f, "{digits}{:0>1$}", "", exponent as usize),
+            // A tenth decimal place would need a power of ten beyond 32 bits.
             -9..0 => {
                 let one = 10u32.pow(exponent.unsigned_abs());
                 let places = exponent.unsigned_abs() as usize;

@@ -133,6 +133,7 @@ impl CodeSpec {
     pub fn fine_lattice(thetas: &[i32]) -> Self {
         let split = |&theta: &i32| {
             let theta = theta.clamp(-crate::MAX_FINE_THETA, crate::MAX_FINE_THETA);
+            // Rounded to nearest, so that the fraction fits in a signed byte.
             let code =
                 (theta + (1 << (crate::THETA_FRACTION_BITS - 1))) >> crate::THETA_FRACTION_BITS;
             (
@@ -185,7 +186,7 @@ impl CodeSpec {
 /// The bytes returned have passed [`Library::decode`].
 ///
 /// # Errors
-/// The first fault that makes the library invalid, as decoding it would report it.
+/// A fault that bytes cannot express, such as a tail at the wrong stage, or else the first one that decoding reports.
 pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     encode_with_scenes(textures, &[])
 }
@@ -217,11 +218,12 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// ```
 ///
 /// # Errors
-/// The first fault that makes the library invalid, as decoding it would report it.
+/// A fault that bytes cannot express, such as a tail at the wrong stage, or else the first one that decoding reports.
 pub fn encode_with_scenes(
     textures: &[TextureSpec],
     scenes: &[Scene],
 ) -> Result<Vec<u8>, DecodeError> {
+    // Decoding finds every fault that bytes can hold. Only what they cannot hold is refused while they are written.
     let bytes = bytes_of(textures, scenes)?;
     Library::decode(&bytes)?;
     Ok(bytes)
@@ -237,6 +239,7 @@ fn bytes_of(textures: &[TextureSpec], scenes: &[Scene]) -> Result<Vec<u8>, Decod
     for (index, texture) in textures.iter().enumerate() {
         append_texture(texture, index, &mut bytes)?;
     }
+    // Before the cast, in which 256 scenes would become none.
     Problem::count("the number of scenes", scenes.len(), [0, MAX_SCENES])
         .map_err(|problem| problem.at(Place::Library))?;
     bytes.push(scenes.len() as u8);
@@ -265,6 +268,7 @@ fn append_texture(
     for (number, node) in texture.nodes.iter().enumerate() {
         let place = node_place(texture, index, number);
         let order = node.codes.order();
+        // Before the cast, in which an order of 65 536 would become 0.
         Problem::count("the order", order, [0, limits::MAX_ORDER])
             .map_err(|problem| problem.at(place))?;
         let record = NodeRecord {
@@ -326,6 +330,7 @@ fn append_parts(
     let modulation = texture.parts.modulation.as_ref().map(modulation::part);
     let moments = texture.parts.excitation.as_ref();
     let moments = moments.and_then(|spec| spec.moment_samples.map(moments::part));
+    // By ascending kind, as every reader demands.
     let parts: Vec<_> = [
         levels::part(texture.laws),
         fine_theta,

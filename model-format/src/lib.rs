@@ -43,11 +43,11 @@ pub use wire::{FORMAT_VERSION, Provenance};
 pub const THETA_STEP_RAD: f64 = core::f64::consts::PI / 65_536.0;
 
 /// Binary digits of θ beyond its 16-bit code. The first stages of a lattice may store them, and an interpolated θ
-/// between nodes has them.
+/// between nodes has them and more.
 pub const THETA_FRACTION_BITS: u32 = 8;
 
-/// Largest magnitude of θ that `CodeSpec` writes, in steps of [`FINE_THETA_STEP_RAD`]: the largest code with the
-/// largest fraction.
+/// Largest magnitude of θ that `CodeSpec::fine_lattice` writes, in steps of [`FINE_THETA_STEP_RAD`]: the largest code
+/// with the largest fraction.
 ///
 /// It is a little below π/2, so that no stage has a reflection coefficient of magnitude 1.
 pub const MAX_FINE_THETA: i32 = (i16::MAX as i32) * (1 << THETA_FRACTION_BITS) + i8::MAX as i32;

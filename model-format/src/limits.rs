@@ -126,7 +126,7 @@ pub const DECODE_INSTRUCTIONS_PER_TEXTURE: u64 = 1_500;
 
 /// Largest number of instructions of decoding per scene; see [`DECODE_INSTRUCTIONS`]. All but 40 000 are for the check
 /// of the gain of the scene's equaliser: 640 for each interval of frequencies, of which there are 1025 at most. Eight
-/// narrow sections at the limit take 151 intervals.
+/// narrow sections at the limit take some 170 intervals.
 pub const DECODE_INSTRUCTIONS_PER_SCENE: u64 = 700_000;
 
 /// Largest number of instructions of one step of [`crate::Decoder`] on a Cortex-M.

@@ -100,6 +100,7 @@ impl DacCode {
 
     /// The code `offset` steps from mid-scale, saturated to the converter's range.
     pub fn from_mid_scale(offset: i32) -> Self {
+        // Saturated, because a large offset would otherwise wrap to the other end of the range.
         let code = i32::from(Self::MID_SCALE.0).saturating_add(offset);
         Self(code.clamp(0, i32::from(Self::MAX.0)) as u16)
     }

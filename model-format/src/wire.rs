@@ -58,6 +58,7 @@ impl<'a> Reader<'a> {
             let byte = u32::from(self.byte()?);
             value |= (byte & 0x7f) << shift;
             if byte < 0x80 {
+                // A last byte of 0 says nothing, and the fifth byte has only the upper 4 of 32 bits.
                 let whole = byte > 0 && (shift < 28 || byte < 0x10);
                 return whole.then_some(value);
             }

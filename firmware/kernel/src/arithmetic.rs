@@ -20,7 +20,7 @@ pub trait Arithmetic: Copy {
     /// Computes the rotation of each stage of `run` from the sum of its four nodes' θ, and writes it to `rotations`,
     /// which holds one rotation per stage.
     ///
-    /// Each product with a factor is truncated by itself, and their sum goes through [`Rotation::from_sum`].
+    /// Each product with a factor is rounded down by itself, and their sum goes through [`Rotation::from_sum`].
     #[inline]
     fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
         theta::mean_rotations(run, rotations);
@@ -46,6 +46,7 @@ pub struct Portable;
 impl Arithmetic for Portable {
     #[inline]
     fn rotate(rotations: &[Rotation], backward: &mut [i32], mut forward: i32) -> i32 {
+        // Each pair of words overlaps the next, and slices have no mutable windows that do.
         let backward = Cell::from_mut(backward).as_slice_of_cells();
         for (&rotation, pair) in rotations.iter().zip(backward.windows(2)).rev() {
             let up;
@@ -70,5 +71,7 @@ pub fn rotated(rotation: Rotation, forward: i32, backward: i32) -> (i32, i32) {
     // One 64-bit sum and one truncation each, because two separate products would break the bound by a step.
     let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
     let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);
+    // With rotations in steps of 2⁻³¹ the upper word is half the result. Two signals at full scale turn into one of √2
+    // times full scale, so that doubling must saturate.
     (down.saturating_add(down), up.saturating_add(up))
 }

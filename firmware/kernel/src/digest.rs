@@ -60,8 +60,8 @@ pub struct Stroke {
 impl Stroke {
     /// The stroke at block `block` of a plan at `sample_rate_hz`. It repeats after 1536 blocks.
     ///
-    /// All numbers except positions have few digits, so that they are exact. A position is an integer times one factor,
-    /// which every platform rounds in the same way.
+    /// All numbers except positions have few digits, so that they are exact. A position takes two products and a sum of
+    /// floats, which every platform rounds in the same way.
     pub fn at(block: u32, sample_rate_hz: u32) -> Self {
         // Half the mean speed of a block, mm/s: a triangle from 128 to -128 and back, in 512 blocks.
         const TURN: i32 = 256;
@@ -92,6 +92,7 @@ impl Stroke {
 
     /// Returns the interaction at this block, with contact as `detector` finds it from the force.
     pub fn interaction(&self, detector: &mut ContactDetector) -> Interaction {
+        // All numbers of the stroke are finite, so that neither constructor refuses them.
         let motion = Motion::new(MillimetresPerSecond(self.speed_mm_s), Newton(self.force_n));
         let motion = motion.unwrap_or(Motion::REST);
         let contact = detector.touches(motion, ContactThreshold::LEAST);

@@ -8,7 +8,8 @@
 //!
 //! The predictors are not part of a library. A host computes them from the nodes of a lattice, and passes those around
 //! the motion. The history is kept in fixed point at the texture's own scale: its loudest node's RMS lies between a
-//! sixteenth and an eighth of full scale. Sums are exact in 64 bits, and truncated toward zero once per sample.
+//! sixteenth and an eighth of full scale, or below if it is under 2⁻¹³ m/s². Sums of products are exact in 64 bits.
+//! They are rounded down to 2⁻²⁰ of a step, and with the excitation truncated toward zero to a step.
 
 use model_format::limits::{MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{OutputSample, Texture};
@@ -149,6 +150,7 @@ impl DirectState {
     pub fn filter(&mut self, frame: &DirectFrame, excitation: i64) -> (i32, bool) {
         let products = frame.coefficients().iter().zip(self.history());
         let sum = products.fold(0, |sum: i64, (&h, &y)| {
+            // [`CODE_SUM_LIMIT`] keeps the sum within 64 bits, so that no check of overflow is needed.
             sum.wrapping_add(i64::from(h) * i64::from(y))
         });
         let shift = COEFFICIENT_FRACTION_BITS - SUM_FRACTION_BITS - frame.exponent;

@@ -61,9 +61,11 @@ pub(crate) const fn hashed(seed: u64) -> u64 {
 #[inline(always)]
 fn gaussian(bits: u32) -> i32 {
     const FRACTION: u32 = 16;
+    // Odd, because zero has no octave.
     let v = bits << 1 | 1;
     let octave = v.ilog2();
     let mantissa = v << v.leading_zeros();
+    // The remainder drops the leading one of the mantissa.
     let piece = (mantissa >> (31 - PIECES_LOG2)) as usize % PIECES;
     let fraction = (mantissa >> (31 - PIECES_LOG2 - FRACTION)) & ((1 << FRACTION) - 1);
     let index = (octave as usize % OCTAVES) * PIECES + piece;

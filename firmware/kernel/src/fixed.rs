@@ -1,4 +1,5 @@
-//! Fixed-point steps that round toward zero, so that no rounding adds energy or a bias.
+//! Fixed-point steps. Those of signals round toward zero, so that no rounding adds energy or a bias; the others say how
+//! they round.
 
 /// The upper half of `sum`, truncated toward zero. A negative sum whose lower half is zero comes out one step nearer to
 /// zero, never farther.
@@ -35,7 +36,7 @@ pub fn plus_high_word(word: i32, product: i64) -> i32 {
     (((i64::from(word) << 32) + product + (1 << 31)) >> 32) as i32
 }
 
-/// `value` / 2^`bits`, truncated toward zero, for `bits` below 64.
+/// `value` / 2^`bits`, truncated toward zero, for `bits` below 63.
 ///
 /// Computed as a sum and a shift, because the time of a division depends on the data, even by a power of two unless it
 /// is a constant.

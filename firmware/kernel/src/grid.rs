@@ -70,7 +70,8 @@ pub const ONE: u32 = 1 << 16;
 /// A position on a grid: the four nodes around it with their bilinear weights, and the fade of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridPoint {
-    /// Nodes as (speed index, force index). At an edge two of them are the same node, one of them with weight zero.
+    /// Nodes as (speed index, force index). At the upper end of an axis some are equal; of equal nodes only the first
+    /// may have a weight.
     pub nodes: [(usize, usize); 4],
     /// Weights of the nodes in steps of 2⁻¹⁶. They add up to exactly [`ONE`].
     pub weights: [u32; 4],
@@ -113,6 +114,7 @@ impl GridPoint {
 
 /// Returns the mean of four nodes' `quantities` with their `weights`, in single precision.
 pub(crate) fn mean(weights: &[u32; 4], quantities: &[f32; 4]) -> f32 {
+    // Floats are added in this order everywhere, because another order may give other bits.
     let mut sum = 0.0;
     for (quantity, &weight) in quantities.iter().zip(weights) {
         sum += quantity * (weight as f32 / ONE as f32);
@@ -138,6 +140,7 @@ impl AxisPosition {
         }
         let above = (below + 1).min(last);
         let (low, high) = (axis.value(below), axis.value(above));
+        // At the upper end of the axis the quotient would divide by zero.
         let fraction = if value <= low || above == below {
             0
         } else {

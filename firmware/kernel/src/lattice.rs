@@ -21,9 +21,10 @@
 //! Moments, with a mean length of at most 5000 samples, allow 5600: 75 standard deviations, more than a fed texture's
 //! full scale. Signals that reach full scale saturate, and `status` counts this.
 //!
-//! A fed excitation has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two pieces. Its
-//! lattice therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations. Round-off is 92
-//! to 95 dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more with steps of 2⁻²⁸.
+//! A codebook has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two pieces. The lattice
+//! of a fed texture therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations.
+//! Round-off is 92 to 95 dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more
+//! with steps of 2⁻²⁸.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
@@ -92,6 +93,8 @@ impl LatticeFrame {
         let law = texture.level_law();
         let rms = rms_of(&point.weights, law, GAIN_FRACTION_BITS, &nodes.powers);
         let gain = (u64::from(rms) * u64::from(point.fade)) / u64::from(ONE);
+        // It fits in a word: a gain above 1 leaves at most half the highest RMS, 2³⁰ steps (`highest_gain` of
+        // `model_format`).
         self.gain = Ramp::between(from.amplitude, gain as u32, samples);
     }
 
@@ -120,6 +123,7 @@ impl LatticeFrame {
     fn output(&self, filtered: i32, left: u32) -> (OutputSample, bool) {
         let gain = self.gain.value(left);
         let output = shift_toward_zero(i64::from(filtered) * i64::from(gain), OUTPUT_SHIFT);
+        // A signal times a gain below 2³¹ steps, shifted by 31 digits, fits in a word.
         (OutputSample(output as i32), is_full_scale(filtered))
     }
 
@@ -129,6 +133,7 @@ impl LatticeFrame {
     fn fed_output(&self, excitation: i32, filtered: i32, left: u32) -> (OutputSample, bool) {
         let product = i64::from(filtered) * i64::from(self.gain.value(left));
         let output = shift_toward_zero(product, OUTPUT_SHIFT - FED_HEADROOM_BITS);
+        // A fed lattice's full scale is eight times a plain one's, so that its product may exceed a word.
         let (output, saturated) = saturate(output);
         let full = is_full_scale(excitation) | is_full_scale(filtered);
         (OutputSample(output), saturated | full)
@@ -184,7 +189,7 @@ impl LatticeState {
         self.backward(stages).iter().all(|&g| g == 0)
     }
 
-    /// Passes one sample of excitation through the lattice, both in steps of 2⁻²⁸ of a standard deviation.
+    /// Passes one sample of excitation through the lattice. The output has the steps of the excitation.
     #[inline]
     pub fn filter<A: Arithmetic>(&mut self, rotations: &[Rotation], excitation: i32) -> i32 {
         let rotations = &rotations[..rotations.len().min(MAX_ORDER)];

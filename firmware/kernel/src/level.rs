@@ -5,12 +5,13 @@ use model_format::LevelLaw;
 use crate::grid::{GridPoint, ONE, mean};
 use crate::logarithm::{LOG2_FRACTION_BITS, exp2, log2};
 
-/// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`.
+/// √(power · 4^bits), truncated: the RMS of `power` in steps of 2^-`bits`, at most 2³¹ - 1.
 ///
 /// `power` · 4^`bits` must be below 2⁶⁴, which holds for every valid node and the bits that this crate uses.
 pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
     // A power of two scales a float exactly; the integer root is exact too.
     let scaled = (power * (1u64 << bits) as f32 * (1u64 << bits) as f32) as u64;
+    // The highest power of a node has an RMS of 2³¹ steps of 2⁻²³ m/s², one more than a gain can hold.
     scaled.isqrt().min(i32::MAX as u64) as u32
 }
 
@@ -32,6 +33,7 @@ pub fn rms_at(
 /// computed in single precision.
 pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -> u32 {
     let terms = || {
+        // A node without a weight would widen the range of the last law below.
         let terms = powers.iter().copied().zip(weights.iter().copied());
         terms.filter(|&(_, weight)| weight > 0)
     };
@@ -57,7 +59,8 @@ pub fn rms_of(weights: &[u32; 4], law: LevelLaw, bits: u32, powers: &[f32; 4]) -
                 }
                 sum += i64::from(weight) * log2(power);
             }
-            // At a node both bounds are its own level. Elsewhere they remove the rounding error of the logarithm.
+            // At a node both bounds are its own level. Elsewhere the rounding of the logarithm cannot leave the range
+            // of the nodes.
             exp2(sum + (i64::from(bits) << FRACTION_BITS), FRACTION_BITS)
                 .max(rms_in_steps(lowest, bits))
                 .min(rms_in_steps(highest, bits))
@@ -84,6 +87,7 @@ impl Ramp {
         let target = target.min(i32::MAX as u32) as i32;
         Self {
             target,
+            // Truncated, so that no value is beyond either end. The first sample takes what is left over.
             step: (target - from) / samples.max(1) as i32,
         }
     }

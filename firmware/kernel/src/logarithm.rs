@@ -1,6 +1,7 @@
 //! Logarithm and power of two in fixed point, for levels that are averaged in dB.
 //!
-//! All arithmetic is in integers, so that every processor gives the same bits. Both together are within 10⁻⁵ dB.
+//! All arithmetic is in integers, so that every processor gives the same bits. Both together are within 10⁻⁵ dB, plus
+//! the rounding of the power of two to a whole step.
 
 /// Digits after the point of a logarithm.
 pub const LOG2_FRACTION_BITS: u32 = 24;
@@ -76,6 +77,7 @@ pub fn log2(value: f32) -> i64 {
     const STORED_BITS: u32 = f32::MANTISSA_DIGITS - 1;
     /// Exponent of a value's lowest stored digit if the exponent field is 0 or 1.
     const LOWEST: i32 = f32::MIN_EXP - f32::MANTISSA_DIGITS as i32;
+    // Without the sign, so that -0.0 is zero.
     let bits = value.to_bits() & (u32::MAX >> 1);
     let field = bits >> STORED_BITS;
     let hidden = u32::from(field > 0) << STORED_BITS;

@@ -59,8 +59,8 @@ impl<'a> Nodes<'a> {
 
     /// The run that begins at stage `done`, and its number of stages, at most `most`; none if no node has a stage left.
     ///
-    /// In a texture, either all nodes with stages beyond those of 16 bits have tails, or none has. So a run of tails
-    /// contains nothing else.
+    /// In a texture, either every node of more than [`model_format::limits::MAX_FINE_STAGES`] stages has a tail after
+    /// that many stages, or none has. So no node has codes of 16 bits in a run of tails.
     fn run(&self, done: usize, most: usize) -> Option<(Run<'a>, usize)> {
         let mut stages = most;
         let (mut coded, mut fine, mut tailed) = (None, None, None);
@@ -143,6 +143,8 @@ impl<'a> Nodes<'a> {
                 let step = u64::from(self.tails[index].step);
                 let factor =
                     step * u64::from(self.weights[index]) * u64::from(SUM_PER_THETA as u32);
+                // The product has up to 39 digits. Eight are dropped, so that it fits in a word; the codes of a tail
+                // are shifted up by eight instead.
                 factors[index] = (factor >> 8) as i32;
             }
         }

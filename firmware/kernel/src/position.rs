@@ -1,7 +1,7 @@
 //! Position of the tool along its path, exact over kilometres, and its movement from block to block.
 //!
-//! A position has 64 bits in steps of 2⁻³² mm, so that the phase of the finest line is exact to 10⁻⁵ of a turn at any
-//! distance that a hand moves, and is the same forwards and backwards. It wraps after 4295 km.
+//! A position has 64 bits in steps of 2⁻³² mm, so that the phase of the finest line is exact to 10⁻⁵ of a turn within
+//! 50 m of the origin, and is the same forwards and backwards anywhere. It wraps after 4295 km.
 //!
 //! The position is given for the **last sample of a block**, see [`Track`]. A caller that does not know the future must
 //! predict it from the speed, because a position that is late by a block makes a surface lag behind the hand.
@@ -52,6 +52,7 @@ pub fn distance_steps(speed_mm_s: f32, samples: u32, sample_rate_hz: u32) -> i64
     const FASTEST_MM_S: f32 = 1.0e6;
     let speed = speed_mm_s.clamp(-FASTEST_MM_S, FASTEST_MM_S);
     let speed = (speed * (1u32 << SPEED_BITS) as f32) as i64;
+    // Only more than 2000 samples at the fastest speed exceed 64 bits; saturated, they keep their direction.
     let distance = speed.saturating_mul(i64::from(samples));
     let distance = distance.saturating_mul(1 << (Position::FRACTION_BITS - SPEED_BITS));
     distance / i64::from(sample_rate_hz.max(1))
@@ -60,7 +61,7 @@ pub fn distance_steps(speed_mm_s: f32, samples: u32, sample_rate_hz: u32) -> i64
 /// Movement of the tool in a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Passage {
-    /// Position at the end of the previous block.
+    /// Position at the last sample of the previous block that was played.
     pub from: Position,
     /// Position at the block's last sample.
     pub to: Position,
@@ -121,6 +122,7 @@ pub const SLACK_STEPS: u64 = (1 << Position::FRACTION_BITS) / 2;
 impl Passage {
     /// The position when `left` of `samples` samples remain.
     fn with_left(self, left: u32, samples: u32) -> Position {
+        // Divided first, because a jump of kilometres times `left` would exceed 64 bits.
         let share = self.to.since(self.from) / i64::from(samples.max(1));
         self.to.ahead(share.wrapping_mul(-i64::from(left)))
     }

@@ -5,14 +5,15 @@
 //! series of second order whose slope is chosen for that range. The table's radius is below one by more than all
 //! round-off, so that cos² + sin² ≤ 2⁶² holds exactly. The lattice's bound on energy relies on this.
 //!
-//! The table has 288 steps per quarter turn, because with 256, a power of two, the series would be 4.2 steps of 2⁻³¹
-//! off. It covers three quarter turns, -π/2 to π, so that one index finds sine and cosine without a branch on the sign.
+//! The table has 288 steps per quarter turn, because with 256, a power of two, sine and cosine would be more than four
+//! steps of 2⁻³¹ off. It covers three quarter turns, -π/2 to π, so that one index finds sine and cosine without a
+//! branch on the sign.
 
 pub use model_format::THETA_FRACTION_BITS;
 
 use crate::fixed::{high_word_rounded, plus_high_word};
 
-/// θ = ±π/2, the ends of the range, in steps of an interpolated θ: 2²³.
+/// θ = ±π/2, the ends of the range, in steps of a stored fine θ, π/2²⁴: 2²³.
 pub const THETA_QUARTER_TURN: i32 = 1 << (15 + THETA_FRACTION_BITS);
 
 /// Steps of the table per quarter turn.
@@ -24,7 +25,7 @@ pub const STEP_BITS: u32 = 21;
 /// A quarter turn in steps of a sum.
 pub const SUM_QUARTER_TURN: i32 = (TABLE_STEPS as i32) << STEP_BITS;
 
-/// Steps of a sum per step of an interpolated θ, π/2²⁴.
+/// Steps of a sum per step of a stored fine θ, π/2²⁴.
 pub const SUM_PER_THETA: i32 = SUM_QUARTER_TURN / THETA_QUARTER_TURN;
 
 /// Lowest binary digits of a sum that a rotation ignores. They absorb what the truncated products of a mean lose, so
@@ -91,7 +92,8 @@ impl Rotation {
         let index = (nearest + TABLE_STEPS as i32) as usize;
         let index = index.min(2 * TABLE_STEPS);
         let (s, c) = (SINES[index], SINES[index + TABLE_STEPS]);
-        // Sine of the rest, and half of that sine: cos φ = 1 - sine · half, except for φ⁴/24.
+        // Sine of the rest, and half of that sine: cos φ = 1 - sine · half within h⁴/12, which is a hundredth of a step
+        // of 2⁻³¹.
         let rest = (sum >> SPARE_BITS) << (REST_BITS + SPARE_BITS);
         let sine = high_word_rounded(i64::from(rest) * i64::from(ANGLE));
         let half = i64::from(sine >> 1);

@@ -172,8 +172,8 @@ impl Frame {
 
 /// State of a texture's filter, and the source of its excitation.
 ///
-/// It never begins empty, because a narrow resonance would then be too weak for as long as it rings, up to a second. It
-/// begins in a state drawn from the excitation, stationary for every motion.
+/// Except by [`Playback::from_rest`], it never begins empty, because a narrow resonance would then be too weak for as
+/// long as it rings, up to a second. It begins in a state drawn from the excitation, stationary for every motion.
 #[derive(Clone, Debug)]
 pub struct Playback {
     excitation: Excitation,
@@ -316,7 +316,8 @@ impl Playback {
         self.left
     }
 
-    /// Number of samples that reached full scale since the beginning, before the level.
+    /// Number of samples that reached full scale since the beginning: in the lattice, before the level; in a fed
+    /// texture also in the excitation and after the level.
     pub fn saturations(&self) -> u32 {
         self.saturations
     }

@@ -161,7 +161,7 @@ fn byte(byte: u8) -> i16 {
     i16::from(byte.cast_signed())
 }
 
-/// `start` plus the products of factors and codes, each truncated separately, so that their order does not matter.
+/// `start` plus the products of factors and codes, each rounded down separately, so that their order does not matter.
 #[inline(always)]
 fn sum(start: i32, factors: &[i32; 4], codes: [i16; 4]) -> i32 {
     let [a, b, c, d] = *factors;

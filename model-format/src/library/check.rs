@@ -137,9 +137,11 @@ impl<'a> NodesCheck<'a> {
     fn end(&self) -> Result<(), DecodeError> {
         let here = |problem: Problem| Err(problem.at(Place::Texture(self.index)));
         self.check_length(self.begin).or_else(here)?;
+        // A part with fewer stages would state the same, and a texture has only one encoding.
         if self.texture.parts.fine_theta.is_some() && !self.last_fine_stage_is_used {
             return here(Problem::Needless("the last stage of fractions of θ"));
         }
+        // Without a node of more stages, all steps are 0 and the part states nothing.
         if self.texture.has_tails()
             && usize::from(self.summary.highest_order) <= limits::MAX_FINE_STAGES
         {
@@ -148,6 +150,7 @@ impl<'a> NodesCheck<'a> {
         let (stored, found) = (self.texture.summary, self.summary);
         let orders = [stored, found].map(|summary| usize::from(summary.highest_order));
         Problem::same("the highest order", orders[0], orders[1]).or_else(here)?;
+        // Compared as bits, because -0.0 equals 0.0 and would be a second encoding.
         if stored.highest_output_power.to_bits() != found.highest_output_power.to_bits() {
             return here(Problem::Rule("the highest output power is not the nodes'"));
         }
@@ -167,6 +170,7 @@ impl<'a> NodesCheck<'a> {
     fn check_node(&mut self, record: &NodeRecord) -> Result<usize, Problem> {
         let texture = &self.texture;
         check_record(texture, self.number, record)?;
+        // Nodes lie one after the other, so that no two share coefficients and none are left over.
         Problem::same(
             "the begin of its coefficients",
             record.offset as usize,
@@ -202,7 +206,7 @@ impl<'a> NodesCheck<'a> {
     }
 }
 
-/// Checks everything about node `number` except its coefficients.
+/// Checks everything about node `number` except its coefficients and where they begin.
 fn check_record(texture: &Texture<'_>, number: usize, record: &NodeRecord) -> Result<(), Problem> {
     let order = usize::from(record.order);
     Problem::count("the order", order, [0, limits::MAX_ORDER])?;
@@ -369,6 +373,7 @@ impl<'a> FedCheck<'a> {
             if taken < STEP_BYTES {
                 self.excitation = None;
             }
+            // A level track has steps of its own, so that no step does the work of two.
             return Ok(self.excitation.is_none() && self.texture.modulation().is_none());
         }
         let Some(modulation) = self.texture.modulation() else {

@@ -86,7 +86,7 @@ impl Default for Workspace {
 enum Stage<'a> {
     /// Prefix: magic, version, length.
     Prefix,
-    /// Checksum of the whole library. `digest` covers the bytes before `at` so far.
+    /// Checksum of the whole library. `digest` covers the bytes before `at` so far, except the stored checksum.
     Checksum {
         stored: u32,
         at: usize,
@@ -156,6 +156,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
     fn step_in_place(&mut self) -> Result<Option<Library<'a>>, DecodeError> {
         match &mut self.stage {
             Stage::Prefix => {
+                // A decoder may begin again, and its workspace may come from another one.
                 (self.textures, self.scenes) = (0, 0);
                 let work = self.work.borrow_mut();
                 work.texture_names.clear();
@@ -195,6 +196,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
                 let gain = self.work.borrow_mut().gain.as_mut();
                 let is_checked = gain.map_or(Ok(true), GainCheck::step);
                 let is_checked = is_checked.map_err(|(section, problem)| {
+                    // The scene was counted when its record was read.
                     let error: SceneError = problem.at(ScenePlace::Section(section));
                     Problem::from(error).at(Place::Scene(self.scenes - 1))
                 });
@@ -216,6 +218,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         let found = self.bytes.len();
         let (prefix, _) = postcard::take_from_bytes::<Prefix>(self.bytes)
             .map_err(|_| at(Problem::Malformed("its prefix")))?;
+        // Before all other rules, which may differ in another version.
         if prefix.version != wire::FORMAT_VERSION {
             let found = prefix.version;
             return Err(at(Problem::Version { found }));
@@ -224,7 +227,9 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             let declared = prefix.total_bytes;
             return Err(at(Problem::Length { declared, found }));
         }
+        // Before the checksum, whose work grows with the length.
         Problem::count("its length in bytes", found, [0, MAX_LIBRARY_BYTES]).map_err(at)?;
+        // The checksum covers all bytes but its own four, at which it goes on after this step.
         let mut digest = wire::CRC32.digest();
         digest.update(&self.bytes[..CRC_RANGE.start]);
         Ok(Stage::Checksum {

@@ -40,6 +40,7 @@ impl<const N: usize> Names<N> {
         let name = name_at(offset);
         let compare = |&at: &u8| order(name_at(self.offsets[usize::from(at)]), name);
         let sorted = &self.sorted[..self.len];
+        // Comparisons with up to 255 names would exceed the bound on the work per texture.
         let place = match sorted.binary_search_by(compare) {
             Ok(place) => return Err(usize::from(sorted[place])),
             Err(place) => place,

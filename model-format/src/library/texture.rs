@@ -100,6 +100,7 @@ impl<'a> Texture<'a> {
         let begin = record.offset as usize;
         let order = usize::from(record.order);
         let length = self.bytes_of_order(order);
+        // Validation has found that every node's coefficients lie within their string.
         let bytes = &self.coefficients[begin..begin + length];
         let (codes, tail) = self.lattice_codes(index, order, bytes);
         Node {
@@ -219,6 +220,7 @@ impl<'a> Texture<'a> {
     pub fn count_flags<const N: usize>(&self, flags: [NodeFlags; N]) -> [u16; N] {
         let mut counts = [0; N];
         for bytes in self.nodes.as_chunks::<{ NodeRecord::BYTES }>().0 {
+            // All known flags are in the low byte, and validation refuses others.
             let found = NodeFlags(bytes[NodeRecord::FLAGS]);
             for (count, flag) in counts.iter_mut().zip(flags) {
                 *count += u16::from(found.contains(flag));

@@ -49,6 +49,7 @@ impl<'a> Library<'a> {
         let begin = |rest: &[u8]| (bytes.len() - rest.len()) as u32;
         Outline {
             textures: begin(self.textures),
+            // A library has at most 256 textures and 32 scenes.
             len: self.len as u16,
             scenes: begin(self.scenes),
             scene_count: self.scene_count as u8,

@@ -32,6 +32,6 @@ pub struct LeaseStatus {
     pub holder: Option<LinkId>,
     /// True while that link keeps the lease alive.
     pub is_alive: bool,
-    /// Plays and motions of another link that were refused.
+    /// Plays, probes and motions of another link that were refused.
     pub refused: u32,
 }

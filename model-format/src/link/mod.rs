@@ -126,9 +126,9 @@ pub const KEEP_ALIVE_MS: u32 = 10;
 /// Time that a host waits for the answer to a request that neither erases nor writes flash, ms.
 pub const ANSWER_TIMEOUT_MS: u32 = 1_000;
 
-/// Time that a host waits for the answer to a request that erases or writes flash, ms. One request erases at most two
-/// sectors of 128 KB, the copies of the settings. Erasing a sector takes up to some seconds, and longer with a narrower
-/// programming parallelism (DS12110, flash memory programming).
+/// Time that a host waits for the answer to a request that erases or writes flash, ms. One request makes at most two
+/// erasures of a sector of 128 KB, such as those of both copies of the settings. Erasing a sector takes up to some
+/// seconds, and longer with a narrower programming parallelism (DS12110, flash memory programming).
 pub const FLASH_TIMEOUT_MS: u32 = 16_000;
 
 type InfoResult = DeviceInfo;

@@ -43,9 +43,9 @@ pub type Arithmetic = String<384>;
 
 /// Request to play a texture or a scene of the active library.
 ///
-/// If something is already played with the same gain, the new texture or scene takes over within some milliseconds and
-/// without a mute. The noise of the excitation then continues, and `seed` has no effect. Otherwise the output fades out
-/// first.
+/// If a texture or scene is already played with the same gain at the same sample rate, the new one takes over within
+/// some milliseconds and without a mute. The noise of the excitation then continues, and `seed` has no effect.
+/// Otherwise the output fades out first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PlayRequest {
     /// The texture or scene.

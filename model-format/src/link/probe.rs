@@ -113,6 +113,7 @@ impl ProbeStart {
             ..
         } = self;
         let rate = PlayRate::of(rate_hz).ok_or(ProbeError::Rate { rate_hz })?;
+        // The product of two numbers of 16 bits fits in 32.
         let samples = u32::from(length) * u32::from(periods);
         if usize::from(length) > MAX_PROBE_SAMPLES
             || samples == 0

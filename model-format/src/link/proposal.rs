@@ -96,9 +96,11 @@ impl SettingsChange {
     /// Returns the [`LOCKED`] settings whose protection this change reduces, or to which it gives a first value. A host
     /// asks its user about these settings.
     pub fn loosens(&self, settings: &Settings, state: &SettingsState) -> SettingSet {
+        // After a reset nobody has set any of them.
         let Self::Set(values) = self else {
             return LOCKED;
         };
+        // Where nobody knows the value before, no value can be called tighter.
         let unknown = state.lost.or(SettingSet::REQUIRED.without(state.set));
         values.iter().fold(SettingSet::NONE, |set, change| {
             let (setting, before) = (change.setting, settings.get(change.setting));

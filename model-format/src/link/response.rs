@@ -60,6 +60,7 @@ impl Sections {
             numerator: [0, 1, 2].map(|at| value(bytes, at)),
             denominator: [3, 4].map(|at| value(bytes, at)),
         };
+        // Bytes from elsewhere may state more sections than there are.
         let there = self.coefficients.iter().take(self.count.into());
         there.map(of).collect()
     }
@@ -221,8 +222,8 @@ impl Response {
         }
     }
 
-    /// Returns the settings whose values differ from those for which the response was made. If there are any, the
-    /// response no longer describes the tip's motion.
+    /// Returns which of `output-gain`, `amplifier-gain` and `coil-resistance` differ from the values for which the
+    /// response was made. If any does, the response no longer describes the tip's motion.
     pub fn stale(&self, settings: &Settings) -> SettingSet {
         let made_for = [
             (Setting::OutputGain, self.output_gain),
@@ -232,12 +233,13 @@ impl Response {
         made_for
             .into_iter()
             .fold(SettingSet::NONE, |set, (of, value)| {
+                // Bit for bit, because values are copied from the settings and never computed.
                 set.with(of, settings.get(of).to_bits() != value.to_bits())
             })
     }
 
-    /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that
-    /// `settings` are those of the measurement.
+    /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that none
+    /// of `settings` makes the response stale, see [`Response::stale`].
     ///
     /// # Errors
     /// The first fault that the check finds.
@@ -254,6 +256,7 @@ impl Response {
         if !self.figures().iter().all(|figure| figure.is_finite()) {
             return Err(ResponseError::NotFinite);
         }
+        // The response brings its own output gain, which is stored with it.
         let settings = settings.with(self.change())?;
         let differing = self.stale(&settings);
         if differing.is_empty() {

@@ -201,7 +201,7 @@ impl Setting {
     /// Returns `value` if this setting may have it.
     ///
     /// # Errors
-    /// A value that is not finite, out of range, or not whole where it must be.
+    /// A value that is not finite, out of range, below the least magnitude, or not whole where it must be.
     pub fn check(self, value: f32) -> Result<f32, SettingsError> {
         let SettingSpec {
             lowest,

@@ -182,7 +182,7 @@ pub enum FaultKind {
 /// Location of a panic, or other detail of a fault.
 pub type FaultText = String<64>;
 
-/// A fault that was caught before the last reset.
+/// A fault that was caught since power-on; a reset followed it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Fault {
     /// Kind of the fault.

@@ -104,6 +104,7 @@ impl ImageHeader {
         for (place, number) in parts.zip(self.version.numbers()) {
             *place = number.to_le_bytes();
         }
+        // Two bytes after the version stay 0 and keep the length aligned.
         bytes[32..36].copy_from_slice(&self.length.to_le_bytes());
         bytes[36..].copy_from_slice(&self.digest);
         bytes

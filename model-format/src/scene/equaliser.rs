@@ -77,12 +77,13 @@ fn value(steps: i32) -> f64 {
     f64::from(steps) / (1i64 << Biquad::FRACTION_BITS) as f64
 }
 
-/// Evaluates |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle as a sum of squares, in which no digits cancel: (c0 c + c1 + c2
-/// c)² + (c0 - c2)² (1 - c²), where c is the cosine of the angle of z.
-/// (c0 c + c1 + c2 c)² + (c0 - c2)² (1 - c²).
+/// Evaluates |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle as a sum of squares, in which no digits cancel:
 ///
-/// With u = 1 - |c|, the first square is ((c0 + c2 + c1) - (c0 + c2) u)² for positive c, and ((c0 + c2 - c1) - (c0 +
-/// c2) u)² for negative c. The sums of coefficients are exact in integers and are rounded only once.
+/// ```text
+/// (c0 c + c1 + c2 c)² + (c0 - c2)² (1 - c²)                          c the cosine of the angle of z
+/// (c0 + c2 ± c1 - (c0 + c2) d)² + (c0 - c2)² d (2 - d)               d = 1 - |c|, + for c > 0 and - for c < 0
+/// ```
+/// The second form is computed. The sums of coefficients are exact in integers and are rounded only once.
 #[derive(Clone, Debug)]
 struct SquareMagnitude {
     at_one: f32,
@@ -108,6 +109,7 @@ impl SquareMagnitude {
     /// d, then for the cosines d - 1.
     #[inline(always)]
     fn between(&self, [near, far]: [f32; 2]) -> [[f32; 2]; 2] {
+        // It rises with d up to 1, so that the ends of the interval are its bounds.
         let imaginary = [near, far].map(|d| self.square_difference * d * (2.0 - d));
         [self.at_one, self.at_minus_one].map(|end| {
             let [first, last] = [near, far].map(|distance| end - self.sum * distance);
@@ -117,6 +119,7 @@ impl SquareMagnitude {
             } else {
                 [squares[1], squares[0]]
             };
+            // Where the linear term changes its sign, its square is 0 within the interval.
             let least = if first * last > 0.0 { less } else { 0.0 };
             [least + imaginary[0], more + imaginary[1]]
         })
@@ -157,8 +160,8 @@ const MOST_INTERVALS: usize = 512;
 /// Number of intervals that one step of a check looks at.
 const STEP_INTERVALS: usize = 24;
 
-/// Largest number of halvings of the band, one inside the other. The intervals are then much narrower than the
-/// resonance of a pole at the limit.
+/// Largest number of ends on the stack, one more than there are halvings one inside the other. The intervals are then
+/// much narrower than the resonance of a pole at the limit.
 const MOST_HALVINGS: usize = 40;
 
 /// A check of the gain at every frequency: of each section, and of the cascade from the first section up to each.
@@ -190,6 +193,7 @@ impl GainCheck {
         Self {
             sections: sections.iter().map(magnitudes).collect(),
             near: 0.0,
+            // A distance of 1 is a cosine of 0: each interval stands for one in either half of the band.
             ends: Vec::from([1.0]),
             left: MOST_INTERVALS,
         }
@@ -209,6 +213,7 @@ impl GainCheck {
                 self.ends.pop();
                 continue;
             };
+            // In `f32` the middle of the shortest interval is one of its ends.
             let middle = self.near + (far - self.near) / 2.0;
             let is_new = middle > self.near && middle < far && self.left > 0;
             if !is_new || self.ends.push(middle).is_err() {
@@ -228,6 +233,8 @@ impl GainCheck {
             let [above, below] = section.each_ref().map(|part| part.between(interval));
             let mut is_above = false;
             for side in 0..2 {
+                // The upper bound of the numerator over the lower bound of the denominator. If that is 0, the quotient
+                // is infinite, and the interval is halved.
                 let own = above[side][1] / below[side][0];
                 all[side] *= own;
                 // The comparison is negated so that a NaN counts as above the limit.

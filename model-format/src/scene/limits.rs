@@ -22,8 +22,8 @@ pub const MAX_POSITION_MM: f32 = 100_000.0;
 /// Widest transition, mm.
 pub const MAX_TRANSITION_MM: f32 = 100.0;
 
-/// Largest gain of a texture. With a gain above 1, the texture's loudest node must have at most half the highest RMS
-/// that a library's node may have.
+/// Largest gain of a texture. A gain above 1 must leave the texture's loudest node at most half the highest RMS that a
+/// library's node may have.
 pub const MAX_GAIN: f32 = 64.0;
 
 /// Highest constant speed, mm/s.

@@ -109,7 +109,7 @@ pub struct Tap {
 pub struct StickSlip {
     /// Path from one slip to the next, mm.
     pub period_mm: f32,
-    /// Fraction of the period that the slip takes, 0 to 1.
+    /// Fraction of the period that the slip takes, 0.05 to 1.
     pub duty: f32,
     /// Attenuation of the texture while the tool sticks: 0 is none, 1 is silence.
     pub depth: f32,

@@ -39,6 +39,7 @@ fn vec<'a, T, const N: usize>(
     reader: &mut Reader<'a>,
     item: fn(&mut Reader<'a>) -> Option<T>,
 ) -> Option<Vec<T, N>> {
+    // The stated number is not trusted: the first item without room ends the reading.
     let mut items = Vec::new();
     for _ in 0..reader.varint()? {
         items.push(item(reader)?).ok()?;

@@ -169,6 +169,7 @@ impl Scene {
             let (start_mm, end_mm) = (region.start_mm, region.end_mm);
             within("start", start_mm, PATH, "mm").map_err(here)?;
             within("end", end_mm, PATH, "mm").map_err(here)?;
+            // Neither is a NaN, which no range contains, so that all comparisons hold.
             if end_mm <= start_mm {
                 return Err(here(SceneProblem::RegionEnd { start_mm, end_mm }));
             }
@@ -212,11 +213,13 @@ fn validate_stick_slip(stick_slip: &StickSlip) -> Result<(), SceneProblem> {
 /// Returns the highest gain for `texture`: the largest power of two with which its loudest node has at most half the
 /// highest RMS of a node, but at least 1 and at most [`limits::MAX_GAIN`].
 ///
-/// A power of two can be found without a square root. The kernel's direct form relies on this bound. A codebook and a
-/// level track change the power of a node's output by at most 2 % each; see [`crate::limits::MIN_FED_POWER`].
+/// A power of two can be found without a square root. The level of a lattice in the kernel relies on this bound. A
+/// codebook and a level track change the power of a node's output by at most 2 % each; see
+/// [`crate::limits::MIN_FED_POWER`].
 fn highest_gain(texture: &Texture<'_>) -> f32 {
     let loudest = texture.max_output_power();
     let mut gain = 1.0;
+    // With twice the gain, twice the RMS must still be within the limit: 4 · (2 · gain)² · loudest.
     while gain < limits::MAX_GAIN && 16.0 * gain * gain * loudest <= MAX_OUTPUT_POWER {
         gain *= 2.0;
     }

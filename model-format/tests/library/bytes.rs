@@ -98,8 +98,8 @@ impl RawLibrary {
         }
     }
 
-    /// The library of [`RawLibrary::sound`] with every optional part and two scenes: a plain scene, and one with
-    /// everything that a scene may have.
+    /// The library of [`RawLibrary::sound`] with every optional part but wander and moments, and two scenes: a plain
+    /// scene, and one with everything that a scene may have.
     pub fn full() -> Self {
         let mut library = Self::sound();
         // Fractions of two stages for each node. The first two nodes have none.

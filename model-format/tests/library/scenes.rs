@@ -57,7 +57,7 @@ fn slip(scene: &mut Scene) -> &mut StickSlip {
 
 type Set = fn(&mut Scene, f32);
 
-/// A number of a scene: its setter, its name, and the lowest and highest value that it has in the scene "full".
+/// A number of a scene: its setter, its name, and the lowest and highest value that it may have in the scene "full".
 type Field = (Set, &'static str, f32, f32);
 
 /// Every number of a scene, by its place.

@@ -112,8 +112,8 @@ pub fn specs() -> [TextureSpec; 15] {
 /// [`stylus_kernel::digest`]. It is the same on every platform: host, emulated processors, emulated board and browser.
 pub const DIGESTED: u32 = 0x104b_59ee;
 
-/// Returns the bytes of a library of one texture that has every part a texture may have, and whose order is low enough
-/// to play fast.
+/// Returns the bytes of a library of one texture that has every part but tails and moments, which exclude a track, and
+/// whose order is low enough to play fast.
 ///
 /// # Panics
 /// Never, because the texture is valid.
@@ -136,7 +136,7 @@ pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 /// Returns a library of textures whose costs are counted: each of `orders` on one node, then each on the whole grid.
 ///
 /// # Panics
-/// An order is above the limit, or there are more than sixteen orders.
+/// An order is above the limit or comes twice, or the library is too large.
 pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
         Grid::one(&Model::gentle(order, order as u64), 9.0)
@@ -150,9 +150,6 @@ pub fn counted_library(orders: &[usize]) -> Vec<u8> {
 }
 
 /// Returns a texture of `order` on the whole grid, called `name`.
-///
-/// # Panics
-/// The order is above the limit.
 pub fn counted_texture(order: usize, name: &str) -> TextureSpec {
     Grid::new(|index| Model::gentle(order, (order + index) as u64)).texture(name)
 }
@@ -390,7 +387,7 @@ impl Grid {
 /// A codebook of `samples` samples, most of which are small.
 fn codebook(samples: usize, seed: u64) -> CodebookSpec {
     let mut uniform = uniform(seed);
-    // The steps of the codes are already uneven; the cube of a sample's code is more so.
+    // The mu-law makes most codes small samples. The cube root makes large codes frequent, so that some are large.
     let mut codebook = CodebookSpec {
         peak: 1.0,
         codes: (0..samples)

@@ -68,7 +68,7 @@ fn run_beside<M: Arithmetic>(
     for n in 0..vector.samples {
         if n.is_multiple_of(UPDATE_INTERVAL_SAMPLES) {
             let update = n / UPDATE_INTERVAL_SAMPLES;
-            // A triangle wave with 1 mm per update, which begins at the left turning point.
+            // A triangle wave with 1 mm per update, which begins at the right turning point.
             let place = (update % (4 * WAY_MM)).abs_diff(2 * WAY_MM) as f32 - WAY_MM as f32;
             let interaction = Interaction::new(motion(update), place, true);
             let interaction = interaction.expect("the place is finite");

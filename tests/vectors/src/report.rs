@@ -8,7 +8,7 @@
 //! sample-cost 5600 5600 1600 lattice             fewest and most instructions, and the number of calls
 //! follow-cost 11000 30000 160 lattice
 //! library-cost 4000 90000 5 30000 20000          bytes, decoding, steps, longest step, longest plan
-//! digest 89abcdef cortex-m7                      digest of the first words, arithmetic
+//! digest 89abcdef cortex-m                       digest of the first words, arithmetic
 //! end                                            the report is complete
 //! ```
 

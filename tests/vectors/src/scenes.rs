@@ -3,7 +3,7 @@
 use model_format::SAMPLE_RATE_HZ;
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 
-/// `surface` with a tap that rings for a second.
+/// `surface` with a tap that rings for seconds.
 pub fn tapped(mut surface: Surface) -> Surface {
     let tap = Tap {
         frequency_hz: 300.0,

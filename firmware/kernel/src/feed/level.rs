@@ -58,6 +58,7 @@ impl Level {
     #[inline(never)]
     fn advance(&mut self, modulation: &Modulation<'_>, sample_rate_hz: u32, draws: &mut Draws) {
         if self.step == 0 {
+            // No entry precedes the first one: it is drawn here, and the level begins there.
             self.step = u32::from(modulation.step_samples());
             self.enter(modulation, sample_rate_hz, draws);
         }
@@ -75,7 +76,8 @@ impl Level {
     fn enter(&mut self, modulation: &Modulation<'_>, sample_rate_hz: u32, draws: &mut Draws) {
         let entries = modulation.entries().len() as u32;
         let start = draws.below(entries);
-        // `left` does not count the first entry of the piece.
+        // `left` does not count the first entry of the piece. At the lowest sample rates a step is longer than a piece,
+        // which then has one entry.
         let shortest = (sample_rate_hz / SHORTEST_PER_S / self.step.max(1)).max(1);
         let longest = (sample_rate_hz / self.step.max(1)).max(shortest);
         self.left = shortest - 1 + share(draws.bits(), longest - shortest + 1);

@@ -78,6 +78,7 @@ impl Feed {
     /// Begins another texture, whose Gaussian noise is `gaussian`. The random choices continue.
     pub fn begin(&mut self, gaussian: Excitation) {
         self.gaussian = gaussian;
+        // Their places are those in the codebooks and the track of the texture before.
         (self.pieces, self.level) = (Pieces::NONE, Level::NONE);
     }
 
@@ -112,6 +113,7 @@ impl Feed {
         let rate = material.sample_rate_hz;
         let level = self.level.next_sample(modulation, rate, &mut self.draws);
         let product = i64::from(source) * i64::from(level);
+        // The highest peak, 40, times the highest level, 10^(127 / 80), is far above the full scale of 64.
         saturate(shift_toward_zero(product, LEVEL_FRACTION_BITS)).0
     }
 }

@@ -113,6 +113,7 @@ impl Pieces {
         point: &GridPoint,
         draws: &mut Draws,
     ) {
+        // Every piece takes three numbers, noise too, so that the choices do not depend on the codebooks.
         let source = source_at(codebooks, point, draws.below(ONE));
         let at = self.turn_of(codebooks, draws.bits());
         let length_and_sign = draws.bits();
@@ -128,6 +129,7 @@ impl Pieces {
             None => Piece::Gaussian,
         };
         let (shortest, longest) = piece_samples(codebooks, sample_rate_hz);
+        // The sign is shifted out, so that the length does not depend on it.
         self.left = shortest + share(length_and_sign << 1, longest - shortest + 1);
         match self.piece {
             // Noise continues as noise, without a cross-fade.
@@ -195,6 +197,7 @@ fn source_at(codebooks: &Codebooks<'_>, point: &GridPoint, place: u32) -> usize 
             return codebooks.of_node(speed, force);
         }
     }
+    // Never reached, because the weights add up to [`ONE`].
     0
 }
 

@@ -1,4 +1,5 @@
-//! Turns of a line per mm, and its phase at a position, exact over a thousand kilometres.
+//! Turns of a line per mm, and its phase at a position, with a relative error of 4·10⁻¹² of the turns over a thousand
+//! kilometres.
 
 use crate::position::Position;
 
@@ -42,7 +43,8 @@ impl Turns {
     }
 
     /// Turns at `position`, including whole turns, in steps of 2⁻¹⁶ of a turn. In addition to the error of the turns
-    /// per mm, they are off by less than one step.
+    /// per mm, they are too low by up to two steps: one for the lowest product, which is left out, and one for rounding
+    /// down.
     pub(super) fn turns(self, position: Position) -> i64 {
         // Each product of 32 by 32 bits is reduced to steps of 2⁻³² before the sum, so that the sum does not overflow.
         let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
@@ -85,7 +87,7 @@ mod tests {
             let wavelength_mm = f32::from_bits(bits);
             let position = Position::from_exact_mm(mm);
             let phase = Turns::of(wavelength_mm).phase(position);
-            // Turns in steps of 2⁻³², from steps of 2⁻³² mm: steps / wavelength, in parts because it needs 90 bits.
+            // Turns in steps of 2⁻³², from steps of 2⁻³² mm: steps / wavelength, which needs 90 bits.
             let (mantissa, exponent) = fraction(wavelength_mm);
             let scaled = i128::from(position.steps()) << (-exponent).clamp(0, 40);
             let exact = scaled.div_euclid(mantissa);

@@ -69,6 +69,7 @@ impl PlayedLine {
         let end = self.turns.phase(passage.to).wrapping_add(self.phase);
         let advance = self.advance(passage, samples);
         let share = advance.map_or(0, share_of_speed);
+        // A line that left the position comes back only from silence, because its phase would jump.
         let lost = share == 0 || (self.astray && from > 0);
         self.astray = lost;
         if lost {
@@ -166,5 +167,6 @@ fn amplitude(line: &Line<'_>, point: &GridPoint, gain: u32) -> u32 {
     let steps = (mean * (1u32 << OutputSample::FRACTION_BITS) as f32) as u64;
     let faded = (steps * u64::from(point.fade)) / u64::from(ONE);
     let steps = (faded * u64::from(gain)) / u64::from(ONE);
+    // The gain of a surface is bounded by the model's power, not by its lines: 256 m/s² times 64 is above the bound.
     steps.min(u64::from(MAX_AMPLITUDE)) as u32
 }

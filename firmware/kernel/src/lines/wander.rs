@@ -59,6 +59,7 @@ impl VoiceWander {
     ) -> Passage {
         let passage = if self.clock_mm_s > 0.0 {
             let steps = |samples| distance_steps(self.clock_mm_s, samples, sample_rate_hz);
+            // Like the tool, the clock goes on from where the block before was cut.
             let from = self.clock.ahead(-steps(left));
             self.clock = from.ahead(steps(samples));
             Passage {
@@ -79,6 +80,7 @@ impl VoiceWander {
     /// Returns `place`, displaced.
     fn moved(&self, place: Position) -> Position {
         let sum = sum_at(self.lattice.turns(place), self.seed);
+        // With the largest RMS, 250 mm, the product is below 2⁶⁰.
         place.ahead((sum * self.scale) >> 16)
     }
 }
@@ -104,6 +106,7 @@ fn sum_at(x: i64, seed: u64) -> i64 {
 fn number(point: i64, seed: u64) -> i64 {
     let bits = hashed(point.cast_unsigned() ^ seed);
     let part = |index: u32| i64::from((bits >> (16 * index)) as u16);
+    // The mean of each part is half a step below 2¹⁵, so that the 2 makes the mean of the sum zero.
     part(0) + part(1) + part(2) + part(3) - 4 * 0x8000 + 2
 }
 

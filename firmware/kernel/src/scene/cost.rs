@@ -1,7 +1,7 @@
 //! Cost of a plan in instructions per sample: for each stage a base, and a cost per lattice stage, line or section.
 //!
-//! **The constants are counts** of the image on the virtual stylus. Its test `scenes` compares them with the ticks of
-//! the built image: they are never below the counts, and not far above. Instructions are not cycles.
+//! **The constants are counts** of the image on the virtual stylus. Its test `cost` compares them with the ticks of the
+//! built image: they are never below the counts, and not far above. Instructions are not cycles.
 
 use core::fmt;
 
@@ -19,7 +19,8 @@ pub const LATTICE: StageCost = StageCost {
     each: 11,
 };
 
-/// A voice of a fed lattice, like [`LATTICE`]. It generates no noise, but has one more call and one more saturation.
+/// A voice of a fed lattice, like [`LATTICE`]. Its excitation is read from the frame, and it has one more call and one
+/// more saturation.
 pub const FED_LATTICE: StageCost = StageCost {
     base: 182,
     each: 11,

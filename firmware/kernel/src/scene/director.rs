@@ -97,8 +97,8 @@ impl<'a> Director<'a> {
     /// `ringing` is the value of [`super::ScenePlayback::ringing`] after the block that is played had begun. `left` is
     /// the number of samples of that block's ramps that will not be played: 0 if blocks are played to their end.
     ///
-    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`], one start of a playback, and some
-    /// thousand instructions.
+    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`], one [`crate::Frame::feed`], one start
+    /// of a playback, and some thousand instructions.
     pub fn next_block(
         &mut self,
         interaction: Interaction,
@@ -109,9 +109,11 @@ impl<'a> Director<'a> {
         block: &mut Block,
     ) {
         let resets = self.take_up_next_plan(left, ringing);
+        // What rang before is reset before the first sample of this block.
         let ringing = if resets { Ringing::default() } else { ringing };
         block.stages.clear();
         (block.samples, block.resets) = (samples, resets);
+        // The caller reuses its blocks. A cascade of up to 14 sections is copied once per plan and not in every block.
         if block.equaliser_of != self.plans {
             block.equaliser.clone_from(&self.plan.equaliser);
             block.equaliser_of = self.plans;
@@ -138,6 +140,7 @@ impl<'a> Director<'a> {
         let faded = self.fading.is_some_and(|ramp| ramp.value(left) == 0);
         let feeds = self.fed && !self.plan.equaliser.is_empty();
         let rings = self.tap.is_some() || ringing.equaliser || feeds;
+        // A tap or equaliser may ring for seconds. Once its fade has ended the change does not wait for its silence.
         if (self.slots.sound(left) || rings) && !faded {
             return false;
         }
@@ -185,6 +188,7 @@ impl<'a> Director<'a> {
             (Some(motion), _) => motion.speed_mm_s() * samples as f32 / rate,
             (None, Some(before)) => {
                 let gone = interaction.position_mm() - before.interaction.position_mm();
+                // The path of the next block may not be known: the tool is assumed to go on as in the block before.
                 gone.abs() * samples as f32 / before.samples.max(1) as f32
             }
             (None, None) => 0.0,
@@ -267,6 +271,7 @@ impl<'a> Director<'a> {
         let Some(wave) = &self.plan.wave else {
             return;
         };
+        // Ten ticks are a block at either rate, as many as a block at 5 kHz has samples.
         let per_tick = self.plan.block_samples() / UPDATE_INTERVAL_SAMPLES;
         let from = self.tick.wrapping_sub(wave.first_tick) as i64 * i64::from(per_tick);
         let count = block.wave.len().min(block.samples as usize);
@@ -277,6 +282,7 @@ impl<'a> Director<'a> {
 
     fn direct_equaliser(&mut self, ringing: Ringing, block: &mut Block) {
         let feeds = !block.stages.is_empty();
+        // `ringing` was taken when the block that is played began, so that it may not show what that block feeds.
         let sounds = feeds || self.fed || ringing.equaliser;
         if sounds && !self.plan.equaliser.is_empty() {
             block.push(Stage::Equaliser);

@@ -63,6 +63,7 @@ impl Section {
         let two = rotation(a2 << (31 - Biquad::FRACTION_BITS));
         let [a1, a2] = biquad.denominator();
         let [b0, b1, b2] = biquad.numerator();
+        // The taps are differences of near numbers, divided by small cosines, so that they need the digits of `f64`.
         let number = |q31: i32| f64::from(q31) / (1u64 << 31) as f64;
         let (cos1, cos2) = (number(one.0), number(two.0));
         let cos2_v1 = b1 - b2 * a1;
@@ -74,7 +75,7 @@ impl Section {
         }
     }
 
-    /// Passes one sample through the section. The flag is true if any signal was at full scale.
+    /// Passes one sample through the section. The flag is true if its state or its output is at full scale.
     #[inline(always)]
     fn process(&self, backward: &mut [i32; 2], input: i32) -> (i32, bool) {
         let [one, two] = self.rotations;
@@ -120,7 +121,7 @@ impl Equaliser {
         sections: Vec::new(),
     };
 
-    /// The cascade of `biquads`, whose poles must be within the limit.
+    /// The cascade of `biquads`, as many as fit. Their poles must be within the limit.
     pub fn new(biquads: &[Biquad]) -> Self {
         Self {
             sections: biquads.iter().take(ROOM).map(Section::new).collect(),
@@ -153,7 +154,8 @@ impl EqualiserState {
         }
     }
 
-    /// Passes one sample through the cascade. The flag is true if any signal was at full scale.
+    /// Passes one sample through the cascade. The flag is true if the state or the output of a section, or the
+    /// cascade's output, is at full scale.
     #[inline]
     pub fn process(&mut self, equaliser: &Equaliser, input: OutputSample) -> (OutputSample, bool) {
         let mut signal = shift_toward_zero(i64::from(input.0), HEADROOM_BITS) as i32;
@@ -170,6 +172,7 @@ impl EqualiserState {
     /// Returns whether the state is zero, so that the output is zero until the next input.
     pub fn is_silent(&self) -> bool {
         let all = self.backward.as_flattened().iter();
+        // All signals are looked at, because the tick asks, and its instructions must not depend on the data.
         all.fold(0, |any, &signal| any | signal) == 0
     }
 

@@ -69,6 +69,7 @@ impl Path {
             return found;
         };
         let region = &self.regions[index];
+        // Regions touch only if their numbers are equal; any gap between them is silent.
         let before = index
             .checked_sub(1)
             .map(|before| &self.regions[before])

@@ -218,6 +218,7 @@ impl<'a> Plan<'a> {
                 count: self.equaliser.len() as u16,
             });
         }
+        // Voices fade by their own levels, so that other plans need no such stage.
         if taps || !self.equaliser.is_empty() {
             cost.add(Term::once(Item::FadeOut, cost::FADE_OUT));
         }

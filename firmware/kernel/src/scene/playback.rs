@@ -45,6 +45,7 @@ impl ScenePlayback {
     #[inline]
     pub fn begin_block(&mut self, block: &Block, mut begin_voice: impl FnMut(VoiceStage)) {
         self.left = block.samples;
+        // Before the strike, which belongs to the new plan.
         if block.resets {
             self.tap = TapState::new();
             self.equaliser = EqualiserState::new();
@@ -86,7 +87,8 @@ impl ScenePlayback {
                     mix = i64::from(output.0);
                     saturated |= over | full;
                 }
-                // The mix of three full scales times 2¹⁶ is far from the end of 64 bits.
+                // Two voices, eight lines of half a full scale in each slot, and a tap are at most eleven full scales,
+                // which times 2¹⁶ are far from the end of 64 bits.
                 Stage::FadeOut(ramp) => {
                     mix = shift_toward_zero(mix * i64::from(ramp.value(self.left)), 16);
                 }

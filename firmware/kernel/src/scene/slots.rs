@@ -3,7 +3,7 @@
 //! A **slot** holds a voice: two frames, of which one may be played while the other is computed, and a playback. A
 //! surface that is to sound gets a slot and keeps it while it sounds; one that is no longer wanted fades within a
 //! block. A slot's playback changes its texture only after a block in which the tick did not play the slot. There are
-//! therefore never more than two voices, however far the tool jumps; a third surface waits one block for a slot.
+//! therefore never more than two voices, however far the tool jumps; a third surface waits up to two blocks for a slot.
 //!
 //! **A voice begins at its level**, in a stationary state. That state stays stationary at whatever motion it was left,
 //! so that a slot which holds the texture already continues from it ([`crate::lattice::LatticeState::stationary`]).
@@ -182,6 +182,7 @@ impl<'a> Slots<'a> {
         };
         let slot = &mut self.slots[index];
         slot.surface = surface;
+        // The amount of sticking was that of the surface before.
         slot.stick_slip = None;
         if holds(slot) {
             return;
@@ -223,12 +224,14 @@ impl<'a> Slots<'a> {
         };
         let left_of_frame = slot.left(left);
         if let Some(lines) = &mut slot.lines {
+            // Lines of a slot that was not played have no ramp that was cut.
             let left = if slot.played { left } else { 0 };
             let frame = lines.follow(&texture, motion, gain, moment.passage, samples, left);
             block.lines[index].clone_from(frame);
         }
         let goes_on = slot.played && left_of_frame == 0;
-        // A frame of a fed texture holds the excitation of one block.
+        // A frame of a fed texture holds the excitation of one block. Another one is played on without an update if
+        // motion and gain stay and its ramps have ended.
         let begins =
             texture.is_fed() || !(goes_on && slot.gain == gain && slot.motion == Some(motion));
         if begins {
@@ -304,6 +307,7 @@ impl Slot<'_> {
         }
         let frame = place.as_mut()?;
         if !core::mem::replace(&mut self.made[self.buffer], true) {
+            // The buffer may hold another texture's frame, with its order and excitation.
             frame.silence(&texture);
         }
         if self.updated[self.buffer].replace((motion, gain)) == Some((motion, gain)) {

@@ -122,6 +122,7 @@ impl StickSlipState {
     #[inline(always)]
     pub fn envelope(&self, frame: &StickSlipFrame, left: u32) -> u32 {
         let turned = u64::from(self.phase >> 16) * u64::from(frame.inverse_duty);
+        // Beyond the slip y stays at one, where the window is zero.
         let y = (turned >> 16).min(u64::from(ONE));
         let parabola = (y * (u64::from(ONE) - y)) >> 14;
         let window = (parabola * parabola) >> 16;

@@ -48,6 +48,7 @@ impl Resonance {
         // Half the sample rate is half a turn, two quarter turns; the frequency is below half the sample rate.
         let theta = f64::from(tap.frequency_hz) / rate * 4.0 * f64::from(THETA_QUARTER_TURN);
         let theta = theta as i32;
+        // A rotation covers a quarter turn. Beyond it the angle is mirrored, and the cosine negated.
         let beyond_quarter = theta > THETA_QUARTER_TURN;
         let rotation = Rotation::from_theta(if beyond_quarter {
             2 * THETA_QUARTER_TURN - theta
@@ -102,6 +103,7 @@ impl TapState {
     pub fn strike(&mut self, strike: Strike) {
         let room = strike.limit - self.sine.abs();
         let wanted = self.cosine + strike.amplitude;
+        // If the state is beyond the limit already, as after a change of tap, the strike adds nothing.
         self.cosine = wanted.min(self.cosine.max(room));
     }
 

@@ -17,7 +17,7 @@ fn moments() -> impl Strategy<Value = Vec<(f32, f32, u32, usize)>> {
     prop::collection::vec((speed, force, samples, 0usize..90), 1..12)
 }
 
-/// Plays `samples` samples: two blocks by `block`, and then single samples by `single`.
+/// Plays `samples` + `cut` samples: two blocks by `block`, and then single samples by `single`.
 fn in_blocks<P>(
     player: &mut P,
     samples: u32,

@@ -82,8 +82,8 @@ fn two_fed_voices_sound_on_a_transition_each_at_its_share() {
     }
 }
 
-/// Changes repeatedly between plans with fed textures and one without: no sample is at full scale, each fade ends in
-/// silence, and the same seed repeats every sample.
+/// Changes repeatedly between plans with fed textures and one without: no sample is at full scale or louder than the
+/// textures, and the same seed repeats every sample.
 #[test]
 fn plans_with_and_without_feeds_are_exchanged_without_a_click() {
     let bytes = library();
@@ -141,7 +141,7 @@ fn noise_goes_on_from_a_plain_texture_through_a_fed_one_to_a_plain_one() {
     assert_eq!([before, after], [expected[0], expected[2]]);
 }
 
-/// Sample rates at which a piece has only a few samples, and the highest rate. A codebook of ones shows the joins.
+/// Sample rates at which a piece has only a few samples, and the highest rate.
 #[test]
 fn a_feed_suits_every_sample_rate() {
     for rate in [1, 13, 199, 1000, 8000, 48_000] {

@@ -209,7 +209,7 @@ fn the_power_does_not_dip_in_a_transition() {
     let mut player = player(&bytes, &scene, 8);
     let (mut middle, mut outside) = ((0.0, 0), (0.0, 0));
     for step in 0..40_000u32 {
-        // Back and forth, by 4 mm and more on each side of the boundary.
+        // Back and forth, by 30 mm on each side of the boundary.
         let phase = f64::from(step) * 0.01;
         let position = 100.0 + 30.0 * phase.sin();
         let power: f64 = block(&mut player, at(position as f32, moving()))
@@ -343,7 +343,7 @@ fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
     ] {
         assert!(message.contains(&told), "{message}");
     }
-    // A scene with every kind of stage is within the device's budget.
+    // Two voices of the highest order are within the device's budget.
     assert!(plan.within(cost::BUDGET).is_ok());
 }
 

@@ -1,6 +1,6 @@
 //! Beginnings: no voice begins in an empty state or at a level other than its own.
 //!
-//! Levels are means over many seeds. The exact level is that of the filter's impulse response in float64.
+//! Levels are means over many seeds. The exact level is the node's output power.
 
 use std::f64::consts::PI;
 
@@ -57,7 +57,7 @@ fn cases() -> Vec<Case> {
     cases.map(case).into()
 }
 
-/// Samples of the first 20 ms in which the blocks contain a voice.
+/// Samples of the first 20 ms at `interaction`.
 fn first_samples(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
     let mut samples = block(player, interaction);
     for _ in 1..FIRST_BLOCKS {

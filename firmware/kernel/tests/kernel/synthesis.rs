@@ -174,7 +174,7 @@ proptest! {
     }
 }
 
-/// Four equal nodes take other paths in the code than a single node, and give the same bits.
+/// Four equal nodes share the weight that a single node has alone, and give the same bits.
 #[test]
 fn a_grid_of_equal_nodes_plays_like_a_single_node() {
     let node = || fixture("H3").node(4.0);

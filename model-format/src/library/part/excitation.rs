@@ -306,6 +306,7 @@ impl ExcitationCheck {
             } else {
                 1
             };
+            // A block is checked as a whole, because its level comes last and scales all of its codes.
             let whole = (room - taken) / unit * unit;
             let end = codebook.codes.len().min(self.at + whole);
             taken += end - self.at;
@@ -313,6 +314,7 @@ impl ExcitationCheck {
                 .map_err(|problem| (None, problem))?;
             self.at = end;
             if end < codebook.codes.len() {
+                // Whatever was taken: bytes are left.
                 return Ok(room);
             }
             self.end_of_codebook(codebook)
@@ -340,6 +342,7 @@ impl ExcitationCheck {
             }
             return Ok(());
         }
+        // The lowest code is judged after the loop, which therefore needs no branch per code.
         let mut sum = 0;
         let mut lowest = 0;
         for &code in codes {
@@ -379,6 +382,7 @@ impl ExcitationCheck {
 /// Creates the part for these codebooks.
 #[cfg(feature = "alloc")]
 pub(crate) fn part(spec: &ExcitationSpec) -> postcard::Result<PartSpec> {
+    // Numbers beyond a byte become 255, which decoding refuses like them.
     let mut content = alloc::vec![spec.codebooks.len().min(usize::from(u8::MAX)) as u8];
     for codebook in &spec.codebooks {
         content.extend(postcard::to_allocvec(&(codebook.codes.len() as u32))?);

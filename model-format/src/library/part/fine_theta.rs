@@ -76,6 +76,7 @@ pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<PartSpec>, (usize, Problem)
         )
         .map_err(|problem| (node, problem))?;
     }
+    // Zeros at the end of all nodes are left out, because a reader refuses them.
     let stages = nodes.iter().map(used).max().unwrap_or(0);
     let mut content = alloc::vec::Vec::with_capacity(stages * nodes.len());
     for bytes in nodes {

@@ -64,6 +64,7 @@ impl<'a> LinesPart<'a> {
         Problem::count("the number of lines", count, [1, MAX_LINES])?;
         let expected = 1 + count * (HEAD_BYTES + nodes * AMPLITUDE_BYTES);
         Problem::same("bytes of lines", self.0.len(), expected)?;
+        // The number of forces matters only for amplitudes, which are not read here.
         let lines = self.lines(nodes, 1, None);
         for line in 0..count {
             let value = lines.line(line).wavelength_mm();
@@ -243,6 +244,7 @@ pub(crate) fn content(lines: &LinesSpec, nodes: usize) -> Result<alloc::vec::Vec
 /// Returns the content of the part of kind 7 for the wanders of these lines, if there are any.
 #[cfg(feature = "alloc")]
 pub(crate) fn wander_content(lines: &LinesSpec) -> Option<alloc::vec::Vec<u8>> {
+    // An index of 255 stays 255, which decoding refuses, because a texture has at most four wanders.
     let number = |line: &LineSpec| line.wander.map_or(0, |index| index.saturating_add(1));
     let of_lines: alloc::vec::Vec<u8> = lines.lines.iter().map(number).collect();
     wander::content(&lines.wanders, &of_lines)

@@ -145,6 +145,7 @@ impl<'a> Parts<'a> {
                     return Err(Problem::Unknown { what, code });
                 }
             }
+            // Ascending kinds have one order, and so a texture has one encoding.
             if kind <= last {
                 return Err(Problem::Rule(
                     "a part comes twice, or after one of a higher kind",

@@ -188,6 +188,7 @@ impl ModulationCheck {
             for &entry in &entries[self.at + 1..end] {
                 let to = level_amplitude(entry.cast_signed());
                 sum += squares(from, to);
+                // A bit that is set in any entry shows that the level changes.
                 (from, bits) = (to, bits | entry);
             }
             // The entry after the last one of this step. The first entry follows the last one of the track.

@@ -23,7 +23,7 @@ pub const BLOCK_SAMPLES: usize = 64;
 /// Bytes of a block: the codes, then the level.
 pub const BLOCK_BYTES: usize = 25;
 
-/// Magnitudes of the codes as fractions of the block's level, in steps of 2⁻¹⁴.
+/// Magnitudes of the codes as fractions of the block's level, in steps of 2⁻¹⁴: (5^((2k + 1)/7) - 1)/4 within a step.
 pub const BLOCK_MAGNITUDES: [i32; 4] = [1059, 4069, 8835, 16_384];
 
 /// Squares of [`BLOCK_MAGNITUDES`], in steps of 2⁻²⁸.
@@ -57,6 +57,7 @@ pub fn block_share(block: &[u8; BLOCK_BYTES], index: usize) -> i32 {
 pub(super) fn block_squares(block: &[u8; BLOCK_BYTES]) -> Option<u64> {
     let level = block[BLOCK_BYTES - 1].cast_signed();
     let mut sum = 0;
+    // Eight codes of 3 bits are three bytes. The byte of the level is the remainder.
     for &[a, b, c] in block.as_chunks::<3>().0 {
         let mut codes = u32::from_le_bytes([a, b, c, 0]);
         for _ in 0..8 {
@@ -65,6 +66,7 @@ pub(super) fn block_squares(block: &[u8; BLOCK_BYTES]) -> Option<u64> {
         }
     }
     let scale = u64::from(block_scale(level));
+    // Shifted in two steps, because the whole product may have 66 digits.
     (level <= 0).then(|| (((scale * scale) >> 8) * sum) >> 20)
 }
 

@@ -34,6 +34,7 @@ impl TailSpec {
         let step = largest.div_ceil(u32::from(Self::MAX_CODE.unsigned_abs())) as i32;
         let code = |&theta: &i32| {
             let theta = theta.clamp(-Self::MAX_THETA, Self::MAX_THETA);
+            // Euclidean, so that negative θ, too, are rounded to the nearest code. The step is 0 if all θ are 0.
             (2 * theta + step).div_euclid(2 * step.max(1)) as i8
         };
         Self {
@@ -112,6 +113,7 @@ pub(in crate::library) fn check(tail: Tail<'_>) -> Result<(), Problem> {
     for &code in tail.codes {
         largest = code.cast_signed().unsigned_abs().max(largest);
     }
+    // Only -128 has this magnitude. It is refused, so that the range of codes is symmetrical.
     if largest == i8::MIN.unsigned_abs() {
         let lowest = |&code: &u8| code.cast_signed() == i8::MIN;
         let index = tail.codes.iter().position(lowest).unwrap_or(0);

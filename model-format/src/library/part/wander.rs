@@ -99,6 +99,7 @@ impl<'a> WanderPart<'a> {
         for &number in wanders.of_lines {
             Problem::count("the number of a line's wander", number.into(), [0, count])?;
         }
+        // A wander without a line would change nothing, and a texture has only one encoding.
         let is_used = |number: usize| wanders.of_lines.contains(&(number as u8));
         if !(1..=count).all(is_used) {
             return Err(Problem::Needless("a wander that no line has"));
@@ -125,6 +126,7 @@ pub(super) fn content(wanders: &[Wander], of_lines: &[u8]) -> Option<alloc::vec:
     if wanders.is_empty() {
         return None;
     }
+    // Numbers beyond a byte become 255, which decoding refuses like them.
     let mut content = alloc::vec![wanders.len().min(usize::from(u8::MAX)) as u8];
     for wander in wanders {
         for value in [wander.rms_mm, wander.correlation_mm, wander.clock_mm_s] {

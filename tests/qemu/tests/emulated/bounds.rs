@@ -33,8 +33,8 @@ const SEED: u64 = 14;
 /// Largest size of every library but the last, bytes. The work per byte does not depend on the library's size.
 const DRAWN_BYTES: usize = 48 * 1024;
 
-/// Number of samples per codebook. Four codebooks and one byte for each of 4096 nodes use all bytes that an excitation
-/// may have.
+/// Number of samples per codebook. Four codebooks and one byte for each of 4096 nodes use nearly all bytes that an
+/// excitation may have.
 const CODEBOOK_SAMPLES: usize =
     (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
 
