@@ -18,6 +18,7 @@ mod import_hatt;
 mod input;
 mod inspect;
 mod interrupt;
+mod join;
 mod lines;
 mod output;
 mod page;
@@ -86,6 +87,8 @@ enum Command {
     Export(export::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
+    /// Join libraries to one
+    Join(join::Arguments),
     /// Write trials.csv, fit's list of recordings, from the names of a folder's files
     Trials(trials::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
@@ -152,6 +155,7 @@ fn run_command(command: Command) -> Result<()> {
         Command::Render(arguments) => render::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Join(arguments) => join::run(&arguments),
         Command::Trials(arguments) => trials::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),

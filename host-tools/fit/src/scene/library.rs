@@ -1,7 +1,9 @@
-//! Scenes in an existing library.
+//! Scenes in an existing library, and several libraries as one.
 
+use std::collections::HashMap;
 use std::path::Path;
 
+use model_format::limits::MAX_TEXTURES;
 use model_format::scene::Scene;
 use model_format::{Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes};
 
@@ -23,6 +25,59 @@ pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
     all.extend_from_slice(scenes);
     encode_with_scenes(&textures, &all)
         .map_err(|error| Error::Model(format!("the library cannot hold these scenes: {error}")))
+}
+
+/// Encodes the textures and scenes of `libraries`, each with its file, as one library, in this order.
+///
+/// # Errors
+/// Two textures or two scenes of one name; more than a library can hold.
+pub fn joined(libraries: &[(&Path, Library<'_>)]) -> Result<Vec<u8>> {
+    let count = libraries
+        .iter()
+        .map(|(_, library)| library.len())
+        .sum::<usize>();
+    if count > MAX_TEXTURES {
+        return Err(Error::Request(format!(
+            "the libraries have {count} textures, and one library holds {MAX_TEXTURES}: join fewer"
+        )));
+    }
+    let (mut textures, mut scenes, mut owners) = (Vec::new(), Vec::new(), HashMap::new());
+    for (path, library) in libraries {
+        let mut claim = |kind: &'static str, name: &str, remedy: &str| match owners
+            .insert((kind, name.to_owned()), *path)
+        {
+            None => Ok(()),
+            Some(other) => Err(Error::file(
+                path,
+                format!("has a {kind} '{name}', like {}: {remedy}", other.display()),
+            )),
+        };
+        // Fewer than `MAX_TEXTURES`, which a scene's index of a texture counts.
+        let before = textures.len() as u8;
+        for texture in library.textures() {
+            claim(
+                "texture",
+                texture.name(),
+                "fit one of them with another name",
+            )?;
+            textures.push(texture_spec(&texture));
+        }
+        for mut scene in library.scenes() {
+            claim(
+                "scene",
+                &scene.name,
+                "compile one of them with another name",
+            )?;
+            let used = scene
+                .surfaces
+                .iter_mut()
+                .filter_map(|surface| surface.texture.as_mut());
+            used.for_each(|texture| *texture += before);
+            scenes.push(scene);
+        }
+    }
+    encode_with_scenes(&textures, &scenes)
+        .map_err(|error| Error::Model(format!("one library cannot hold all of these: {error}")))
 }
 
 /// Returns the specification of a decoded texture, which encodes to the same bytes.

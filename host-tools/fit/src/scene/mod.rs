@@ -67,4 +67,4 @@ pub use description::{
     ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SceneFile,
     SectionDescription, SurfaceDescription,
 };
-pub use library::{parts, scene_named, surface_names, texture_spec, with_scenes};
+pub use library::{joined, parts, scene_named, surface_names, texture_spec, with_scenes};

@@ -86,6 +86,7 @@ pub(super) fn conversion(ending: &str) -> String {
         "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
             format!("give .wav or .csv; `ffmpeg -i FILE.{ending} FILE.wav` converts sound")
         }
+        "lib" => "it is a texture library; `stylus join` makes one of several".to_owned(),
         _ => "export the samples as .csv, or as .wav".to_owned(),
     }
 }

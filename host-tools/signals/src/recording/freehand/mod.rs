@@ -15,6 +15,7 @@
 //! jumps, and the changes of direction from one moving block to the next, are counted.
 
 mod grid;
+mod positions;
 mod read;
 mod segment;
 mod write;

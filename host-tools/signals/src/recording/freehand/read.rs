@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::positions::{self, PositionColumn};
 use crate::recording::axes::LeftOut;
 use crate::recording::stamps::even_rate;
 use crate::recording::time_unit::{TimeColumn, TimeUnit};
@@ -75,13 +76,14 @@ impl Freehand {
     }
 
     /// Appends a row, whose accelerations are in units of `scales_m_s2`; an outlier becomes 0. `names` are the names of
-    /// the row's columns.
+    /// the row's columns. If the row has positions in place of a speed, they are appended to `positions_mm`.
     fn push(
         &mut self,
         row: &Row<'_, '_>,
         columns: &Columns,
         names: &[&str],
         scales_m_s2: &[f64],
+        positions_mm: &mut [Vec<f64>],
     ) -> Result<()> {
         let mut bad = false;
         let mut keep = |index: usize, value: f64, limit: f64| {
@@ -99,7 +101,15 @@ impl Freehand {
             // Segments and strokes leave out a block with an outlier, so any finite number will do for them.
             0.0
         };
-        let speed = keep(columns.speed, row.number(columns.speed)?, MAX_SPEED_MM_S);
+        if let Some(index) = columns.speed {
+            let speed = keep(index, row.number(index)?, MAX_SPEED_MM_S);
+            self.speed_mm_s.push(speed.abs());
+            self.is_backward.push(speed < 0.0);
+        }
+        for (axis, column) in positions_mm.iter_mut().zip(&columns.positions) {
+            let position_mm = column.unit_mm * row.finite(column.index, names[column.index])?;
+            axis.push(position_mm);
+        }
         let force = keep(columns.force, row.number(columns.force)?, MAX_FORCE_N);
         for ((axis, &index), scale) in self.axes.iter_mut().zip(&columns.axes).zip(scales_m_s2) {
             axis.push(keep(
@@ -108,11 +118,26 @@ impl Freehand {
                 MAX_ACCELERATION_M_S2,
             ));
         }
-        self.speed_mm_s.push(speed.abs());
-        self.is_backward.push(speed < 0.0);
         self.force_n.push(force);
         self.is_outlier.push(bad);
         Ok(())
+    }
+
+    /// Adds the speeds of all rows, mm/s, as positions give them. One that no hand can perform is an outlier.
+    fn follow(&mut self, table: &CsvTable, speeds_mm_s: &[f64]) {
+        for (index, &value) in speeds_mm_s.iter().enumerate() {
+            let is_bad = value.abs() > MAX_SPEED_MM_S;
+            if is_bad && self.outliers.len() < NAMED_OUTLIERS {
+                self.outliers.push(Outlier {
+                    line: table.line_of_row(index + 1),
+                    column: "the speed of its positions".to_owned(),
+                    value,
+                });
+            }
+            self.is_outlier[index] |= is_bad;
+            self.speed_mm_s.push(if is_bad { 0.0 } else { value.abs() });
+            self.is_backward.push(value < 0.0);
+        }
     }
 }
 
@@ -150,7 +175,7 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
-/// `scale_m_s2`. If it is not given, they are in the unit of the header, or m/s². If accelerations are named, other
+/// `scale_m_s2`. In place of the speed, there may be [positions](positions::columns). If the scale is not given, they are in the unit of the header, or m/s². If accelerations are named, other
 /// columns are left out.
 ///
 /// A column of times, such as `time_s` or `time_ms`, is necessary unless `rate_hz` is given. Comments begin with `#`; a
@@ -183,19 +208,23 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
         is_simulated: is_simulated(path)?,
         remarks: remarks.chain(stated.doubt(scale_m_s2)).collect(),
     };
-    let mut times = Vec::new();
+    let (mut times, mut positions_mm) = (Vec::new(), vec![Vec::new(); columns.positions.len()]);
     let mut rows = table.rows_below_header()?;
     while let Some(row) = rows.next_row()? {
         if let Some((time, unit)) = columns.time {
             times.push(row.number(time)? / unit.per_second());
         }
-        recording.push(&row, &columns, &names, &scales_m_s2)?;
+        recording.push(&row, &columns, &names, &scales_m_s2, &mut positions_mm)?;
         if recording.is_outlier.len() > MAX_FRAMES {
             let problem = format!("more than {MAX_FRAMES} rows: cut the file");
             return Err(row.error(problem));
         }
     }
     recording.rate_hz = rate_of(&table, &times, rate_hz)?;
+    if columns.speed.is_none() {
+        let speeds_mm_s = positions::speed_mm_s(&positions_mm, recording.rate_hz);
+        recording.follow(&table, &speeds_mm_s);
+    }
     refuse_too_many_outliers(path, &recording)?;
     let remedy = format!("a column '{TIME}' holds seconds");
     if let Some(fault) = rate_fault(recording.rate_hz, &remedy) {
@@ -227,7 +256,9 @@ fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
 /// Indices of a file's columns.
 struct Columns {
     time: Option<(usize, TimeUnit)>,
-    speed: usize,
+    speed: Option<usize>,
+    /// In place of a speed.
+    positions: Vec<PositionColumn>,
     force: usize,
     axes: Vec<usize>,
     left_out: LeftOut,
@@ -235,11 +266,15 @@ struct Columns {
 
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
-        let expected = format!("a free hand's recording needs {SPEED} and {FORCE}");
-        let (speed, force) = (
-            header.needed(SPEED, &expected)?,
-            header.needed(FORCE, &expected)?,
+        let expected = format!(
+            "a free hand's recording needs {SPEED}, or positions such as x_mm, and {FORCE}"
         );
+        let positions = positions::columns(header);
+        let speed = match header.column(SPEED)? {
+            None if (1..=MAX_CHANNELS).contains(&positions.len()) => None,
+            _ => Some(header.needed(SPEED, &expected)?),
+        };
+        let force = header.needed(FORCE, &expected)?;
         // Checks that there is only one column of this name.
         header.exact_column(TIME)?;
         let names = header.names().enumerate();
@@ -247,8 +282,12 @@ impl Columns {
             (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
         let is_time = |index: &usize| times.iter().any(|time| time.index == *index);
         let samples = header.names().enumerate();
-        let samples =
-            samples.filter(|(index, _)| ![speed, force].contains(index) && !is_time(index));
+        let samples = samples
+            .filter(|(index, _)| Some(*index) != speed && *index != force && !is_time(index));
+        let is_position = |index: usize| {
+            speed.is_none() && positions.iter().any(|position| position.index == index)
+        };
+        let samples = samples.filter(|(index, _)| !is_position(*index));
         let samples: Vec<(usize, &str)> = samples.collect();
         let left_out = LeftOut::of(&samples);
         let axes = samples.iter().map(|(index, _)| *index);
@@ -264,6 +303,7 @@ impl Columns {
         Ok(Self {
             time,
             speed,
+            positions,
             force,
             axes,
             left_out,
@@ -306,6 +346,55 @@ mod tests {
         for (header, factor) in [("t [us]", 1000), ("timestamp_ns", 1_000_000)] {
             assert_eq!(read_as(header, factor), in_ms);
         }
+    }
+
+    #[test]
+    fn positions_take_the_place_of_a_speed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        // 90 mm/s along x and 120 mm/s along y.
+        let rows = (0..2000).map(|n| {
+            let s = f64::from(n) / 1000.0;
+            format!("{s},{},{},1,{},1\n", 90.0 * s, 0.12 * s, n % 7)
+        });
+        let rows: String = rows.collect();
+        std::fs::write(
+            &path,
+            format!("Time (s),Pos X (mm),y_m,Force (N),ax,gyro\n{rows}"),
+        )
+        .unwrap();
+        let of_positions = read(&path, None, None).unwrap();
+        assert!(
+            of_positions
+                .speed_mm_s
+                .iter()
+                .all(|speed| (speed - 150.0).abs() < 1e-6)
+        );
+        assert_eq!(
+            (of_positions.axes.len(), of_positions.outliers.len()),
+            (1, 0)
+        );
+        // A tracker that jumps by 100 mm for one sample.
+        let jump = format!(
+            "time_ms,position_mm,force_n,ax\n{}",
+            (0..2000)
+                .map(|n| {
+                    format!(
+                        "{n},{},1,{}\n",
+                        if n == 1000 { 200.0 } else { 0.1 * f64::from(n) },
+                        n % 7
+                    )
+                })
+                .collect::<String>()
+        );
+        std::fs::write(&path, jump).unwrap();
+        let jumped = read(&path, None, None).unwrap();
+        let bad = jumped.is_outlier.iter().filter(|bad| **bad).count();
+        assert!(
+            (1..40).contains(&bad) && jumped.outliers[0].line > 950,
+            "{bad}"
+        );
+        assert!((jumped.speed_mm_s[100] - 100.0).abs() < 1e-6);
     }
 
     #[test]

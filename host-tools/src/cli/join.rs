@@ -1,0 +1,45 @@
+//! `stylus join`
+
+use std::path::PathBuf;
+
+use host_tools::scene::joined;
+use host_tools::support::atomic_file;
+use host_tools::support::error::Result;
+use host_tools::support::number::counted;
+use host_tools::texture::library::{decode_library, read_library};
+
+use super::files::Overwrite;
+use crate::cli::output::print;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Libraries, such as those of several fits with --strokes; all textures and scenes are kept as they are
+    #[arg(required = true, num_args = 2.., value_name = "LIB")]
+    libraries: Vec<PathBuf>,
+    /// Library file to write
+    #[arg(long, value_name = "LIB")]
+    out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let (paths, out) = (&arguments.libraries, &arguments.out);
+    arguments.overwrite.file(out)?;
+    let bytes = paths.iter().map(|path| read_library(path));
+    let bytes: Vec<Vec<u8>> = bytes.collect::<Result<_>>()?;
+    let mut libraries = Vec::new();
+    for (path, bytes) in paths.iter().zip(&bytes) {
+        libraries.push((path.as_path(), decode_library(path, bytes)?));
+    }
+    let written = joined(&libraries)?;
+    // The stylus will decode these bytes, so they are decoded here before they are written.
+    let textures = decode_library(out, &written)?.len();
+    atomic_file::write(out, &written)?;
+    print(&format!(
+        "-> {}: {}, {}",
+        out.display(),
+        counted(textures, "texture"),
+        counted(written.len(), "byte")
+    ))
+}
