@@ -86,6 +86,31 @@ fn a_scene_goes_into_a_library_and_plays_from_there_as_from_its_text() {
 }
 
 #[test]
+fn joined_libraries_play_their_textures_and_scenes_as_each_did() {
+    let bench = bench();
+    bench.write("two.toml", TWO);
+    bench.write("stroke.csv", STROKE);
+    bench.succeed("scene compile two.toml --library cloths.lib --out scenes.lib");
+    let render = "render cloths.lib --texture felt --speed 90 --force 0.7 --seconds 1";
+    bench.succeed(&format!("{render} --out jute.wav"));
+    bench.succeed("fit jute.wav --out jute.lib");
+    let joined = bench.succeed("join jute.lib scenes.lib --out all.lib");
+    holds(&joined, &["all.lib: 3 textures, 1 scene, "]);
+    let joined = render.replace("cloths", "all");
+    bench.succeed(&format!("{joined} --out felt.wav"));
+    assert_eq!(bench.read("felt.wav"), bench.read("jute.wav"));
+    for library in ["scenes", "all"] {
+        let rendered = format!("{library}.lib --motion stroke.csv --out {library}.wav");
+        bench.succeed(&format!("scene render {rendered}"));
+    }
+    assert_eq!(bench.read("all.wav"), bench.read("scenes.wav"));
+    bench.refuse_each(
+        "join cloths.lib scenes.lib --out x.lib | scenes.lib | 'silk', like cloths.lib
+        page cloths.lib jute.lib --out x.html | stylus join",
+    );
+}
+
+#[test]
 fn a_scene_of_constant_motion_is_rendered_without_another_and_a_followed_one_asks_for_it() {
     let bench = bench();
     let steady = "name = \"steady\"\n[constant_motion]\nspeed_mm_s = 90\nforce_n = 0.7\n\

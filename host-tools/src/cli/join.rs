@@ -34,12 +34,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let written = joined(&libraries)?;
     // The stylus will decode these bytes, so they are decoded here before they are written.
-    let textures = decode_library(out, &written)?.len();
+    let library = decode_library(out, &written)?;
     atomic_file::write(out, &written)?;
     print(&format!(
-        "-> {}: {}, {}",
+        "-> {}: {}, {}, {}",
         out.display(),
-        counted(textures, "texture"),
+        counted(library.len(), "texture"),
+        counted(library.scene_count(), "scene"),
         counted(written.len(), "byte")
     ))
 }

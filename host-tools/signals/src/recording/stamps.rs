@@ -555,6 +555,12 @@ pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result
         return Err(Error::file(path, problem));
     }
     let steps = Steps::of(times);
+    if steps.usual_s <= 0.0 && times[times.len() - 1] > times[0] {
+        let problem = format!(
+            "most values of {column} repeat the one before, so they have too few digits: give --sample-rate in their place"
+        );
+        return Err(Error::file(path, problem));
+    }
     let bad = |pair: &[f64]| !steps.hold_even(pair[1] - pair[0]);
     if let Some(index) = times.windows(2).position(bad) {
         let (before, time) = (times[index], times[index + 1]);
@@ -730,6 +736,13 @@ mod tests {
             let message = rate(&times).unwrap_err();
             holds(&message, &[&format!("line {}:", at + 3), word]);
         }
+    }
+
+    #[test]
+    fn times_of_a_motion_with_too_few_digits_are_refused_as_such() {
+        let times: Vec<f64> = (0..1000).map(|n| f64::from(n / 10) / 1000.0).collect();
+        let fault = even_rate(&table(&times), "time_s", &times).unwrap_err();
+        holds(&fault, &["too few digits", "--sample-rate"]);
     }
 
     #[test]

@@ -112,7 +112,7 @@ pub fn scale(text: &str) -> Result<f64, String> {
         (Err(_), Some(Unit::Acceleration(m_s2))) => Ok(m_s2),
         _ => Err(
             "must be a number above zero, m/s² per sample of 1, or a unit such as g, mg, mm/s^2 or g/256 (256 counts \
-             per g)"
+             per g) or g/0.3 (300 mV/g, samples in V)"
                 .into(),
         ),
     }
@@ -187,8 +187,8 @@ impl Stated {
             }
             (None, None) => match self.unscaled? {
                 Unit::Voltage(_) => Some(format!(
-                    "the header says {units}, and the sensor's sensitivity is missing: at 100 mV/g a volt is 98.0665 \
-                     m/s²"
+                    "the header says {units}, and the sensor's sensitivity is missing: for 100 mV/g, give --scale g/0.1 \
+                     if samples are in V"
                 )),
                 // As a vibrometer writes it.
                 Unit::Other if plain(units).ends_with("m/s") => Some(format!(

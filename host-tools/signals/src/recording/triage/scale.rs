@@ -60,6 +60,9 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
             units_of(mean)
         };
         let unit = match &alike[..] {
+            [] if has_scale => {
+                "; an offset of the sensor, such as half its supply, does no harm".to_owned()
+            }
             [] => String::new(),
             units => format!(", as in {}", units.join(" or ")),
         };
