@@ -149,7 +149,7 @@ impl<'a> Unnamed<'a> {
     }
 
     fn name(self) -> Result<()> {
-        let named = self.temporary.persist(&self.target, || Ok(()));
+        let named = self.temporary.persist(&self.target, None);
         named.map_err(Error::io("replace", self.path))
     }
 }
