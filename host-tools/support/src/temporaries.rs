@@ -64,7 +64,7 @@ fn without_its_path(failure: io::Error) -> io::Error {
 ///
 /// # Errors
 /// The operating system's reason.
-pub fn try_in(folder: &Path) -> io::Result<()> {
+pub(crate) fn try_in(folder: &Path) -> io::Result<()> {
     let made = tempfile::tempfile_in(folder);
     made.map(drop).map_err(without_its_path)
 }

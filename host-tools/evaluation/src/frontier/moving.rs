@@ -126,7 +126,7 @@ impl Moving {
 
     /// Returns the number of updates per sample that stay in their cell, and of those that load the nodes of another
     /// cell.
-    pub fn updates_per_sample(&self) -> (f64, f64) {
+    pub(crate) fn updates_per_sample(&self) -> (f64, f64) {
         let samples = self.samples as f64;
         let same = self.updates - self.new_cells;
         (same as f64 / samples, self.new_cells as f64 / samples)
