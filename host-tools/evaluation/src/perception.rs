@@ -181,10 +181,13 @@ impl ScoringRange {
     }
 
     fn holds_a_third_octave(&self) -> bool {
-        (0..BAND_COUNT).any(|band| {
-            let (low, high) = band_edges_hz(band);
-            self.holds(low, high)
-        })
+        self.bands() > 0
+    }
+
+    /// The number of third octaves that lie in the range.
+    pub fn bands(&self) -> usize {
+        let edges = (0..BAND_COUNT).map(band_edges_hz);
+        edges.filter(|(low, high)| self.holds(*low, *high)).count()
     }
 }
 

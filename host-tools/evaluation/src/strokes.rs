@@ -144,7 +144,6 @@ impl Stroke {
         let seconds = self.signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);
         let rendered = render(texture, &self.motion, seconds, seed)?;
         let mut played = rendered.accelerations_m_s2();
-        played.resize(self.signal.len(), 0.0);
         if let Some(cut_hz) = self.cut_hz {
             high_pass(&mut played, f64::from(SAMPLE_RATE_HZ), cut_hz);
         }

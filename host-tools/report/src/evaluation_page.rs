@@ -79,7 +79,7 @@ struct Report<'a> {
     stems: Stems,
     /// Colour scale of C, %, in all maps of the page.
     cost_scale: Scale,
-    /// Size of the sounds, bytes. It includes the excerpts of all trials in advance, and the other sounds added so far.
+    /// Size of the sounds, bytes. It includes the excerpts of all nodes in advance, and the other sounds added so far.
     sound_bytes: usize,
     page: Page,
 }
@@ -141,6 +141,8 @@ impl<'a> Report<'a> {
         let evaluation = inputs.evaluation;
         let trials = evaluation.trials.iter();
         let costs = trials.filter_map(|trial| trial.scores.cost);
+        let textures = evaluation.textures.iter();
+        let nodes = textures.flat_map(|texture| node_excerpts(evaluation, &texture.texture));
         // Each sample has two bytes.
         let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
         Self {
@@ -148,7 +150,7 @@ impl<'a> Report<'a> {
             folder,
             stems: Stems::default(),
             cost_scale: Scale::of(costs.map(|cost| 100.0 * cost)),
-            sound_bytes: evaluation.excerpts.iter().map(of_node).sum(),
+            sound_bytes: nodes.map(|(_, clips)| of_node(clips)).sum(),
             page: Page::new("Recordings and what the stylus plays"),
         }
     }
@@ -367,26 +369,13 @@ impl<'a> Report<'a> {
         Ok(sounds)
     }
 
-    /// Adds the excerpts of all trials at nodes of `texture`, on one scale, for the maps to play.
+    /// Adds the excerpts of the nodes of `texture`, on one scale, for the maps to play.
     fn nodes(&mut self, texture: &str) {
-        let Evaluation {
-            trials, excerpts, ..
-        } = self.inputs.evaluation;
-        let own = || {
-            let own = trials.iter().zip(excerpts);
-            let own = own.filter(|(trial, _)| trial.texture == texture);
-            own.filter(|(_, excerpt)| !excerpt.recorded.is_empty())
-        };
-        let values = own().flat_map(|(_, e)| e.recorded.iter().chain(&e.synthesised));
+        let own = node_excerpts(self.inputs.evaluation, texture);
+        let values = own.iter();
+        let values = values.flat_map(|(_, e)| e.recorded.iter().chain(&e.synthesised));
         let full_scale = values.fold(0.0, |most: f64, value| most.max(f64::from(value.abs())));
-        let mut places: Vec<(f64, f64)> = Vec::new();
-        for (trial, excerpt) in own() {
-            let place = (trial.speed_mm_s, trial.force_n);
-            // Of several trials at a node, the map shows the C of the first.
-            if places.contains(&place) {
-                continue;
-            }
-            places.push(place);
+        for (place, excerpt) in own {
             let clips = [&excerpt.recorded, &excerpt.synthesised];
             let clips = clips.map(|signal| clip(signal, full_scale));
             let [recorded, synthesised] = &clips;
@@ -454,6 +443,25 @@ impl<'a> Report<'a> {
     fn caption<'t>(&self, title: &'t str) -> Caption<'t> {
         Caption::new(title, self.inputs.evaluation.simulated)
     }
+}
+
+/// Returns the excerpts that the map of `texture` plays, each with the speed and force of its node.
+fn node_excerpts<'a>(
+    Evaluation {
+        trials, excerpts, ..
+    }: &'a Evaluation,
+    texture: &str,
+) -> Vec<((f64, f64), &'a Excerpt)> {
+    let mut nodes: Vec<((f64, f64), &Excerpt)> = Vec::new();
+    for (trial, excerpt) in trials.iter().zip(excerpts) {
+        let place = (trial.speed_mm_s, trial.force_n);
+        let is_own = trial.texture == texture && !excerpt.recorded.is_empty();
+        // Of several trials at a node, the map shows the C of the first.
+        if is_own && nodes.iter().all(|(known, _)| *known != place) {
+            nodes.push((place, excerpt));
+        }
+    }
+    nodes
 }
 
 /// Squared distance of a speed and a force from [`EXAMPLE`], both relative to it.

@@ -8,7 +8,7 @@ use stylus_signals::{playing, recording};
 use {stylus_dsp as dsp, stylus_evaluation as evaluation, stylus_support as support};
 
 pub mod evaluation_page;
-pub mod family;
+mod family;
 pub mod frontier_page;
 pub mod html;
 pub mod listening_page;

@@ -79,7 +79,7 @@ pub fn target(path: &Path) -> Result<PathBuf> {
 }
 
 /// Returns what is at a path, as a noun with its article, if it is not a regular file.
-pub fn other_than_a_file(found: &fs::Metadata) -> Option<&'static str> {
+pub(crate) fn other_than_a_file(found: &fs::Metadata) -> Option<&'static str> {
     let kind = found.file_type();
     if kind.is_file() {
         return None;
@@ -149,7 +149,7 @@ impl<'a> Unnamed<'a> {
     }
 
     fn name(self) -> Result<()> {
-        let named = self.temporary.persist(&self.target, || Ok(()));
+        let named = self.temporary.persist(&self.target, None);
         named.map_err(Error::io("replace", self.path))
     }
 }

@@ -82,7 +82,7 @@ impl Error {
     }
     /// Returns the error with its path, if it has one, replaced by the result of `of`.
     #[must_use]
-    pub fn with_path(mut self, of: impl FnOnce(&Path) -> PathBuf) -> Self {
+    pub(crate) fn with_path(mut self, of: impl FnOnce(&Path) -> PathBuf) -> Self {
         if let Self::Io { path, .. }
         | Self::File { path, .. }
         | Self::Line { path, .. }

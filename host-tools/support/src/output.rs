@@ -254,7 +254,7 @@ impl OutputFolder {
         check_folder(&named, overwrite, &[])?;
         let failed = |failure: io::Error| Error::io("replace", &named)(failure);
         if !named.exists() {
-            return hidden.persist(&named, || Ok(())).map_err(failed);
+            return hidden.persist(&named, None).map_err(failed);
         }
         let place = fs::canonicalize(&named).map_err(failed)?;
         for litter in Content::of(&place)?.litter {
@@ -265,9 +265,7 @@ impl OutputFolder {
         // No folder can be renamed onto one with files. The earlier result moves aside, and goes with this temporary.
         let aside = Temporary::folder_in(folder_of(&place)).map_err(failed)?;
         let earlier = aside.path().join("earlier");
-        hidden
-            .persist(&place, || fs::rename(&place, &earlier))
-            .map_err(failed)
+        hidden.persist(&place, Some(&earlier)).map_err(failed)
     }
 }
 

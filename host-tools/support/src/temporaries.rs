@@ -64,7 +64,7 @@ fn without_its_path(failure: io::Error) -> io::Error {
 ///
 /// # Errors
 /// The operating system's reason.
-pub fn try_in(folder: &Path) -> io::Result<()> {
+pub(crate) fn try_in(folder: &Path) -> io::Result<()> {
     let made = tempfile::tempfile_in(folder);
     made.map(drop).map_err(without_its_path)
 }
@@ -122,14 +122,20 @@ impl Temporary {
         &self.path
     }
 
-    /// Renames the temporary to its final name, `path`. A file replaces an existing file. Anything else at `path` must
-    /// first be moved by `make_way`; no interrupt can happen between the two steps.
+    /// Renames the temporary to its final name, `path`. A file replaces an existing file. A folder at `path` is first
+    /// moved to `aside`; no interrupt can happen between the two steps.
     ///
     /// # Errors
-    /// The operating system's reason; the temporary is then removed.
-    pub fn persist(self, path: &Path, make_way: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+    /// The operating system's reason; the temporary is then removed, and the folder moved back.
+    pub fn persist(self, path: &Path, aside: Option<&Path>) -> io::Result<()> {
         let mut list = lock();
-        let named = make_way().and_then(|()| fs::rename(&self.path, path));
+        let moved = aside.map_or(Ok(()), |aside| fs::rename(path, aside));
+        let named = moved.and_then(|()| {
+            fs::rename(&self.path, path).inspect_err(|_| {
+                // If this fails, too, the first failure is still what the user can do something about.
+                let _ = aside.map(|aside| fs::rename(aside, path));
+            })
+        });
         if named.is_ok() {
             list.retain(|listed| *listed != self.path);
         }
@@ -163,13 +169,23 @@ mod tests {
         drop(dropped);
         assert_eq!(names(), 0);
         let (file, _) = Temporary::file_in(folder.path(), None).unwrap();
-        file.persist(&folder.path().join("file"), || Ok(()))
-            .unwrap();
+        file.persist(&folder.path().join("file"), None).unwrap();
         let kept = Temporary::folder_in(folder.path()).unwrap();
-        kept.persist(&folder.path().join("kept"), || Ok(()))
-            .unwrap();
+        kept.persist(&folder.path().join("kept"), None).unwrap();
         assert!(folder.path().join("kept").is_dir());
         assert_eq!(names(), 2);
+    }
+
+    #[test]
+    fn what_cannot_be_replaced_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, aside] = ["result", "aside"].map(|name| folder.path().join(name));
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("earlier"), "").unwrap();
+        let new = Temporary::folder_in(folder.path()).unwrap();
+        fs::remove_dir(new.path()).unwrap();
+        new.persist(&path, Some(&aside)).unwrap_err();
+        assert!(path.join("earlier").is_file() && !aside.exists());
     }
 
     #[test]

@@ -52,11 +52,11 @@ pub fn message(text: &str) -> String {
 
 /// Returns the JSON `text` with the control characters in its strings escaped, which does not change its meaning.
 ///
-/// Line feeds stay, because they occur only between values: every writer of JSON escapes line feeds in strings.
+/// Line feeds and tabs stay, because they occur only between values: every writer of JSON escapes them in strings.
 pub fn visible_json(text: &str) -> Cow<'_, str> {
     replaced(
         text,
-        |c| is_obeyed(c) && c != '\n',
+        |c| is_obeyed(c) && !matches!(c, '\n' | '\t'),
         |c, out| {
             // All of these characters are in the Basic Multilingual Plane, so one escape is enough.
             let _ = write!(out, "\\u{:04x}", u32::from(c));
@@ -165,8 +165,11 @@ mod tests {
             let json = serde_json::to_string_pretty(&[&text]).unwrap();
             let shown = visible_json(&json);
             prop_assert!(!shown.contains(|c: char| is_obeyed(c) && c != '\n'));
-            let read: Vec<String> = serde_json::from_str(&shown).unwrap();
-            prop_assert_eq!(&read[0], &text);
+            let tabbed = visible_json(&json.replace("\n  ", "\n\t")).into_owned();
+            for shown in [&*shown, &tabbed] {
+                let read: Vec<String> = serde_json::from_str(shown).unwrap();
+                prop_assert_eq!(&read[0], &text);
+            }
         }
 
         #[test]

@@ -1,9 +1,9 @@
 //! Accuracy against time: every structure, order and update interval, with its error and its cycles, and the Pareto
 //! front of both.
 //!
-//! **At rest** ([`still`]): the nodes of textures, played by the kernel and by direct forms, against recordings that
+//! **At rest** (`still`): the nodes of textures, played by the kernel and by direct forms, against recordings that
 //! the fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
-//! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]): a stored
+//! **Hard cases** (`hard`): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]): a stored
 //! table of instructions, which QEMU counted, and of cycles, which llvm-mca modelled. Those of the device's Cortex-M7
 //! count.
 //!
@@ -12,13 +12,13 @@
 //! independent. The time of a choice is the time of a sample plus the sample's part of the time of an update.
 
 pub mod costs;
-pub mod hard;
+mod hard;
 pub mod moving;
 mod players;
 mod prepared;
 mod results;
 mod run;
-pub mod still;
+mod still;
 mod structure;
 
 use crate::dsp::spectrum;
@@ -27,7 +27,6 @@ use crate::stress::cases::{Case, Length, suite};
 
 pub use prepared::{Material, Prepared};
 pub use results::{CHOICES_NOTE, Filter, Frontier, Point, clock_headings, interval_ms, share};
-pub use structure::Voice;
 pub use stylus_costs::Structure;
 
 /// Orders that are the same for all nodes.
@@ -37,7 +36,7 @@ pub const ORDERS: [usize; 6] = [10, 20, 50, 100, 200, 400];
 pub const INTERVALS: [usize; 6] = [1, 2, 5, 10, 25, 50];
 
 /// The device's clock, Hz.
-pub const DEVICE_CLOCK_HZ: f64 = 400e6;
+pub(crate) const DEVICE_CLOCK_HZ: f64 = 400e6;
 
 /// Clocks at which the time of a sample in a Cortex-M4's cycles is shown, Hz.
 pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];

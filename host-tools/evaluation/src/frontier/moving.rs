@@ -18,6 +18,7 @@ use stylus_kernel::grid::{GridPoint, ONE};
 use super::players::NotHeld;
 use super::structure::Voice;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
+use crate::stress::reference::FloatLattice;
 use crate::texture::quantise::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
@@ -125,7 +126,7 @@ impl Moving {
 
     /// Returns the number of updates per sample that stay in their cell, and of those that load the nodes of another
     /// cell.
-    pub fn updates_per_sample(&self) -> (f64, f64) {
+    pub(crate) fn updates_per_sample(&self) -> (f64, f64) {
         let samples = self.samples as f64;
         let same = self.updates - self.new_cells;
         (same as f64 / samples, self.new_cells as f64 / samples)
@@ -138,7 +139,7 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
     let stages = texture.max_order();
     let rub = Rub::over(texture);
     let mut noise = Excitation::new(seed);
-    let mut backward = vec![0.0; stages + 1];
+    let mut lattice = FloatLattice::new(stages);
     let mut thetas = vec![0.0; stages];
     let signal: Vec<f64> = (0..Rub::samples())
         .map(|sample| {
@@ -151,16 +152,10 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
                     *theta += f64::from(stored) * step;
                 }
             }
-            let mut f = f64::from(noise.next_sample()) / DEVIATION;
-            // From the last stage down, each value of the sample before is read before it is replaced.
-            for (stage, theta) in thetas.iter().enumerate().rev() {
-                let ((sin, cos), g) = (theta.sin_cos(), backward[stage]);
-                backward[stage + 1] = sin * f + cos * g;
-                f = cos * f - sin * g;
-            }
-            backward[0] = f;
+            lattice.turn_by(&thetas);
+            let driven = f64::from(noise.next_sample()) / DEVIATION;
             // A normalised lattice passes on the noise's power of one, so the level is a gain behind it.
-            f * rms_m_s2(texture, &point)
+            lattice.filter(driven) * rms_m_s2(texture, &point)
         })
         .collect();
     frames(&signal)
@@ -249,7 +244,6 @@ mod tests {
                 .band_error_db()
         };
         let errors = [1, 10, 50, 250].map(error);
-        println!("{errors:?}");
         // The level lags by one sample, because a ramp ends one sample late.
         assert!(errors[0] < 0.02, "{errors:?}");
         assert!(errors.is_sorted(), "{errors:?}");

@@ -113,16 +113,11 @@ impl Predictors {
             predictor
         });
         let nodes: Vec<Vec<f64>> = nodes.collect();
-        let needed = nodes.iter().map(|predictor| exponent_of(predictor));
+        let needed = nodes.iter().map(|predictor| exponent_of(predictor, bits));
         // Codes of different nodes are averaged, so they need one scale.
         let exponent = needed.max().unwrap_or(0);
         let codes = nodes.iter().map(|predictor| {
-            // A node's own exponent determines its rounding step. The codes have the common exponent.
-            let step = 2f64.powi(exponent_of(predictor) + 1 - bits as i32);
-            let rounded: Vec<f64> = predictor
-                .iter()
-                .map(|h| (h / step).round() * step)
-                .collect();
+            let rounded = rounded(predictor, bits);
             let polynomial: Vec<f64> = rounded.iter().map(|h| -h).collect();
             // Rounding to 16 bits makes some stable filters unstable, such as the hard case H4.
             step_down(&polynomial)?;
@@ -153,16 +148,39 @@ impl Predictors {
     }
 }
 
-/// Returns the least exponent at which the codes of `predictor` fit into their words, and their sum into the kernel's
-/// limit.
-fn exponent_of(predictor: &[f64]) -> i32 {
+/// Returns `predictor` rounded to `bits` bits. Its own exponent determines the step; the codes have the common exponent.
+fn rounded(predictor: &[f64], bits: u32) -> Vec<f64> {
+    let step = 2f64.powi(exponent_of(predictor, bits) + 1 - bits as i32);
+    let taps = predictor.iter();
+    taps.map(|h| (h / step).round() * step).collect()
+}
+
+/// Returns the least exponent at which the codes of `predictor` fit into their words of `bits` bits, and their sum into
+/// the kernel's limit.
+fn exponent_of(predictor: &[f64], bits: u32) -> i32 {
     let largest = predictor.iter().fold(0.0, |most: f64, h| most.max(h.abs()));
     let sum: f64 = predictor.iter().map(|h| h.abs()).sum();
     // Rounding may add half a step to each tap.
-    let room = 0.999 * CODE_SUM_LIMIT as f64 / 2f64.powi(COEFFICIENT_FRACTION_BITS as i32);
+    let added = predictor.len() as f64 / 2f64.powi(bits as i32);
+    let room = CODE_SUM_LIMIT as f64 / 2f64.powi(COEFFICIENT_FRACTION_BITS as i32) - added;
     let holds = |exponent: i32| {
         let scale = 2f64.powi(exponent);
         largest < 0.9999 * scale && sum < room * scale
     };
     (0..64).find(|&exponent| holds(exponent)).unwrap_or(64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_keeps_the_sum_of_as_many_taps_as_there_may_be_within_the_kernels_limit() {
+        // Each of them is rounded up by half a step of 16 bits.
+        let predictor = [163.5 / 32_768.0; MAX_ORDER];
+        let exponent = exponent_of(&predictor, 16);
+        let one = 2f64.powi(COEFFICIENT_FRACTION_BITS as i32 - exponent);
+        let sum: f64 = rounded(&predictor, 16).iter().map(|h| h * one).sum();
+        assert!(sum < CODE_SUM_LIMIT as f64, "{sum} at {exponent}");
+    }
 }

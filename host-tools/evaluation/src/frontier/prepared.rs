@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::Options;
 use crate::dsp::spectrum;
+use crate::dsp::sums::mean_square;
 use crate::fit::blocks::Part;
 use crate::fit::lines::Lines;
 use crate::fit::{FittedTexture, Order};
@@ -126,14 +127,8 @@ impl Prepared {
                         let cost =
                             spectrum::spectral_cost(&signal, &other, rate_hz, options.smoothing_hz);
                         let bands = spectrum::band_errors_db(&signal, &other, rate_hz);
-                        let squares = bands
-                            .iter()
-                            .flatten()
-                            .map(|error| error * error)
-                            .sum::<f64>();
-                        cost.map(|cost| {
-                            (cost, squares / bands.iter().flatten().count().max(1) as f64)
-                        })
+                        let bands: Vec<f64> = bands.into_iter().flatten().collect();
+                        cost.map(|cost| (cost, mean_square(&bands)))
                     }
                     None => None,
                 };

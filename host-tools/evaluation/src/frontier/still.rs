@@ -8,9 +8,10 @@ use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use super::structure::Voice;
 use crate::dsp::spectrum::{self, AMPLITUDE_JND_DB};
-use crate::dsp::sums::rms;
+use crate::dsp::sums::mean_square;
 use crate::evaluate::WARM_UP_S;
 use crate::stress::reference::{Deviation, FloatLattice};
+use crate::summary;
 use crate::support::error::{Error, Result};
 use crate::texture::library::decoded;
 use crate::texture::quantise::reflection;
@@ -112,14 +113,12 @@ pub fn play(
     let played = &synthesis[warm_up..];
     let errors = spectrum::band_errors_db(recording, played, rate_hz);
     let errors: Vec<f64> = errors.into_iter().flatten().collect();
-    let squares: f64 = errors.iter().map(|error| error * error).sum();
     let within = errors
         .iter()
         .filter(|error| error.abs() <= AMPLITUDE_JND_DB);
     Ok(Some(Node {
-        cost: spectrum::spectral_cost(recording, played, rate_hz, playing.smoothing_hz)
-            .filter(|_| rms(recording) > 0.0),
-        band_square_db: squares / errors.len().max(1) as f64,
+        cost: spectrum::spectral_cost(recording, played, rate_hz, playing.smoothing_hz),
+        band_square_db: mean_square(&errors),
         within: within.count(),
         bands: errors.len(),
         snr_db: deviation.snr_db(),
@@ -130,11 +129,7 @@ pub fn play(
 /// Summarises nodes. `None` stands for a node that the structure cannot hold.
 pub fn summarise(nodes: &[Option<Node>]) -> Still {
     let played: Vec<&Node> = nodes.iter().flatten().collect();
-    let mean = |values: &mut dyn Iterator<Item = f64>| {
-        let (sum, count) =
-            values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-        sum / count
-    };
+    let mean = |values: &mut dyn Iterator<Item = f64>| summary::mean(values).unwrap_or(f64::NAN);
     let bands: usize = played.iter().map(|node| node.bands).sum();
     let within: usize = played.iter().map(|node| node.within).sum();
     let snrs = || played.iter().map(|node| node.snr_db);

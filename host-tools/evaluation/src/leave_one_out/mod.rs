@@ -23,7 +23,7 @@ use crate::fit::Order;
 use crate::fit::conditioning::Conditioning;
 use crate::fit::densify::Direction;
 
-pub use play::{Judged, Voice, synthesis};
+pub use play::Judged;
 pub use prepared::Prepared;
 pub use results::{
     Given, LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise,

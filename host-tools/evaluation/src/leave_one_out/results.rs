@@ -15,6 +15,7 @@ use crate::fit::conditioning::Conditioning;
 use crate::fit::densify::Direction;
 use crate::fit::whole_signal;
 use crate::recording::Trial;
+use crate::summary;
 use crate::support::error::Result;
 use crate::table::Table;
 
@@ -129,6 +130,9 @@ pub struct Removed {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
+    /// Number of third-octave bands at which the recording can be judged.
+    #[serde(skip)]
+    pub bands: usize,
     /// The outcome of each row of [`LeaveOneOut::rows`].
     pub outcomes: Vec<Outcome>,
 }
@@ -274,7 +278,7 @@ impl LeaveOneOut {
         let by_texture: Vec<Option<PaperColumn>> =
             self.textures().into_iter().map(column).collect();
         let shown: Vec<PaperColumn> = by_texture.iter().flatten().copied().collect();
-        let mean_of = |of: fn(&PaperColumn) -> f64| mean(&shown.iter().map(of).collect::<Vec<_>>());
+        let mean_of = |of: fn(&PaperColumn) -> f64| mean(shown.iter().map(of));
         let all = PaperColumn {
             texture: "all",
             mean_cost: mean_of(|c| c.mean_cost),
@@ -335,8 +339,8 @@ pub struct Summary {
     pub excitation_error: f64,
     /// Mean magnitude of the bands' errors, dB, over the playable predictions.
     pub mean_band_error_db: f64,
-    /// Fraction of all bands within the amplitude JND of 2.2 dB. Bands of predictions that could not be played count as
-    /// outside, and so do bands at which a recording cannot be judged.
+    /// Fraction of the bands at which recordings can be judged that are within the amplitude JND of 2.2 dB. Bands of
+    /// predictions that could not be played count as outside.
     pub bands_within_jnd: f64,
     /// Mean log-spectral distance from 30 to 1000 Hz, dB, over the playable predictions.
     pub mean_log_spectral_distance_db: f64,
@@ -349,48 +353,41 @@ pub struct Summary {
 /// Summarises `row` over the nodes of `texture`, or over all nodes. Returns `None` if the test does not have this row.
 pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option<Summary> {
     let column = test.rows.iter().position(|r| r == row)?;
-    let outcomes: Vec<&Outcome> = test
-        .removed
-        .iter()
+    let nodes = test.removed.iter();
+    let nodes: Vec<&Removed> = nodes
         .filter(|node| texture.is_none_or(|name| node.texture == name))
-        .map(|node| &node.outcomes[column])
         .collect();
+    let outcomes: Vec<&Outcome> = nodes.iter().map(|node| &node.outcomes[column]).collect();
     let played = || outcomes.iter().filter(|outcome| outcome.is_playable);
-    let costs: Vec<f64> = outcomes.iter().map(|outcome| outcome.judged.cost).collect();
-    let mean_cost = mean(&costs);
-    let squares: Vec<f64> = costs.iter().map(|c| (c - mean_cost).powi(2)).collect();
+    let costs = || outcomes.iter().map(|outcome| outcome.judged.cost);
+    let mean_cost = mean(costs());
     let errors: Vec<f64> = played()
         .flat_map(|outcome| outcome.judged.band_errors_db)
         .flatten()
         .map(f64::abs)
         .collect();
     let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
-    // All bands of all predictions: otherwise a method whose predictions cannot be played would gain by that.
-    let bands: usize = outcomes
-        .iter()
-        .map(|outcome| outcome.judged.band_errors_db.len())
-        .sum();
-    let mean_of = |of: fn(&Outcome) -> Option<f64>| {
-        let values: Vec<f64> = played().filter_map(|outcome| of(outcome)).collect();
-        mean(&values)
-    };
+    // Those of all predictions: otherwise a method whose predictions cannot be played would gain by that.
+    let bands: usize = nodes.iter().map(|node| node.bands).sum();
+    let mean_of =
+        |of: fn(&Outcome) -> Option<f64>| mean(played().filter_map(|outcome| of(outcome)));
     Some(Summary {
         log_power_mae: mean_of(|outcome| outcome.judged.log_power_mae),
         fit_coefficient: mean_of(|outcome| outcome.judged.fit_coefficient),
         nodes: outcomes.len(),
         unplayable: outcomes.len() - played().count(),
         mean_cost,
-        cost_deviation: mean(&squares).sqrt(),
+        cost_deviation: mean(costs().map(|c| (c - mean_cost).powi(2))).sqrt(),
         excitation_error: mean_of(|outcome| outcome.excitation_error.map(f64::abs)),
-        mean_band_error_db: mean(&errors),
+        mean_band_error_db: mean(errors.iter().copied()),
         bands_within_jnd: within as f64 / bands.max(1) as f64,
         mean_log_spectral_distance_db: mean_of(|o| o.judged.log_spectral_distance_db),
     })
 }
 
 /// Returns the mean, or zero without values.
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    summary::mean(values).unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -403,6 +400,7 @@ mod tests {
             texture: (*texture).to_owned(),
             speed_mm_s: 100.0,
             force_n: 1.0,
+            bands: 18,
             outcomes: Vec::new(),
         };
         LeaveOneOut {
@@ -414,6 +412,30 @@ mod tests {
             areas: Vec::new(),
             removed: textures.iter().map(removed).collect(),
         }
+    }
+
+    #[test]
+    fn bands_that_cannot_be_judged_do_not_count_and_those_of_what_cannot_be_played_do() {
+        let outcome = |is_playable, within: usize| {
+            let mut judged = Judged::silence();
+            judged.band_errors_db[2..2 + within].fill(Some(0.0));
+            Outcome {
+                judged,
+                is_playable,
+                order: 0,
+                excitation_error: None,
+            }
+        };
+        let mut test = test_of(&["felt", "felt"], true);
+        test.rows = vec![Row::Own, Row::Nearest];
+        for node in &mut test.removed {
+            node.bands = 8;
+            node.outcomes = vec![outcome(true, 8), outcome(true, 8)];
+        }
+        test.removed[1].outcomes[1] = outcome(false, 0);
+        let within = [&Row::Own, &Row::Nearest]
+            .map(|row| summarise(&test, row, None).unwrap().bands_within_jnd);
+        assert_eq!(within, [1.0, 0.5]);
     }
 
     #[test]

@@ -68,6 +68,7 @@ impl Prepared<'_> {
             texture: trial.texture.clone(),
             speed_mm_s: trial.speed_mm_s,
             force_n: trial.force_n,
+            bands: self.ranges[target.trial].map_or(0, |range| range.bands()),
         })
     }
 }

@@ -8,7 +8,7 @@ use stylus_kernel::Motion;
 use super::models::{FORCES_N, NamedModel, SPEEDS_MM_S, falling, fixtures, resonance, resonances};
 
 /// The highest power, at which the output has an RMS of an eighth of full scale.
-pub const LOUDEST: f64 = MAX_OUTPUT_POWER as f64;
+pub(crate) const LOUDEST: f64 = MAX_OUTPUT_POWER as f64;
 
 /// A case.
 #[derive(Clone, Debug)]
@@ -109,7 +109,7 @@ impl Case {
 
     /// Returns the number of samples to wait for silence. It is large for lines that ring for long. A filter that does
     /// not settle in motion would not become silent in a longer wait.
-    pub fn rest_limit(&self, settles: bool) -> usize {
+    pub(crate) fn rest_limit(&self, settles: bool) -> usize {
         // A line at radius r falls by e in 1/(1 - r) samples, and from full scale to one step in 21.5 times as many:
         // 2.1e6 at radius 0.99999, 21 500 at 0.999.
         let narrow = self.pole_radius() > 0.999;

@@ -15,12 +15,10 @@
 pub mod cases;
 pub mod models;
 mod outcome;
-pub mod player;
-pub mod reference;
+pub(crate) mod player;
+pub(crate) mod reference;
 mod run;
 
-pub use outcome::{
-    LEVEL_DB, MEAN_STANDARD_ERRORS, Outcome, Rest, SNR_DB, SPECTRUM_DB, snr_limit_db,
-    spectrum_limit_db,
-};
-pub use run::{play, play_with, run};
+pub use outcome::{Outcome, Rest, SNR_DB, SPECTRUM_DB};
+pub(crate) use run::play_with;
+pub use run::run;

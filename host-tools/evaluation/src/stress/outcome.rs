@@ -104,11 +104,11 @@ impl Outcome {
 
 /// Largest difference of a lattice's level from the node's power, dB.
 pub const LEVEL_DB: f64 = 0.2;
-/// Least signal-to-noise ratio of a lattice's arithmetic, dB; see [`snr_limit_db`].
+/// Least signal-to-noise ratio of a lattice's arithmetic, dB; see `snr_limit_db`.
 pub const SNR_DB: f64 = 108.0;
 /// Largest mean of a lattice's output, in standard errors.
 pub const MEAN_STANDARD_ERRORS: f64 = 4.0;
-/// Largest difference between fitted and stored spectrum of a lattice, dB; see [`spectrum_limit_db`].
+/// Largest difference between fitted and stored spectrum of a lattice, dB; see `spectrum_limit_db`.
 pub const SPECTRUM_DB: f64 = 0.05;
 
 /// Largest pole radius up to which [`SNR_DB`] is promised.

@@ -34,6 +34,14 @@ impl FloatLattice {
         }
     }
 
+    /// Sets the rotations of the stages to these angles, rad.
+    pub fn turn_by(&mut self, thetas: &[f64]) {
+        for (to, theta) in self.rotations.iter_mut().zip(thetas) {
+            let (sin, cos) = theta.sin_cos();
+            *to = (cos, sin);
+        }
+    }
+
     /// Filters one sample of `excitation`, and returns the output.
     pub fn filter(&mut self, excitation: f64) -> f64 {
         let mut f = excitation;

@@ -254,7 +254,7 @@ impl FitRecord {
     /// ignored.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// A file that cannot be written. If the record cannot get its name, the new library stays.
     pub fn write_with(&self, library: &Path, bytes: &[u8]) -> Result<()> {
         let text = self.to_text()?;
         let record = Self::path_for(library);

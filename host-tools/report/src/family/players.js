@@ -43,7 +43,6 @@
   const silence = () => {
     for (const audio of document.querySelectorAll("audio")) audio.pause();
     if (source !== null) {
-      source.onended = null;
       source.stop();
       source = null;
     }
@@ -66,7 +65,7 @@
     source.connect(context.destination);
     source.start();
   };
-  // The node's clips as the page keeps them, or why there are none.
+  // The node's clips as the page keeps them, or null.
   const clips = (texture, speed, force) => {
     const own = nodes.textures[texture];
     if (own === undefined) return null;

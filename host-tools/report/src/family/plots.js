@@ -1,5 +1,5 @@
 "use strict";
-// Values of pictures by pointer, touch and keyboard. A picture carries its data: see report/plot/figure.rs.
+// Values of pictures by pointer, touch and keyboard. A picture carries its data: see plot/figure.rs.
 globalThis.stylusPlots = (() => {
   const SPACE = "http://www.w3.org/2000/svg";
   // Variables of the pictures' colours.
@@ -184,9 +184,9 @@ globalThis.stylusPlots = (() => {
     const index = x * own.y.names.length + y;
     return x >= 0 && y >= 0 && x < own.x.names.length && y < own.y.names.length ? { series, index, x, y } : null;
   };
-  const nearestOf = (own, points, px, py) => {
+  const nearestPoint = (own, px, py) => {
     let best = null;
-    for (const series of points) {
+    for (const series of own.series.filter((one) => one.kind === "points")) {
       series.x.forEach((_, index) => {
         const [x, y] = placeOf(own, series, index);
         const far = Math.hypot(x - px, y - py);
@@ -194,13 +194,6 @@ globalThis.stylusPlots = (() => {
       });
     }
     return best;
-  };
-  // Where nodes can be played, the first series has them, and one of them near by goes before other points.
-  const nearestPoint = (own, px, py, scale) => {
-    const points = own.series.filter((one) => one.kind === "points");
-    const node = own.play === undefined ? null : nearestOf(own, points.slice(0, 1), px, py);
-    if (node !== null && node.far * scale <= REACH / 2) return { ...node, isNode: true };
-    return nearestOf(own, points, px, py);
   };
   const pointLines = (own, best) => {
     const { series: first, index: at } = best;
@@ -219,7 +212,7 @@ globalThis.stylusPlots = (() => {
     return lines;
   };
 
-  // What is at a place of the picture: lines, marks to draw, and a node that can be played.
+  // What is at a place of the picture: lines, marks to draw, and a node or a time that can be played.
   const reading = (own, px, py) => {
     const kinds = new Set(own.series.map((series) => series.kind));
     if (kinds.has("cells")) {
@@ -234,7 +227,7 @@ globalThis.stylusPlots = (() => {
       const [right, top] = along(own, spot(own.x, x + 0.5), spot(own.y, y + 0.5));
       return {
         lines, marks: [["rect", { x: left, y: top, width: right - left, height: bottom - top }]],
-        node: [positions(own.x)[x], positions(own.y)[y]], index,
+        node: [positions(own.x)[x], positions(own.y)[y]],
       };
     }
     if (kinds.has("levels")) {
@@ -250,12 +243,10 @@ globalThis.stylusPlots = (() => {
     }
     if (kinds.has("points")) {
       const scale = own.svg.getScreenCTM()?.a ?? 0.5;
-      const best = nearestPoint(own, px, py, scale);
+      const best = nearestPoint(own, px, py);
       const reach = kinds.has("line") ? REACH_BESIDE_CURVES : REACH;
       if (best !== null && best.far * scale <= reach) {
-        const { series, index, x, y } = best;
-        return { lines: pointLines(own, best), marks: [["circle", { cx: x, cy: y, r: 12 }]],
-          node: best.isNode ? [series.x[index], series.y[index]] : undefined };
+        return { lines: pointLines(own, best), marks: [["circle", { cx: best.x, cy: best.y, r: 12 }]] };
       }
     }
     // Curves: each at the pointer's x, or the nearest that it has.
@@ -275,7 +266,7 @@ globalThis.stylusPlots = (() => {
     const [x] = along(own, spot(own.x, at), 0);
     marks.push(["line", { x1: x, x2: x, y1: own.frame.top, y2: own.frame.bottom }]);
     if (curves.length > 1) lines.unshift(own.y.quantity);
-    return { lines: [title(own, onAxis(own.x, at)), ...lines], marks, at };
+    return { lines: [title(own, onAxis(own.x, at)), ...lines], marks };
   };
   const cross = ({ frame }, px, py) => [
     ["line", { x1: px, x2: px, y1: frame.top, y2: frame.bottom }],
@@ -433,5 +424,5 @@ globalThis.stylusPlots = (() => {
   };
   addEventListener("scroll", moved, { passive: true, capture: true });
   attach();
-  return Object.assign(plots, { attach, axes, place, value, say, hush, number });
+  return Object.assign(plots, { attach, axes, place });
 })();

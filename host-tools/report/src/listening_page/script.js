@@ -129,7 +129,7 @@
     for (const index of NAMES.keys()) at("play-" + index).setAttribute("aria-pressed", "false");
   };
   let asked = 0;
-  // True if the sound was begun, and false if another one was asked for in the meantime.
+  // True if the sound was begun, and false if another one was asked for in the meantime, or this one cannot be played.
   const sounded = async (index) => {
     const own = ++asked;
     silence();

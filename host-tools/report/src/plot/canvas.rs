@@ -174,7 +174,7 @@ impl Swatch {
     }
 }
 
-/// Marks at the edge of a cell, which leave its middle free, and a cross.
+/// Marks at the edge of a cell, which leave its middle free.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A filled triangle in the upper left corner.
@@ -183,8 +183,6 @@ pub enum Mark {
     HollowCorner,
     /// A dot in the upper right corner.
     Dot,
-    /// A cross.
-    Cross,
 }
 
 impl Mark {
@@ -197,7 +195,6 @@ impl Mark {
     ) -> Drawn {
         // In the small cells of a large grid the middle must stay free too.
         let size = at(8).min((right - left) / 2).min((bottom - top) / 2);
-        let middle = (i32::midpoint(left, right), i32::midpoint(top, bottom));
         let corner = [
             (left, top),
             (left + size, top),
@@ -214,7 +211,6 @@ impl Mark {
                 let place = (right - size * 2 / 3, top + size * 2 / 3);
                 area.draw(&Circle::new(place, size * 2 / 5, VERMILION.filled()))?;
             }
-            Self::Cross => area.draw(&Cross::new(middle, at(4), line(INK, 3)))?,
         }
         Ok(())
     }
@@ -247,9 +243,7 @@ pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>
             }
             Swatch::Mark(mark) => {
                 let (from, to) = ((x + at(4), y - at(8)), (x + swatch_width, y + at(8)));
-                if matches!(mark, Mark::Corner | Mark::HollowCorner | Mark::Dot) {
-                    area.draw(&Rectangle::new([from, to], PALE.filled()))?;
-                }
+                area.draw(&Rectangle::new([from, to], PALE.filled()))?;
                 mark.draw(area, from, to)?;
             }
         }

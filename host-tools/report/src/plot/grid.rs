@@ -128,12 +128,10 @@ fn panel(map: &GridMap<'_>, frame: Frame) -> Panel {
     let y = AxisData::of_cells(FORCE, names(map.forces_n));
     let note = |cell: &GridCell| {
         // A silent node has a word in its cell and no mark, so it is not among `MARKS`.
-        let silent = (NodeFlags::SILENT, Mark::Cross, "silent");
-        let known = MARKS.into_iter().chain([silent]);
-        let set = known.filter(|(flag, ..)| cell.flags.contains(*flag));
-        set.map(|(_, _, name)| name)
-            .collect::<Vec<&str>>()
-            .join("; ")
+        let marked = MARKS.map(|(flag, _, name)| (flag, name)).into_iter();
+        let known = marked.chain([(NodeFlags::SILENT, "silent")]);
+        let set = known.filter(|(flag, _)| cell.flags.contains(*flag));
+        set.map(|(_, name)| name).collect::<Vec<&str>>().join("; ")
     };
     let values = map.cells.iter().map(|cell| cell.value.unwrap_or(f64::NAN));
     let mut panel = Panel::new("", frame, x, y);

@@ -7,7 +7,7 @@
 mod canvas;
 pub(super) mod colours;
 mod curves;
-pub mod figure;
+mod figure;
 mod grid;
 #[cfg(test)]
 pub(super) mod properties;
@@ -20,14 +20,15 @@ use std::path::Path;
 use crate::support::atomic_file;
 use crate::support::error::Result;
 
-pub use curves::{
-    FrontPoint, FrontSeries, NARROW, front_chart, spectra, spectrum_axes, waveform_axes,
+pub(crate) use curves::{
+    FrontPoint, FrontSeries, front_chart, spectra, spectrum_axes, waveform_axes,
 };
-pub use figure::{COST, Panel, Quantity};
-pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};
+pub use figure::Panel;
+pub(crate) use figure::{COST, Quantity};
+pub(crate) use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};
 pub use responses::{Curve, responses};
-pub use spectrogram::spectrograms;
-pub use waveforms::waveforms;
+pub(crate) use spectrogram::spectrograms;
+pub(crate) use waveforms::waveforms;
 
 /// The heading of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -40,7 +40,7 @@ pub fn responses(
     let y = Axis::new(Quantity::new("gain", "dB"), low..high, 9);
     let entries: Vec<(Swatch, &str)> = curves
         .iter()
-        .zip(SERIES)
+        .zip(SERIES.into_iter().cycle())
         .map(|(curve, colour)| (Swatch::line(colour), curve.name))
         .collect();
     chart(caption, (720, 400), &entries, (&x, &y), |plot| {
@@ -51,10 +51,36 @@ pub fn responses(
             };
             plot.path(band_hz.map(|hz| (octave(hz), level)).to_vec(), stroke)?;
         }
-        for (curve, colour) in curves.iter().zip(SERIES) {
+        for (curve, colour) in curves.iter().zip(SERIES.into_iter().cycle()) {
             let points = curve.points.iter().map(|&(hz, level)| (octave(hz), level));
             plot.curve(curve.name, points, Stroke::solid(colour, 3))?;
         }
         Ok(())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_curve_is_drawn_however_many_there_are() {
+        let points = [(20.0, 1.0), (400.0, -1.0)];
+        let names: Vec<String> = (0..2 * SERIES.len())
+            .map(|n| format!("curve {n}"))
+            .collect();
+        let curves: Vec<Curve<'_>> = names
+            .iter()
+            .map(|name| Curve {
+                name,
+                points: &points,
+            })
+            .collect();
+        let caption = Caption::new("Responses", false);
+        let picture = responses(&caption, &curves, [20.0, 400.0], 2.0).unwrap();
+        let series = &picture.panels()[0].series;
+        for name in &names {
+            assert!(series.iter().any(|one| one.name == *name), "{name}");
+        }
+    }
 }

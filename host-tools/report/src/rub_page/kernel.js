@@ -4,8 +4,8 @@
 // Time between two updates of the hand.
 const BLOCK_S = 0.002;
 
-// Numbers of a voice's state and where they stand; see the module's README.
-const STATE = { position: 0, contact: 1, saturations: 2, voices: 3, first: 4, perVoice: 14 };
+// Places in the state: the number of voices, and the first number of the first voice; see the module's README.
+const STATE = { voices: 3, first: 4, perVoice: 14 };
 
 // What is left out of a texture, as a sum.
 const WITHOUT = { codebooks: 1, track: 2, lines: 4 };
@@ -20,11 +20,11 @@ class Kernel {
     this.check(this.exports.load());
     const { exports } = this;
     const buffer = exports.memory.buffer;
-    this.most = exports.most_blocks();
-    this.motion = new Float64Array(buffer, exports.motion(), 5 * this.most);
+    const most = exports.most_blocks();
+    this.motion = new Float64Array(buffer, exports.motion(), 5 * most);
     // The longest block is that of 10 kHz.
-    this.samples = new Float32Array(buffer, exports.samples(), 20 * this.most);
-    this.words = new Int32Array(buffer, exports.words(), 20 * this.most);
+    this.samples = new Float32Array(buffer, exports.samples(), 20 * most);
+    this.words = new Int32Array(buffer, exports.words(), 20 * most);
     this.state = new Float64Array(buffer, exports.state(), 32);
   }
 
@@ -80,7 +80,6 @@ class Kernel {
       voices.push({
         surface: state[at],
         texture: state[at + 1],
-        weight: state[at + 2],
         fade: state[at + 3],
         nodes: Array.from(state.slice(at + 4, at + 8)),
         weights: Array.from(state.slice(at + 8, at + 12)),

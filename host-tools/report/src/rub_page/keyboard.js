@@ -1,4 +1,5 @@
-// Keys. Letters and digits count everywhere; arrows and the space bar only where no control wants them.
+// Keys. Letters and digits count everywhere but in the search, arrows and the space bar only where no control wants
+// them.
 
 const KEY_ACTIONS = {
   ArrowLeft: { down: (page) => page.holdKey(-1), up: (page) => page.releaseKey(-1), isMoving: true },

@@ -3,7 +3,7 @@
 // Interval at which the hand is told to the worklet while it touches, ms.
 const TELL_MS = 4;
 
-// Surfaces from which on there is a list to search.
+// Largest number of surfaces without a list to search.
 const MOST_CHIPS = 12;
 
 // Pictures per second, and with reduced motion.
@@ -73,7 +73,7 @@ class RubPage {
     return this.surfaces[this.surfaceIndex];
   }
 
-  // The texture that is played, or the one under the tool of a scene; null on a smooth surface.
+  // The texture that is played, or the one under the tool of a scene; the first one on a smooth surface.
   get texture() {
     return this.textures[this.surface.texture ?? this.under ?? 0];
   }
@@ -616,7 +616,7 @@ class RubPage {
     }
   }
 
-  // The voice of the tool's texture. A recording has none, so the kernel's state stands for the place alone.
+  // The voice of the tool's texture. A recording has none, so its place on the grid stands for it.
   voice() {
     const { played, texture } = this;
     if (!played.contact) return null;
@@ -822,7 +822,8 @@ function placeOnGrid({ speeds_mm_s: speeds, forces_n: forces }, speed, force) {
   return { texture: -1, nodes, weights, speed, force, fade: 1 };
 }
 
-// What a texture plays along 100 mm at its middle speed and force, as shares of its peak: the patch's picture.
+// What a texture plays along 100 mm, or for 3 s, at its middle speed and force, over twice its RMS: the patch's
+// picture.
 async function reliefOf(kernel, texture) {
   const { speeds_mm_s: speeds, forces_n: forces } = texture.data;
   const middle = (values) => (values[0] + values.at(-1)) / 2;
@@ -840,7 +841,7 @@ async function reliefOf(kernel, texture) {
   return Float32Array.from(relief, (value) => value / (2 * Math.max(rms, 1e-9)));
 }
 
-// Begins the sound: the context, and the worklet with its own kernels.
+// Begins the sound in `context`: the worklet, with its own kernels.
 async function soundOf(context, kernel, library) {
   const bytes = new TextEncoder().encode(byId("worklet").textContent);
   // A blob of a page that was opened as a file is refused while the browser is offline; data is not.

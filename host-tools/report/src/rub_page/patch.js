@@ -1,6 +1,6 @@
 // The patch: its surface, the tool on it, and where that was.
 
-// Colours of surfaces along a scene's path, as in the program's picture of scenes.
+// Colours of surfaces along a scene's path.
 const SURFACE_COLOURS = ["--blue", "--orange", "--green", "--purple", "--sky", "--vermilion"];
 
 // Places that the trail keeps.
@@ -31,8 +31,8 @@ class Patch {
     this.draw();
   }
 
-  // Shows `relief`, grey levels from -1 to 1 along the path, or none yet, over bands of colours. What is fixed to the
-  // surface, as threads and scratches are, runs across it; noise does not.
+  // Shows `relief`, accelerations along the path over twice their RMS, or none yet, over bands of colours. What is
+  // fixed to the surface, as threads and scratches are, runs across it; noise does not.
   show(relief, bands, runsAcross) {
     this.relief = relief;
     this.bands = bands;

@@ -91,7 +91,7 @@ class Waveform {
   }
 }
 
-// What sounds, over the recording and the model of the nearest node.
+// What sounds, over the recordings and the models of the nodes around the place of the moment, as means.
 class SpectrumPicture {
   constructor(holder, frequencies) {
     this.axes = pictureOf(holder, "spectrum");
@@ -145,7 +145,7 @@ function cellColour(share) {
   return stops[below].map((from, n) => Math.round(from + (stops[below + 1][n] - from) * (place - below)));
 }
 
-// Marks of nodes that are not of a good recording: a path in a cell of 16 pixels, and words.
+// Marks of nodes that are not of a good recording: a path from the upper left corner of the cell, in pixels, and words.
 const NODE_MARKS = [
   { flag: FLAGS.interpolated, path: "M0 0H16L0 16Z", hollow: false, words: "a corner is interpolated" },
   { flag: FLAGS.extrapolated, path: "M1 1H15L1 15Z", hollow: true, words: "a hollow corner is extrapolated" },

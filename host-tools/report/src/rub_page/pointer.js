@@ -1,10 +1,11 @@
 // The pointer over the patch: mouse, pen or finger.
 
-// Each event's moment on the page's clock. Raw updates come without waiting for the next frame, where there are any.
+// The event of a move. Raw updates come without waiting for the next frame, where there are any.
 const MOVES = "onpointerrawupdate" in globalThis ? "pointerrawupdate" : "pointermove";
 
 class Pointer {
-  // Calls `onchange(event)` after each move; `element` is the patch.
+  // Calls `onbegin`, `onmove` and `onend` when the pointer touches `element`, the patch, moves and lifts, and
+  // `onwheel(steps)` when a wheel turns.
   constructor(element, { onbegin, onmove, onend, onwheel }) {
     this.element = element;
     this.path = new PointerPath();

@@ -1,6 +1,6 @@
-// From a pointer's places to speed, and a stroke that keys move. Lengths in mm, times in ms, speeds in mm/s.
+// From a pointer's places, in px, to speed, and a stroke that keys move, in mm. Times in ms, speeds per s.
 
-// The stylus's speed is the mean over this time.
+// Shortest time over which a pointer's speed is averaged.
 const WINDOW_MS = 20;
 
 // A pointer counts whole pixels, so a slow one is averaged over the time of so many, but at most over LONGEST_MS.
@@ -21,7 +21,7 @@ class PointerPath {
   add(time, x, y) {
     const last = this.points.at(-1);
     if (last && time <= last.time) {
-      // Two events of one moment: the later place counts.
+      // Two events of one moment: the later place counts, but for the first place of all.
       if (this.points.length > 1) this.points.pop();
       else return;
     }

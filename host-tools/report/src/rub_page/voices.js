@@ -30,7 +30,6 @@ class KernelVoice {
   begin(choice, hand, take) {
     const { kernel } = this;
     kernel.choose(choice);
-    this.choice = choice;
     this.hand = hand;
     this.take = take;
     this.isScene = choice.scene !== undefined;

@@ -174,7 +174,6 @@ class RubbingProcessor extends AudioWorkletProcessor {
       start: take.start,
       motion: take.motion.slice(0, 4 * take.blocks),
       words: take.words.slice(0, take.count),
-      isFull: take.blocks === take.most,
     });
     take.blocks = 0;
   }
@@ -239,15 +238,12 @@ class RubbingProcessor extends AudioWorkletProcessor {
     this.port.postMessage({
       type: "played",
       samples: report.samples.slice(0, report.count),
-      rate: voice?.rate ?? 0,
       state: voice?.kernel ? voice.kernel.state.slice() : null,
       clip: voice?.current ? voice.current.clip.node : null,
       speed: this.hand.speed(),
       force: this.hand.force(),
       contact: this.hand.touches,
-      position: voice?.position ?? 0,
       delays: this.hand.delays.splice(0),
-      peak: report.peak,
       clipped: report.clipped,
       gaps: this.gaps,
       frames: this.frames,
