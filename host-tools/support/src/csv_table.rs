@@ -543,13 +543,15 @@ impl<'a> Rows<'a> {
     /// The number of fields differs from that of the first row, or the row cannot be read.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
         let line = loop {
-            if let Some(labels) = self.labels.take() {
+            let line = if let Some(labels) = self.labels.take() {
                 let separator = self.table.first_lines.separator.to_string();
                 self.lines.line = labels.join(&separator) + "\n";
-            } else if !self.lines.skip_to_content()? {
+                self.table.first_lines.begin
+            } else if self.lines.skip_to_content()? {
+                self.lines.number
+            } else {
                 return Ok(None);
-            }
-            let line = self.lines.number;
+            };
             self.parse()?;
             // Spreadsheets write rows that consist only of separators below a table.
             if (0..self.fields.len()).any(|index| !self.fields.is_empty_at(index)) {
@@ -748,6 +750,13 @@ mod tests {
             all.push(fields.collect::<Result<Vec<f64>>>()?);
         }
         Ok(all)
+    }
+
+    #[test]
+    fn an_error_about_labels_in_the_rows_states_the_first_row() {
+        let table = table("# made by hand\n\nx:0.1,x:0.2\nx:0.3,x:0.4\n");
+        let fault = table.header().unwrap().column("x").unwrap_err();
+        holds(&fault, &["line 3", "more than one column 'x'"]);
     }
 
     #[test]

@@ -130,15 +130,15 @@ fn window_samples(rate_hz: f64) -> Option<usize> {
 fn modulation(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let least = (SHORTEST_SEGMENT_S * rate_hz).ceil() as usize;
     let (low_hz, high_hz) = MODULATION_BAND_HZ;
-    let long = blocks.iter().filter(|block| block.len() >= least);
-    let mut envelopes: Vec<Vec<f64>> = long
+    let long = || blocks.iter().filter(|block| block.len() >= least);
+    let mut envelopes: Vec<Vec<f64>> = long()
         .map(|block| Analytic::of(block, rate_hz, low_hz, high_hz).envelope())
         .collect();
     let shortest = envelopes.iter().map(Vec::len).min()?;
     let segment = shortest.min((SEGMENT_S * rate_hz).round() as usize);
     let count: usize = envelopes.iter().map(Vec::len).sum();
     let mean = envelopes.iter().flatten().sum::<f64>() / count as f64;
-    let power = mean_square(blocks.iter().copied().flatten(), count);
+    let power = mean_square(long().copied().flatten(), count);
     // A level this low is only the round-off of the transform.
     if mean * mean <= 1e-20 * power {
         return None;

@@ -118,7 +118,7 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
             let source = csv_file::read_table(&table, &trial, cut)?;
             Ok(Source {
                 truncation,
-                remarks,
+                remarks: remarks.into_iter().chain(source.remarks).collect(),
                 ..source
             })
         }
@@ -396,5 +396,44 @@ mod tests {
             );
             assert_eq!(read.axes[1], [3e-3 * G, 4e-3 * G]);
         }
+    }
+
+    #[test]
+    fn a_column_left_out_is_told_of_a_labview_file_as_of_any_table() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.lvm");
+        let mut text = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\n\nChannels\t2\n\
+                        Delta_X\t0.0002\t0.0002\n***End_of_Header***\naccel\ttemperature\n"
+            .to_owned();
+        text.extend((0..800).map(|n| format!("{}\t21.5\n", (0.3 * f64::from(n)).sin())));
+        std::fs::write(&file, text).unwrap();
+        let samples = read(&Trial::of(file, "felt", 100.0, 1.0)).unwrap();
+        assert_eq!(samples.axes.len(), 1);
+        test_helpers::holds(
+            &samples.account.remarks.concat(),
+            &["temperature", "left out"],
+        );
+    }
+
+    #[test]
+    fn a_recording_goes_on_past_midnight() {
+        let folder = tempfile::tempdir().unwrap();
+        let samples = |begin: u32| {
+            let file = folder.path().join("a.csv");
+            let row = |n: u32| {
+                let micros = begin * 1000 + 200 * n;
+                let (seconds, micros) = (micros / 1_000_000, micros % 1_000_000);
+                // The first time is at `begin` ms after 23:59:59.
+                let time = if seconds == 0 { "23:59:59" } else { "00:00:00" };
+                format!("{time}.{micros:06},{}\n", (0.3 * f64::from(n)).sin())
+            };
+            let rows: String = (0..2000).map(row).collect();
+            std::fs::write(&file, format!("time,x\n{rows}")).unwrap();
+            read(&Trial::of(file, "felt", 100.0, 1.0)).unwrap()
+        };
+        let (before, across) = (samples(100), samples(800));
+        assert_eq!(before.axes, across.axes);
+        assert_eq!(before.account.remarks, [""; 0]);
+        test_helpers::holds(&across.account.remarks.concat(), &["start again", "86400"]);
     }
 }

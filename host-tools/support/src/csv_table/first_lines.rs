@@ -18,7 +18,7 @@ pub(super) struct FirstLines {
     pub separator: char,
     /// Line, from 1, of a header that is written as a comment.
     pub commented_header: Option<u64>,
-    /// Number, from 1, of the first line after the preamble.
+    /// Number, from 1, of the first line of the table, below a preamble.
     pub begin: u64,
     /// Names of the columns, if each field begins with the name of its column, like in the output for Arduino's
     /// plotter: `x:0.1,y:0.2`.
@@ -48,7 +48,7 @@ impl FirstLines {
         Self {
             separator,
             commented_header: names.map(|(number, _)| *number),
-            begin: 1,
+            begin: names.map_or(first, |(number, _)| *number),
             labels: labels(header, separator).filter(|names| {
                 rows.len() < 2 || labels(text(1), separator).as_ref() == Some(names)
             }),

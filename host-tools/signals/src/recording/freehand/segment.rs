@@ -11,7 +11,7 @@ use crate::dsp::sums::upper_median;
 use crate::support::error::{Error, Result};
 use crate::support::number::counted;
 
-/// Length of a block, s.
+/// Length of a block, s, before it is rounded to whole samples.
 const BLOCK_S: f64 = 0.02;
 
 /// Largest deviation of a quantity from the middle of its range within a segment. The larger of the two bounds applies.
@@ -217,7 +217,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         moving += moving_s(recording, options);
         let blocks = blocks(recording, 0.5 * options.speeds.lowest);
         reversals += count_reversals(&blocks, options);
-        jumps.extend(jump_times_s(&blocks).map(|time_s| (index, time_s)));
+        jumps.extend(jump_times_s(&blocks, block_s(recording)).map(|time_s| (index, time_s)));
         for segment in segments_of(recording, &blocks, index, options) {
             let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
             // A hand at rest or in the air is steady, too.
@@ -304,19 +304,24 @@ fn block_length(recording: &Freehand) -> usize {
     ((BLOCK_S * recording.rate_hz).round() as usize).max(1)
 }
 
-/// Returns the times, s, at which the blocks begin in which the speed jumps.
-fn jump_times_s(blocks: &[Block]) -> impl Iterator<Item = f64> {
+/// Returns the duration of a block, which is a whole number of samples, in s.
+fn block_s(recording: &Freehand) -> f64 {
+    block_length(recording) as f64 / recording.rate_hz
+}
+
+/// Returns the times, s, at which the `blocks`, each `block_s` long, begin in which the speed jumps.
+fn jump_times_s(blocks: &[Block], block_s: f64) -> impl Iterator<Item = f64> {
     let starts = blocks
         .iter()
         .enumerate()
         .filter(|(_, block)| **block == Block::Jump);
-    starts.map(|(block, _)| block as f64 * BLOCK_S)
+    starts.map(move |(block, _)| block as f64 * block_s)
 }
 
 /// Returns the stretches of `recording`, each at least `least_s` long, in which the tool moves in contact and in one
 /// direction, without outliers or jumps in speed.
 pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
-    let length = block_length(recording);
+    let (length, block_s) = (block_length(recording), block_s(recording));
     let direction = |block: &Block| match *block {
         Block::Motion {
             speed_mm_s,
@@ -331,7 +336,7 @@ pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
     let runs = directions.chunk_by(|a, b| a == b).map(|run| {
         let first = end;
         end += run.len();
-        (run[0].is_some() && run.len() as f64 * BLOCK_S >= least_s)
+        (run[0].is_some() && run.len() as f64 * block_s >= least_s)
             .then_some(first * length..end * length)
     });
     runs.flatten().collect()
@@ -399,7 +404,7 @@ fn segments_of(
     options: &Options,
 ) -> Vec<Segment> {
     let length = block_length(recording);
-    let least = (options.least_s / BLOCK_S).ceil().max(1.0) as usize;
+    let least = (options.least_s / block_s(recording)).ceil().max(1.0) as usize;
     let mut segments = Vec::new();
     let mut begin = 0;
     while begin < blocks.len() {
@@ -592,5 +597,28 @@ mod tests {
         assert_eq!(cut.jumps, [(0, 1.0)]);
         hand.speed_mm_s = (0..2000).map(|n| f64::from(n) * 0.15).collect();
         assert!(segment(&[hand], &OPTIONS).jumps.is_empty());
+    }
+
+    /// At 1024 Hz, a block has 20 samples, which are 19.5 ms.
+    #[test]
+    fn times_are_those_of_the_samples_where_a_block_is_no_whole_number_of_them() {
+        let mut hand = recording(&[(100.0, 0.6, 8.192)]);
+        hand.rate_hz = 1024.0;
+        hand.speed_mm_s[4010] = 400.0;
+        let cut = segment(std::slice::from_ref(&hand), &OPTIONS);
+        assert_eq!(cut.jumps, [(0, 4000.0 / 1024.0)]);
+        hand.force_n[200..].fill(0.0);
+        let enough = |least_s| {
+            let options = Options {
+                least_s,
+                enough_s: 0.0,
+                ..OPTIONS
+            };
+            let cut = segment(std::slice::from_ref(&hand), &options);
+            (cut.placed.len(), moving(&hand, least_s).len())
+        };
+        // The first 200 samples take 0.1953 s.
+        assert_eq!(enough(0.195), (1, 1));
+        assert_eq!(enough(0.196), (0, 0));
     }
 }

@@ -47,8 +47,10 @@ fn write_into(
     for (index, placed) in segmentation.placed.iter().enumerate() {
         let recording = &recordings[placed.segment.recording];
         let name = format!("segment_{:04}.wav", index + 1);
-        write_segment(&folder.join(&name), recording, placed)?;
-        let seconds = (placed.segment.end - placed.segment.first) as f64 / recording.rate_hz;
+        // A WAV file states a whole rate, and the list's duration is a duration at this rate.
+        let rate_hz = recording.rate_hz.round();
+        write_segment(&folder.join(&name), recording, placed, rate_hz as u32)?;
+        let seconds = (placed.segment.end - placed.segment.first) as f64 / rate_hz;
         let fields = [
             name,
             texture.to_owned(),
@@ -65,10 +67,49 @@ fn write_into(
     atomic_file::write(&list, &bytes)
 }
 
-fn write_segment(path: &Path, recording: &Freehand, placed: &Placed) -> Result<()> {
+fn write_segment(path: &Path, recording: &Freehand, placed: &Placed, rate_hz: u32) -> Result<()> {
     let part = placed.segment.first..placed.segment.end;
     let samples = part.flat_map(|sample| recording.axes.iter().map(move |axis| axis[sample]));
-    let bytes = float_wav(recording.axes.len(), recording.rate_hz as u32, samples);
+    let bytes = float_wav(recording.axes.len(), rate_hz, samples);
     let bytes = bytes.map_err(|failure| Error::file(path, failure.to_string()))?;
     atomic_file::write(path, &bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::segment::{self, Options};
+    use super::*;
+    use crate::recording::source::Cut;
+    use crate::recording::wav;
+
+    #[test]
+    fn a_segment_of_a_fractional_rate_is_read_whole() {
+        let samples = 3003;
+        let hand = Freehand {
+            rate_hz: 1000.6,
+            axes: vec![vec![0.1; samples]],
+            speed_mm_s: vec![100.0; samples],
+            is_backward: vec![false; samples],
+            force_n: vec![1.0; samples],
+            is_outlier: vec![false; samples],
+            outliers: Vec::new(),
+            is_simulated: false,
+            remarks: Vec::new(),
+        };
+        let hands = [hand];
+        let options = Options::of(&hands, (None, None), 0.1, (0.2, 0.5)).unwrap();
+        let segmentation = segment::segment(&hands, &options);
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), "felt", &hands, &segmentation, true).unwrap();
+        let list = std::fs::read_to_string(folder.path().join(TRIALS_FILE)).unwrap();
+        let fields: Vec<&str> = list.lines().nth(1).unwrap().split(',').collect();
+        let cut = Cut {
+            start_s: 0.0,
+            duration_s: fields[4].parse().unwrap(),
+        };
+        let source = wav::read(&folder.path().join(fields[0]), &cut).unwrap();
+        let segment = &segmentation.placed[0].segment;
+        assert_eq!(source.rate_hz, 1001.0);
+        assert_eq!(source.channels[0].len(), segment.end - segment.first);
+    }
 }

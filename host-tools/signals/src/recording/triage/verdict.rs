@@ -145,19 +145,27 @@ impl Verdict {
         self.kind.words().0
     }
 
-    /// Size of the finding, for most kinds larger for worse findings: the number of samples that the verdict would
-    /// leave out, or else the first number in its words, negative where less is worse; 0 for a duplicate.
+    /// Size of the finding, larger for worse findings of a kind: the number of samples that the verdict would leave
+    /// out, or else a number in its words, negative where less is worse; 0 for kinds whose words have no size.
     pub fn size(&self) -> f64 {
         let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
-        let mut words = self.finding.split(|c| !is_of_number(c));
-        let first = words.find_map(|word| word.parse().ok()).unwrap_or(0.0);
+        let words = self.finding.split(|c| !is_of_number(c));
+        let mut numbers = words.filter_map(|word| word.parse().ok());
+        let first = numbers.next().unwrap_or(0.0);
         match self.kind {
             _ if !self.spans.is_empty() => {
                 self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64
             }
-            // Fewer samples, and a lower rate, are worse.
-            Kind::TooShort | Kind::Truncated | Kind::WrongRate => -first,
-            Kind::Duplicate => 0.0,
+            // Fewer samples, a lower rate, and a smaller ratio of the signal to its steps are worse.
+            Kind::TooShort | Kind::Truncated | Kind::WrongRate | Kind::Repeated | Kind::Coarse => {
+                -first
+            }
+            // The first number is the axis. A constant axis has no second one.
+            Kind::DeadAxis => numbers.next().unwrap_or(f64::INFINITY),
+            // The first two numbers are deviations, of either sign.
+            Kind::Unlike => numbers.next().unwrap_or(0.0).max(first),
+            // The number is the original's, or a frequency.
+            Kind::Duplicate | Kind::Hum => 0.0,
             _ => first,
         }
     }
@@ -180,4 +188,50 @@ impl fmt::Display for Verdict {
 /// The errors of the serialiser.
 pub fn in_words<S: Serializer>(verdicts: &[Verdict], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(verdicts.iter().map(ToString::to_string))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worse_of_two_findings_has_the_larger_size() {
+        for (kind, better, worse) in [
+            (
+                Kind::Coarse,
+                "coarse: its steps are 18 dB below it",
+                "coarse: its steps are 9 dB below it",
+            ),
+            (
+                Kind::DeadAxis,
+                "dead axis 3: 61 dB below the strongest",
+                "dead axis 1: 80 dB below the strongest",
+            ),
+            (
+                Kind::DeadAxis,
+                "dead axis 3: 61 dB below the strongest",
+                "dead axis 1: constant",
+            ),
+            (
+                Kind::Repeated,
+                "repeated: values of 2000 Hz held at 5000 Hz",
+                "repeated: values of 400 Hz held at 5000 Hz",
+            ),
+            (
+                Kind::Unlike,
+                "spectrum: -5 to +12 dB off, from 90 to 700 Hz",
+                "spectrum: -13 to -2 dB off, from 20 to 80 Hz",
+            ),
+            (
+                Kind::Drifting,
+                "drifting: 6 % of energy",
+                "drifting: 30 % of energy",
+            ),
+        ] {
+            let size = |words: &str| Verdict::new(kind, words).size();
+            assert!(size(better) < size(worse), "{worse}");
+        }
+        let hum = |hz: &str| Verdict::new(Kind::Hum, format!("hum at {hz} Hz")).size();
+        assert_eq!(hum("50.0"), hum("180.0"));
+    }
 }
