@@ -263,7 +263,8 @@ impl Player {
         self.output_rate_hz
     }
 
-    /// Longest time from a move to its first sample, s. The buffers of the sound card or DAQ come on top of it.
+    /// Longest time from a move to the middle of the change that it makes, s. The buffers of the sound card or DAQ come
+    /// on top of it.
     #[getter]
     fn latency_s(&self) -> f64 {
         latency_s(locked(&self.chosen).2, self.output_rate_hz)
