@@ -51,7 +51,7 @@ const HUM: (f64, f64) = (0.04, 8.0);
 const HUM_HZ: [f64; 2] = [40.0, 420.0];
 
 /// Least ratio of the lines' power to the power of the noise in them at which something moves.
-const MOVES: f64 = 4.0;
+pub(super) const MOVES: f64 = 4.0;
 
 /// Ratio of the lines' power to the power of the noise from which on distortion can be judged.
 const CLEAR: f64 = 300.0;
