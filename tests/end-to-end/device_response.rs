@@ -111,3 +111,23 @@ fn a_probe_that_is_muted_because_the_host_was_late_is_played_again_and_never_tak
         "{told:?}"
     );
 }
+
+#[test]
+fn a_probe_whose_samples_are_torn_is_no_measurement() {
+    let stylus = FakeStylus::start();
+    let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
+    let mut bench = DeviceBench::new(&device, &|| true).unwrap();
+    let probe = Probe {
+        codes: &[0; PERIOD],
+        peak_m_s2: 5.0,
+        periods: 1,
+        through: ProbeThrough::Nothing,
+    };
+    bench.play(&probe).unwrap();
+    stylus.tear_samples(u32::MAX);
+    let told = bench.play(&probe);
+    assert!(
+        matches!(&told, Err(Failure::Link(LinkError::Lossy { what, .. })) if what.contains("torn")),
+        "{told:?}"
+    );
+}

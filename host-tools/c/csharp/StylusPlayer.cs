@@ -134,7 +134,7 @@ namespace Stylus
         }
 #endif
 
-        /// <summary>Longest time from a move to its first sample, s, of a texture at 5000 or 10000 Hz.</summary>
+        /// <summary>Longest time from a move to the middle of its change, s, of a texture at 5000 or 10000 Hz.</summary>
         public double LatencyS(int sampleRateHz)
         {
             Native.Check(Native.stylus_player_latency((uint)sampleRateHz, (uint)OutputRateHz, out double seconds));

@@ -134,7 +134,8 @@ enum stylus_status stylus_player_set_gain(const stylus_player *player, float gai
 // `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 enum stylus_status stylus_player_fill(const stylus_player *player, float *samples, size_t length);
 
-// Writes the time from a move to its sample at most, s, of a texture at `sample_rate_hz`, 5000 or 10000, to `seconds`.
+// Writes the longest time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
+// `sample_rate_hz`, 5000 or 10000.
 enum stylus_status stylus_player_latency(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *seconds);
 
 // Writes the text of this thread's last fault that had more to say than its status, with a 0 at its end, to `length`

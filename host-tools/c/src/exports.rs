@@ -363,7 +363,8 @@ pub unsafe extern "C" fn stylus_player_fill(
     })
 }
 
-/// Writes the time from a move to its sample at most, s, of a texture at `sample_rate_hz`, 5000 or 10000, to `seconds`.
+/// Writes the longest time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
+/// `sample_rate_hz`, 5000 or 10000.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_latency(
     sample_rate_hz: u32,

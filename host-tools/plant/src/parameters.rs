@@ -209,7 +209,7 @@ impl Parameters {
     }
 
     /// Returns another specimen of the same design, in another grip and mounted at another angle. `seed` determines it.
-    /// The faults stay the same.
+    /// The faults stay the same. No value leaves the range that [`Self::check`] allows.
     #[must_use]
     pub fn varied(&self, seed: u64) -> Self {
         let mut chance = Chance(seed);
@@ -234,7 +234,9 @@ impl Parameters {
         for volts in &mut accelerometer.rest_volts {
             *volts += chance.within(0.05);
         }
-        varied
+        let mut value = Value::try_from(varied).expect("parameters have the form of a table");
+        hold_in_range("", &mut value);
+        value.try_into().expect("the form is the same")
     }
 
     /// Checks that every value is one that a plant may have, so that its steps stay finite.
@@ -292,8 +294,7 @@ fn check_value(path: &str, key: &str, value: &Value) -> Result<()> {
             .iter()
             .try_for_each(|value| check_value(path, key, value)),
         Value::Float(number) => {
-            let range = RANGES.iter().find(|(of, ..)| *of == key);
-            let &(_, least, most) = range.expect("every number has a range");
+            let (least, most) = range(key);
             // A comparison with NaN is false.
             if (least..=most).contains(number) {
                 return Ok(());
@@ -308,4 +309,28 @@ fn check_value(path: &str, key: &str, value: &Value) -> Result<()> {
         // Names of axes and kinds of faults are texts, and checked by their types.
         _ => Ok(()),
     }
+}
+
+/// Moves every number of `value`, which is at `key`, to the nearest one in its range.
+fn hold_in_range(key: &str, value: &mut Value) {
+    match value {
+        Value::Table(table) => table
+            .iter_mut()
+            .for_each(|(key, value)| hold_in_range(key, value)),
+        Value::Array(values) => values
+            .iter_mut()
+            .for_each(|value| hold_in_range(key, value)),
+        Value::Float(number) => {
+            let (least, most) = range(key);
+            *number = number.clamp(least, most);
+        }
+        _ => {}
+    }
+}
+
+/// Returns the least and the largest value of the number at `key`.
+fn range(key: &str) -> (f64, f64) {
+    let range = RANGES.iter().find(|(of, ..)| *of == key);
+    let &(_, least, most) = range.expect("every number has a range");
+    (least, most)
 }

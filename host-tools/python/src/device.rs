@@ -12,7 +12,6 @@ use host_tools::link::settings::{self as described, Known, SettingRow, consequen
 use host_tools::link::upload::upload_over;
 use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts};
 use host_tools::support::error::{Error, Result};
-use host_tools::texture::library::decode_library;
 use model_format::link::{
     Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingsChange,
     SlotId, Status, TextureName,
@@ -67,11 +66,10 @@ impl Device {
         py: Python<'_>,
         request: impl FnOnce(&Linked) -> std::result::Result<T, LinkError> + Send,
     ) -> PyResult<T> {
-        let answer = py.detach(|| locked(&self.shared).as_ref().map(request));
-        match answer {
-            Some(answer) => answer.map_err(|failure| link_raised(&failure)),
-            None => Err(refused("the link to the stylus is closed: open it again")),
-        }
+        let answer = py.detach(|| open(&mut locked(&self.shared)).map(|device| request(device)));
+        answer
+            .map_err(raised)?
+            .map_err(|failure| link_raised(&failure))
     }
 
     fn reported<'py>(&self, py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyAny>> {
@@ -157,12 +155,11 @@ impl Device {
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<String> {
         let library = library.library(py)?;
-        let (bytes, path) = (library.get().bytes().clone(), library.get().named());
+        let bytes = library.get().bytes().clone();
         let total = bytes.len() as u64;
         let device = self.shared.clone();
         // The caller waits, so that after Ctrl-C the link is free again when the exception is raised.
         let slot = work::run_until(py, total, progress, AfterEnd::Waits, move |steps| {
-            decode_library(&path, &bytes)?;
             let mut device = locked(&device);
             let device = open(&mut device)?;
             let uploaded = device.check_library_format().and_then(|()| {
@@ -197,7 +194,7 @@ impl Device {
         let activated = self.ask(py, |device| {
             let slot = match slot {
                 Some(slot) => Some(slot),
-                None => device.newest_slot()?,
+                None => device.newest()?.map(|(slot, _)| slot),
             };
             slot.map(|slot| device.activate(slot)).transpose()
         })?;

@@ -100,7 +100,10 @@ impl Player {
         // It does not wait: two threads in turn would each have only parts of the sound.
         match self.filling.try_lock() {
             Ok(filling) => Ok(filling),
-            Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
+            // A filler is of no use after a panic, which left it amid a sample.
+            Err(TryLockError::Poisoned(_)) => {
+                Err(refused("the player has failed before: make another one"))
+            }
             Err(TryLockError::WouldBlock) => Err(refused(
                 "another thread fills from this player: make a player for each output",
             )),
@@ -260,7 +263,8 @@ impl Player {
         self.output_rate_hz
     }
 
-    /// Longest time from a move to its first sample, s. The buffers of the sound card or DAQ come on top of it.
+    /// Longest time from a move to the middle of the change that it makes, s. The buffers of the sound card or DAQ come
+    /// on top of it.
     #[getter]
     fn latency_s(&self) -> f64 {
         latency_s(locked(&self.chosen).2, self.output_rate_hz)

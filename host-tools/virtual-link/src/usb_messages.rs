@@ -48,10 +48,11 @@ pub fn encode(message: &impl Serialize) -> Vec<u8> {
 /// # Errors
 /// Bytes that are not a message.
 pub fn take<T: for<'a> Deserialize<'a>>(bytes: &mut VecDeque<u8>) -> io::Result<Option<T>> {
+    // Brokers send their messages in this form, too.
     let unusable = || {
         io::Error::new(
             io::ErrorKind::InvalidData,
-            "not a message of a virtual USB host",
+            "not a message that is known here",
         )
     };
     let head: Vec<u8> = bytes.iter().copied().take(4).collect();

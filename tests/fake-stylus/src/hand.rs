@@ -15,7 +15,7 @@ pub struct Hand {
     pub acceleration: Vec<[u16; 3]>,
     /// True if the wire of the force sensor is open, so that a pull-down resistor pulls its pin to the lower rail.
     pub is_open: bool,
-    /// Noise of the force's converter, codes: from zero to twice this value is added to each code.
+    /// Noise of the force's converter, codes: each code is up to so far from the force's, to either side.
     pub force_noise: u16,
     /// Position that the tip moves to and stays at, counts of the encoder from the start. If `None`, the tip moves at
     /// its speed.
@@ -50,9 +50,10 @@ impl Hand {
     }
 
     /// Returns the noise of the force's converter at `tick`, codes.
-    fn disturbance(&self, tick: u64) -> u16 {
+    fn disturbance(&self, tick: u64) -> f64 {
         let hashed = tick.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
-        (hashed % (2 * u64::from(self.force_noise) + 1)) as u16
+        let noise = u64::from(self.force_noise);
+        (hashed % (2 * noise + 1)) as f64 - noise as f64
     }
 
     /// Returns the converters' codes and the encoder's step at `tick` for a tip at `place`, under the default settings.
@@ -73,7 +74,8 @@ impl Hand {
             force: AdcCode(if self.is_open {
                 0
             } else {
-                force.round() as u16 + self.disturbance(tick)
+                // The cast keeps a force beyond the range at the range's end.
+                (force.round() + self.disturbance(tick)) as u16
             }),
             encoder_delta: match self.goal_counts {
                 Some(goal) => {

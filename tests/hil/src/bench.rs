@@ -168,7 +168,11 @@ impl Bench {
             if reached(&status) {
                 return Ok(status);
             }
-            if status.uptime_ms.saturating_sub(begin.uptime_ms) >= ms {
+            if is_restarted(&begin, &status) {
+                let what = format!("the device has restarted: {what}");
+                return Err(Error::NotReached { what, ms });
+            }
+            if status.uptime_ms - begin.uptime_ms >= ms {
                 return Err(Error::NotReached {
                     what: what.to_owned(),
                     ms,

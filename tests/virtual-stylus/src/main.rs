@@ -135,14 +135,16 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
         }
         None => (None, Contents::default()),
     };
-    let mut stylus = VirtualStylus::new(&arguments.image, options(arguments, contents)?)?;
+    let lines = arguments.motion.as_deref().map(read_csv).transpose()?;
+    let lines = lines.unwrap_or_default();
+    let speeds: Vec<(u64, f64)> = lines
+        .iter()
+        .map(|line| (nanos(line.time_s), line.speed_mm_s))
+        .collect();
+    let options = options(arguments, contents, lines)?;
+    let mut stylus = VirtualStylus::new(&arguments.image, options)?;
     stylus.press_button(arguments.button);
-    if let Some(path) = &arguments.motion {
-        let lines = read_csv(path)?;
-        let speeds: Vec<(u64, f64)> = lines
-            .iter()
-            .map(|line| (nanos(line.time_s), line.speed_mm_s))
-            .collect();
+    if arguments.motion.is_some() {
         stylus.set_motion(Motion::linear(&speeds, sensors::mm_per_count())?);
     }
     let mut links = Vec::new();
@@ -180,9 +182,8 @@ fn announce(links: &[String]) -> Option<Announcement> {
         .ok()
 }
 
-fn options(arguments: &Arguments, flash: Contents) -> Result<Options> {
-    let lines = arguments.motion.as_deref().map(read_csv).transpose()?;
-    let mut pins = sensor_pins(lines.unwrap_or_default());
+fn options(arguments: &Arguments, flash: Contents, lines: Vec<MotionLine>) -> Result<Options> {
+    let mut pins = sensor_pins(lines);
     if let Some(source) = &arguments.plant {
         let mut parameters = Parameters::read(source)?;
         let seed = arguments.plant_seed.unwrap_or_default();

@@ -140,7 +140,7 @@ impl<'a> Driver<'a> {
         }
         // While motions are skipped, keep-alives show the device that this program still runs.
         if self.last_sent.elapsed() >= Duration::from_millis(KEEP_ALIVE_MS.into())
-            || (motion.is_none())
+            || motion.is_none()
         {
             self.device.keep_alive()?;
             self.driven.keep_alives += 1;

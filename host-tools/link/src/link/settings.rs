@@ -150,12 +150,9 @@ impl<'a> Known<'a> {
         self.settings.get(setting).to_string()
     }
 
-    /// Returns the limits at pin and coil as text. None if the amplifier's gain or the coil's resistance is not set.
+    /// Returns the limits at pin and coil as text. None if a value is missing, because nothing plays then.
     fn in_force(self) -> Option<String> {
-        let unset = self.unset;
-        let is_known =
-            !unset.contains(Setting::AmplifierGain) && !unset.contains(Setting::CoilResistance);
-        is_known.then(|| in_force(self.settings))
+        self.unset.is_empty().then(|| in_force(self.settings))
     }
 }
 
@@ -286,6 +283,17 @@ mod tests {
         let lines = consequences(nothing, known(&settings), unset);
         assert!(lines[0].contains("not set -> "), "{lines:?}");
         assert!(!lines.iter().any(|line| line.contains("before")));
+        // One value that is missing is enough for nothing to play, so placeholders give no limits.
+        for setting in unset.iter() {
+            let unset = SettingSet::NONE.with(setting, true);
+            let without = Known {
+                settings: &none,
+                unset,
+            };
+            let lines = consequences(without, without, unset);
+            assert_eq!(lines.len(), 2, "{lines:?}");
+            assert!(lines[1].contains("nothing plays until"), "{lines:?}");
+        }
         // After a reset no setting has a value, whatever the placeholders are.
         let reset = known(&settings).after(&SettingsChange::Reset, &none);
         let lines = consequences(known(&settings), reset, unset);

@@ -175,16 +175,7 @@ impl Run<'_> {
 
     /// Returns the newest library in the device if it is the one that this upload sends.
     fn committed(&self, device: &Device) -> Result<Option<(SlotId, SlotInfo)>> {
-        let slots = device.slots()?.slots;
-        let valid = SlotId::ALL
-            .into_iter()
-            .zip(slots)
-            .filter_map(|(id, state)| match state {
-                SlotState::Valid(info) => Some((id, info)),
-                _ => None,
-            });
-        let newest = valid.max_by_key(|(_, info)| info.sequence);
-        Ok(newest.filter(|(_, info)| self.is_ours(info)))
+        Ok(device.newest()?.filter(|(_, info)| self.is_ours(info)))
     }
 
     fn is_ours(&self, info: &SlotInfo) -> bool {

@@ -1,7 +1,7 @@
 //! A recording set that grows by one trial at a time, in a folder that a fit reads.
 //!
-//! A trial is a WAV file of three channels of 32-bit floats. A sample of 1 is half the converter's range on the axis
-//! with the largest scale, so that one `scale_m_s2` turns all three channels into m/s². The trial's line in
+//! A trial is a WAV file of three channels of 32-bit floats. A sample of 1 is the largest acceleration that an axis can
+//! show, so that one `scale_m_s2` turns all three channels into m/s², and none is beyond 1. The trial's line in
 //! `trials.csv` is written after its file, so that an interruption at any time leaves a valid set.
 
 use std::collections::{HashMap, HashSet};
@@ -313,22 +313,15 @@ fn first_field(line: &str) -> String {
     })
 }
 
-/// Codes from the middle of the converter's range to its end.
-const HALF_RANGE: f64 = 32_768.0;
-
-/// Acceleration that corresponds to half the range on the axis with the largest scale, m/s². No sample of an axis whose
-/// zero is at mid-scale then exceeds 1.
+/// Largest acceleration that an axis can show at an end of the converter's range, m/s².
 fn scale_m_s2(calibration: &Calibration) -> f64 {
-    let largest = calibration
-        .m_s2_per_code
-        .iter()
-        .fold(0.0, |a: f64, b| a.max(b.abs()));
+    let zeros = calibration.acceleration_zero.iter();
+    let axes = zeros.zip(calibration.m_s2_per_code);
+    let largest = axes.fold(0.0, |most: f64, (zero, scale)| {
+        most.max(zero.max(f64::from(u16::MAX) - zero) * scale.abs())
+    });
     // A reader refuses a scale of zero. All samples are zero in that case, so that any other scale serves.
-    if largest > 0.0 {
-        largest * HALF_RANGE
-    } else {
-        1.0
-    }
+    if largest > 0.0 { largest } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -474,9 +467,13 @@ mod tests {
         #[test]
         fn no_sample_of_a_recording_is_beyond_full_scale(
             scales in prop::array::uniform3(-5000.0..5000.0f64),
+            zeros in prop::array::uniform3(any::<u16>()),
             codes in prop::array::uniform3(any::<u16>()),
         ) {
-            let calibration = Calibration::new(&Settings::default(), Some(scales));
+            let calibration = Calibration {
+                acceleration_zero: zeros.map(f64::from),
+                ..Calibration::new(&Settings::default(), Some(scales))
+            };
             let scale = scale_m_s2(&calibration);
             for acceleration in calibration.acceleration(&capture(&[codes]).samples[0]) {
                 prop_assert!((acceleration / scale).abs() <= 1.0 + 1e-12);

@@ -361,6 +361,21 @@ fn a_specimen_is_its_seeds() {
 }
 
 #[test]
+fn a_specimen_of_a_design_at_the_ends_of_the_ranges_is_in_them() {
+    let mut edge = awake();
+    edge.coil.resistance_ohm = 1e3;
+    edge.body.mass_kg = 1e-3;
+    edge.amplifier.offset_volts = 1.0;
+    edge.accelerometer.tilt_deg = 180.0;
+    edge.accelerometer.azimuth_deg = -360.0;
+    edge.accelerometer.rest_volts = [1.65, -1.65, 0.0];
+    edge.check().unwrap();
+    for seed in 0..20 {
+        edge.varied(seed).check().unwrap();
+    }
+}
+
+#[test]
 fn parameters_survive_their_text_and_errors_name_the_key() {
     let faults = vec![
         RATTLE,

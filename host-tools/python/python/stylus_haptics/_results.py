@@ -322,10 +322,7 @@ class Evaluation:
         return self.figures
 
     def to_dataframe(self) -> Any:
-        """The figures of each recording, a row each; figures within others have names with dots, such as 'other.cost'.
-
-       
-        """
+        """The figures of each recording, a row each; figures within others have names with dots: 'other.cost'."""
         return _frame(self.figures["trials"])
 
     def _repr_html_(self) -> str:

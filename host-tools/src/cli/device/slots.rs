@@ -77,7 +77,8 @@ fn activate(device: &Device, slot: Slot, is_json: bool) -> Result<()> {
     let slot = match slot.id() {
         Some(slot) => slot,
         None => device
-            .newest_slot()?
+            .newest()?
+            .map(|(slot, _)| slot)
             .ok_or_else(|| Error::Request("no slot holds a library; upload one".to_owned()))?,
     };
     let activated = device.activate(slot)?;

@@ -6,9 +6,11 @@ use host_tools::link::FrameDecoder;
 use host_tools::link::virtual_usb::{self, FromBus};
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, InfoEndpoint, ListEndpoint, ListSceneEndpoint,
-    MAX_DEVICE_FRAME_BYTES, MotionEndpoint, PlayEndpoint, RecordStartEndpoint, RecordStopEndpoint,
-    SelfTestEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint, StatusEndpoint,
-    StopEndpoint, UploadAbortEndpoint, UploadBeginEndpoint, UploadCommitEndpoint,
+    MAX_DEVICE_FRAME_BYTES, MotionEndpoint, PlayEndpoint, ProbeLoadEndpoint, ProbeStartEndpoint,
+    RecordStartEndpoint, RecordStopEndpoint, ResponseGetEndpoint, ResponseProposeEndpoint,
+    ResponseSetEndpoint, SelfTestEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint,
+    SlotsEndpoint, StatusEndpoint, StopEndpoint, UpdateBeginEndpoint, UpdateCommitEndpoint,
+    UpdateStateEndpoint, UploadAbortEndpoint, UploadBeginEndpoint, UploadCommitEndpoint,
     UploadProgressEndpoint,
 };
 use postcard_rpc::Endpoint;
@@ -41,8 +43,8 @@ fn decoded(stream: &[u8]) -> Vec<Vec<u8>> {
     frames.collect()
 }
 
-/// Decodes a frame as the answer of each endpoint but those of probes, responses and updates. Chunks of an upload and
-/// applied settings have answers of the same types as others here.
+/// Decodes a frame as the answer of each endpoint. Chunks of an upload, applied settings and confirmed updates have
+/// answers of the same types as others here.
 fn messages(frame: &[u8]) {
     answer::<InfoEndpoint>(frame);
     answer::<StatusEndpoint>(frame);
@@ -62,7 +64,15 @@ fn messages(frame: &[u8]) {
     answer::<RecordStopEndpoint>(frame);
     answer::<SettingsGetEndpoint>(frame);
     answer::<SettingsProposeEndpoint>(frame);
+    answer::<ProbeLoadEndpoint>(frame);
+    answer::<ProbeStartEndpoint>(frame);
+    answer::<ResponseGetEndpoint>(frame);
+    answer::<ResponseProposeEndpoint>(frame);
+    answer::<ResponseSetEndpoint>(frame);
     answer::<SelfTestEndpoint>(frame);
+    answer::<UpdateBeginEndpoint>(frame);
+    answer::<UpdateCommitEndpoint>(frame);
+    answer::<UpdateStateEndpoint>(frame);
 }
 
 /// If an answer can be decoded, its encoding must mean the same. Bytes are compared, because NaN is not equal to

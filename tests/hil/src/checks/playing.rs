@@ -171,8 +171,7 @@ fn lost_link(bench: &mut Bench) -> Result<()> {
     /// Number of attempts to read in time, because this computer's clock is not the device's.
     const ATTEMPTS: u32 = 40;
     let play = library::cheap();
-    let mut value = String::new();
-    let mut holds = false;
+    let name = "a lost link is silent within 100 ms";
     for _ in 0..ATTEMPTS {
         bench.device.play(&request(&play, MotionSource::Host))?;
         let heard = bench.heard_with_motions()?;
@@ -184,23 +183,21 @@ fn lost_link(bench: &mut Bench) -> Result<()> {
         bench.device.stop()?;
         let gap = gap(&after);
         let [before, lost] = [&heard, &after].map(|status| count(status, MuteReason::LinkLost));
-        value = format!(
+        // An output that was found at rest too late says nothing: this computer may have paused meanwhile.
+        if after.output.at_rest && gap > SILENT_WITHIN_MS {
+            continue;
+        }
+        let value = format!(
             "at mid-scale: {}, after {gap} ms, lost {} times",
             after.output.at_rest,
             lost - before
         );
-        holds = after.output.at_rest && lost > before && gap <= SILENT_WITHIN_MS;
-        // An output that was found at rest too late says nothing: this computer may have paused meanwhile.
-        if !after.output.at_rest || gap <= SILENT_WITHIN_MS {
-            break;
-        }
+        let limits = "at mid-scale after at most 100 ms, link lost counted";
+        bench.judge(name, value, limits, after.output.at_rest && lost > before);
+        return Ok(());
     }
-    bench.judge(
-        "a lost link is silent within 100 ms",
-        value,
-        "at mid-scale after at most 100 ms, link lost counted",
-        holds,
-    );
+    let reason = "this computer read the output too late each time: end other programs";
+    bench.leave_out(name, reason);
     Ok(())
 }
 

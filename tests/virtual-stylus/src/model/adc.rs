@@ -104,7 +104,6 @@ pub struct Injected {
     sequence: Option<Sequence>,
     flags: u64,
     raised: bool,
-    lost_triggers: u64,
     samples: Option<Vec<Sample>>,
     silicon: OldConverter,
     followed: Option<Output>,
@@ -120,7 +119,6 @@ impl Injected {
             sequence: None,
             flags: 0,
             raised: false,
-            lost_triggers: 0,
             samples: None,
             silicon: OldConverter::default(),
             followed: None,
@@ -145,11 +143,6 @@ impl Injected {
         self.pins = pins;
     }
 
-    /// Number of triggers that were lost because a sequence was under way.
-    pub fn lost_triggers(&self) -> u64 {
-        self.lost_triggers
-    }
-
     /// Keeps every sample from now on.
     pub fn record_samples(&mut self) {
         self.samples.get_or_insert_default();
@@ -172,11 +165,10 @@ impl Injected {
         {
             return;
         }
-        if self.sequence.is_some() {
-            self.lost_triggers += 1;
-            return;
+        // A trigger during a sequence is lost.
+        if self.sequence.is_none() {
+            self.begin(call);
         }
-        self.begin(call);
     }
 
     /// Half cycles from the start of a conversion of `channel` to the end of its sampling, and to the end of the

@@ -6,6 +6,7 @@
 //! | `TSELx` does not change while `ENx` is set | 26.4.7, note |
 //! | `DHR12Rx` load the holding registers | 26.4.4, 26.7.3, 26.7.6 |
 //! | `TENx` clear: a holding register goes to `DORx` as it is written, even before the channel is enabled | 26.4.6 |
+//! | `TENx` cleared: what the holding register has taken meanwhile goes to `DORx` | 26.4.6 |
 //! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6) | 26.4.7, table 217 |
 //! | `DMAENx`: a trigger raises the channel's request; its acknowledge lowers it | 26.4.8 |
 //! | A trigger before the acknowledge sets `DMAUDRx`: no request until a one is written to clear it | 26.4.8, 26.7.14 |
@@ -23,8 +24,8 @@
 //! the image asks for another holding register, a trigger by software, waves, calibration or the interrupt.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
-use rigless::soc::Width;
 use rigless::soc::stm32h743::generated::dac::Register;
+use rigless::soc::{Layout, Width};
 use rigless::time::VirtualNanos;
 
 /// Table 217: the selection of TIM6's trigger output.
@@ -52,7 +53,7 @@ const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is c
 pub enum Cause {
     /// The trigger of a timer.
     Trigger,
-    /// A holding register was written while the trigger was off.
+    /// A holding register was written while the trigger was off, or the trigger was switched off after that.
     Write,
     /// The channel was enabled, or connected to its pin.
     Enabled,
@@ -90,11 +91,6 @@ pub struct Dac {
 }
 
 impl Dac {
-    /// Outputs of channel 1 since the last [`Dac::take_record`], or since the run began.
-    pub fn record(&self) -> &[Output] {
-        &self.record
-    }
-
     /// Returns the outputs of channel 1 recorded so far, and clears them.
     pub fn take_record(&mut self) -> Vec<Output> {
         std::mem::take(&mut self.record)
@@ -106,7 +102,7 @@ impl Dac {
     }
 
     /// The code that channel 1 now drives, or `None` if its pin is not driven.
-    pub fn pin(&self) -> Option<u16> {
+    fn pin(&self) -> Option<u16> {
         self.driven.then_some(self.output[0])
     }
 
@@ -228,7 +224,12 @@ impl Dac {
         }
     }
 
-    fn write_control(&mut self, value: u64, context: &mut DeviceContext<'_>) {
+    fn write_control(
+        &mut self,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         for (bits, reason) in [
             (0x00C0_00C0, WAVES),
             (0x4000_4000, CALIBRATION),
@@ -254,6 +255,11 @@ impl Dac {
             }
         }
         self.connect(context.now());
+        for channel in 0..CHANNELS {
+            if !self.triggered(channel) && self.output[channel] != self.holding[channel] {
+                self.latch(context.now(), channel, Cause::Write, registers);
+            }
+        }
     }
 }
 
@@ -283,10 +289,10 @@ impl Device for Dac {
     ) {
         let at = context.now();
         if context.access_width() != Some(Width::W32) {
-            context.tell("CR", NARROW);
+            context.tell(register.spec().name, NARROW);
         }
         match register {
-            Register::Cr => self.write_control(value, context),
+            Register::Cr => self.write_control(value, registers, context),
             Register::Mcr => {
                 self.mode = value;
                 self.connect(at);

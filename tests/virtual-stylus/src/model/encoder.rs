@@ -84,11 +84,6 @@ impl Quadrature {
         self.settled = false;
     }
 
-    /// Number of edges since the run began: edges up minus edges down.
-    pub fn count(&self) -> i64 {
-        self.count
-    }
-
     fn schedule(&mut self, context: &mut DeviceContext<'_>) {
         self.next = self
             .motion

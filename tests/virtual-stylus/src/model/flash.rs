@@ -121,7 +121,8 @@ impl Contents {
     /// Reads a file that [`Contents::write`] has written.
     ///
     /// # Errors
-    /// The file cannot be read, or its length is not that of both banks and of marks of four bytes.
+    /// The file cannot be read, its length is not that of both banks and of marks of four bytes, or a mark is not that
+    /// of a word.
     pub fn read(path: &Path) -> Result<Self> {
         let told = |reason: String| Error::FlashFile {
             path: path.to_owned(),
@@ -145,6 +146,15 @@ impl Contents {
         }
         let (words, _) = bytes[BYTES..].as_chunks::<4>();
         let marks = words.iter().map(|word| u32::from_le_bytes(*word));
+        let is_word = |mark: u32| {
+            let address = mark & !FILLED;
+            word_of(address) == address && bank_of(address.into()).is_some()
+        };
+        if let Some(mark) = marks.clone().find(|mark| !is_word(*mark)) {
+            return Err(told(format!(
+                "marks {mark:#010x}, which is no word of the flash"
+            )));
+        }
         let (filled, unreadable) = marks.partition::<BTreeSet<_>, _>(|mark| mark & FILLED != 0);
         let filled = filled.into_iter().map(|mark| mark & !FILLED).collect();
         bytes.truncate(BYTES);

@@ -13,7 +13,7 @@ use super::around::{Around, Call};
 
 /// Value of `TISEL` that selects LSI.
 const SELECTION: u8 = 1;
-const CHANNEL_1: Channel = Channel::new(1).expect("the timer has four");
+const CHANNEL_1: Channel = Channel::new(1).expect("every timer has it");
 /// DS12110 table 136: the typical rate.
 const TYPICAL_HZ: u64 = 32_000;
 

@@ -37,7 +37,6 @@ pub struct Watchdog {
     /// An instant, and the count at that instant.
     counted_from: (VirtualNanos, u64),
     end: Option<EventId>,
-    reloads: u64,
 }
 
 impl Default for Watchdog {
@@ -50,7 +49,6 @@ impl Default for Watchdog {
             hz: 0,
             counted_from: (VirtualNanos(0), LONGEST),
             end: None,
-            reloads: 0,
         }
     }
 }
@@ -59,11 +57,6 @@ impl Watchdog {
     /// Returns true if the image has started the watchdog since the last reset.
     pub fn started(&self) -> bool {
         self.started
-    }
-
-    /// Number of reloads by the image since the last reset.
-    pub fn reloads(&self) -> u64 {
-        self.reloads
     }
 
     /// Time from a reload to the reset, in nanoseconds; `None` while the watchdog does not count.
@@ -94,10 +87,7 @@ impl Watchdog {
     fn key(&mut self, key: u64, context: &mut DeviceContext<'_>) {
         self.open = key == OPEN;
         match key {
-            RELOAD => {
-                self.reloads += u64::from(self.started);
-                self.count_from(self.reload, context);
-            }
+            RELOAD => self.count_from(self.reload, context),
             START if !self.started => {
                 self.started = true;
                 // The clock controller forces the LSI on, and reports its rate at once.

@@ -23,7 +23,7 @@ const ENDED_NS: u64 = LATENCY_NS + 4 * PERIOD_NS;
 /// Tolerance of the phase between the two timers, which software starts one after the other, ns.
 const PHASE_NS: u64 = 1_000;
 /// Time for which mid-scale must be put out before the amplifier is switched on, ns.
-const SETTLED_NS: u64 = 9 * MS;
+pub const SETTLED_NS: u64 = 9 * MS;
 
 /// A slew limit, V/ms, that a step from the loud texture to mid-scale would exceed many times over.
 const SLEW_LIMIT: f32 = 2.0;

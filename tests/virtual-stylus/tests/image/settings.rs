@@ -2,6 +2,8 @@
 //! the power is cut.
 
 use model_format::link::{PlayEndpoint, PlayError, Setting};
+use stylus_app::settings::SETTINGS_RANGE;
+use stylus_boot::map::{FLASH, SECTOR_BYTES, WORD_BYTES};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::{Contents, Moment};
 
@@ -9,10 +11,11 @@ use crate::device::{Device, is_drawn};
 use crate::library;
 use crate::requests::play_request;
 
-/// The last two sectors of bank 1, one per copy.
-const COPIES: [u32; 2] = [0x080c_0000, 0x080e_0000];
-const SECTOR_BYTES: u32 = 128 * 1024;
-const WORD_BYTES: usize = 32;
+/// The sectors of the settings, one per copy.
+const COPIES: [u32; 2] = [
+    FLASH + SETTINGS_RANGE.start,
+    FLASH + SETTINGS_RANGE.end - SECTOR_BYTES as u32,
+];
 
 fn options(flash: Contents) -> Options {
     Options {
@@ -34,8 +37,8 @@ fn play(device: &mut Device) -> Result<(), Box<PlayError>> {
 /// Addresses of the last programmed word in each copy.
 fn last_words(flash: &Contents) -> [u32; 2] {
     COPIES.map(|start| {
-        let offset = (start - 0x0800_0000) as usize;
-        let sector = &flash.bytes[offset..offset + SECTOR_BYTES as usize];
+        let offset = (start - FLASH) as usize;
+        let sector = &flash.bytes[offset..offset + SECTOR_BYTES];
         let (words, _) = sector.as_chunks::<WORD_BYTES>();
         let last = words.iter().rposition(|word| *word != [0xff; WORD_BYTES]);
         start + (last.expect("something was written") * WORD_BYTES) as u32

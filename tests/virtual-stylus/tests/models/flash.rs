@@ -5,7 +5,7 @@ use std::process::Command;
 
 use virtual_stylus::flash_file::FlashFile;
 use virtual_stylus::model::flash::{
-    BASE, Contents, Kind, Moment, SECTOR_BYTES, Stalls, WORD_BYTES,
+    BASE, BYTES, Contents, Kind, Moment, SECTOR_BYTES, Stalls, WORD_BYTES,
 };
 use virtual_stylus::{Error, Options, ResetCause};
 
@@ -219,6 +219,27 @@ fn an_audit_sees_code_in_flash_and_every_tick_is_followed() {
     let ticks = stylus.take_ticks();
     assert!(ticks.len() > 90 && stylus.unfollowed_ticks() == 0);
     assert!((ticks.iter()).all(|tick| u64::from(tick.instructions) == first.instructions));
+}
+
+#[test]
+fn a_file_with_marks_outside_of_the_flash_or_within_a_word_is_refused() {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("marks.flash");
+    let sound = Contents {
+        unreadable: [BASE].into(),
+        filled: [BASE + BYTES as u32 - WORD_BYTES].into(),
+        ..Contents::default()
+    };
+    sound.write(&path).unwrap();
+    assert_eq!(Contents::read(&path).unwrap(), sound);
+    for mark in [0, BASE - WORD_BYTES, BASE + 2, BASE + BYTES as u32] {
+        let foreign = Contents {
+            unreadable: [mark].into(),
+            ..Contents::default()
+        };
+        foreign.write(&path).unwrap();
+        let refused = Contents::read(&path).unwrap_err().to_string();
+        assert!(refused.contains("no word of the flash"), "{refused}");
+    }
 }
 
 /// Runs the virtual stylus's program with its flash in `file` and without an image. Returns its exit code and its

@@ -83,6 +83,16 @@ fn with_stream(bench: &mut Bench) {
 }
 
 #[test]
+fn a_code_that_was_written_under_the_trigger_is_put_out_when_the_trigger_is_switched_off() {
+    let mut bench = converters();
+    bench.write(CR, TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
+    bench.write(DHR12R1, 0x123);
+    assert_eq!(bench.read(DOR1), 0);
+    bench.write(CR, TIM7_SELECTED | ENABLE);
+    assert_eq!(bench.read(DOR1), 0x123);
+}
+
+#[test]
 fn each_trigger_requests_one_code_which_the_next_one_puts_out() {
     let mut bench = triggered();
     with_stream(&mut bench);

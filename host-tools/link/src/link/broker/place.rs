@@ -29,7 +29,7 @@ const REMEDY: &str = "--no-broker opens the device without sharing it";
 /// The files of a device's broker, or of the program that has the device exclusively.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
-    /// The device's address in a canonical form, however the user has written it.
+    /// The device's address in a canonical form, however the user has written it; a host stays as it is written.
     pub(super) address: LinkAddress,
     /// The socket.
     pub(super) socket: PathBuf,
@@ -54,7 +54,7 @@ impl Place {
         // Names are hashes, because a socket's path has at most 104 bytes on some systems, and the path of a serial
         // port may be longer.
         let hashed = |text: &str| format!("link-{:016x}", Fnv::of(text.as_bytes()));
-        let name = address.to_string();
+        let name = with_lowest_ip(address.clone()).to_string();
         let versions = format!("{name} {VERSION} {SCHEMA_HASH:016x}");
         Self {
             socket: folder.join(format!("{}.sock", hashed(&versions))),
@@ -144,13 +144,23 @@ pub(super) fn unusable(address: &LinkAddress, reason: &impl ToString) -> LinkErr
     }
 }
 
-/// Returns the canonical form of a device's address, which all ways of writing it have in common.
+/// Returns `address` with the lowest of its host's IP addresses, so that `localhost` and 127.0.0.1 have the same files.
+///
+/// The link is not opened there, because a device may listen at another one of them.
+fn with_lowest_ip(mut address: LinkAddress) -> LinkAddress {
+    if let LinkAddress::Tcp { host, port } | LinkAddress::UsbVirtual { host, port } = &mut address
+        // A host that cannot be resolved stays as it is. Opening the link will report why.
+        && let Ok(found) = (host.as_str(), *port).to_socket_addrs()
+        && let Some(lowest) = found.map(|found| found.ip()).min()
+    {
+        *host = lowest.to_string();
+    }
+    address
+}
+
+/// Returns the canonical form of the address of a device on USB or at a serial port, which all ways of writing it have
+/// in common.
 async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
-    // A host that cannot be resolved stays as it is. Opening the link will report why.
-    let resolved = |host: &str, port: u16| {
-        let found = (host, port).to_socket_addrs().ok()?.next()?;
-        Some(found.ip().to_string())
-    };
     Ok(match address {
         LinkAddress::Usb { serial } => LinkAddress::Usb {
             serial: usb::serial_number(serial.as_deref(), &address.to_string())
@@ -161,14 +171,7 @@ async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
         LinkAddress::Serial { path } => LinkAddress::Serial {
             path: path.canonicalize().unwrap_or_else(|_| path.clone()),
         },
-        LinkAddress::Tcp { host, port } => LinkAddress::Tcp {
-            host: resolved(host, *port).unwrap_or_else(|| host.clone()),
-            port: *port,
-        },
-        LinkAddress::UsbVirtual { host, port } => LinkAddress::UsbVirtual {
-            host: resolved(host, *port).unwrap_or_else(|| host.clone()),
-            port: *port,
-        },
+        LinkAddress::Tcp { .. } | LinkAddress::UsbVirtual { .. } => address.clone(),
     })
 }
 
@@ -194,6 +197,10 @@ mod tests {
         let one = place(parsed("tcp:127.0.0.1:4000")).await;
         assert_ne!(one, place(parsed("usb-virtual:127.0.0.1:4000")).await);
         assert_ne!(one, place(parsed("tcp:127.0.0.1:4001")).await);
+        // A name whose first address is another one leads to the same files, and is opened by name.
+        let named = place(parsed("tcp:localhost:4000")).await;
+        assert_eq!((&named.socket, &named.lock), (&one.socket, &one.lock));
+        assert_eq!(named.address, parsed("tcp:localhost:4000"));
     }
 
     #[test]

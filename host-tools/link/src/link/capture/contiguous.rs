@@ -105,7 +105,7 @@ pub fn capture(
 }
 
 /// Interpolates the samples that are not `whole`; returns their number, or an error if there are too many.
-fn mend(device: &Device, samples: &mut [RecordSample], whole: &[bool]) -> Result<u32> {
+pub(crate) fn mend(device: &Device, samples: &mut [RecordSample], whole: &[bool]) -> Result<u32> {
     let interpolated = whole.iter().filter(|&&whole| !whole).count() as u32;
     if f64::from(interpolated) > MOST_TORN * whole.len() as f64 {
         return Err(LinkError::Lossy {

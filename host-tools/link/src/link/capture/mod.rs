@@ -6,5 +6,6 @@ mod contiguous;
 mod stream;
 
 pub use calibration::{Calibration, Level, Loss};
+pub(crate) use contiguous::mend;
 pub use contiguous::{Capture, capture};
 pub use stream::{Arrival, Stream};

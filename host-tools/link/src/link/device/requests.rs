@@ -10,8 +10,8 @@ use model_format::link::{
     RecordStartEndpoint, RecordStarted, RecordStopEndpoint, RecordStopped, SceneInfo,
     SelfTestEndpoint, SelfTestRequest, SelfTestValues, SettingChange, Settings,
     SettingsApplyEndpoint, SettingsChange, SettingsGetEndpoint, SettingsProposal,
-    SettingsProposeEndpoint, SlotId, SlotState, Slots, SlotsEndpoint, StopEndpoint, StopError,
-    TextureInfo,
+    SettingsProposeEndpoint, SlotId, SlotInfo, SlotState, Slots, SlotsEndpoint, StopEndpoint,
+    StopError, TextureInfo,
 };
 use postcard_rpc::host_client::{MultiSubRxError, MultiSubscription};
 use serde::Serialize;
@@ -30,21 +30,17 @@ impl Device {
         self.request_flash::<SlotsEndpoint>("slot list", &())
     }
 
-    /// Slot of the library that was uploaded last; none if no slot holds a library.
+    /// The library that was uploaded last, with its slot; none if no slot holds a library.
     ///
     /// # Errors
     /// Those of [`Self::slots`].
-    pub fn newest_slot(&self) -> Result<Option<SlotId>> {
-        let slots = self.slots()?.slots;
-        let sequences = SlotId::ALL
-            .into_iter()
-            .zip(&slots)
-            .filter_map(|(id, state)| match state {
-                SlotState::Valid(library) => Some((library.sequence, id)),
-                _ => None,
-            });
-        let newest = sequences.max_by_key(|&(sequence, _)| sequence);
-        Ok(newest.map(|(_, id)| id))
+    pub fn newest(&self) -> Result<Option<(SlotId, SlotInfo)>> {
+        let slots = SlotId::ALL.into_iter().zip(self.slots()?.slots);
+        let valid = slots.filter_map(|(id, state)| match state {
+            SlotState::Valid(library) => Some((id, library)),
+            _ => None,
+        });
+        Ok(valid.max_by_key(|(_, library)| library.sequence))
     }
 
     /// Reads the list of textures in `slot`; an empty one if the slot holds no library.

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::Result;
 use super::bench::{Bench, Probe, usable};
-use super::identify::{Bounds, SHARE_OF_RMS, excitation};
+use super::identify::{Bounds, MOVES, SHARE_OF_RMS, excitation};
 use crate::dsp::response::{Bandwidths, Fit, Measured, Spectra};
 
 /// Periods of the probe. With one period to settle and a soft start of at most 0.4 s, it takes two seconds.
@@ -20,9 +20,6 @@ const GAIN_DB: f64 = 1.0;
 const RESONANCE: f64 = 0.06;
 const AXIS_DEG: f64 = 10.0;
 const BAND_DB: f64 = 3.0;
-
-/// Least ratio of the lines' power to the power of the noise in them at which something moves.
-const MOVES: f64 = 4.0;
 
 /// Comparison of the present response with the stored one.
 #[derive(Clone, Debug, PartialEq, Serialize)]

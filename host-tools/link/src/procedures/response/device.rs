@@ -11,7 +11,7 @@ use super::{Failure, Result};
 use crate::dsp::response::{PERIOD, RATE_HZ};
 use crate::link::Device;
 use crate::link::LinkError;
-use crate::link::capture::Stream;
+use crate::link::capture::{Stream, mend};
 
 /// Largest number of times that a waveform is played. It is repeated if the device mutes it because this computer was
 /// late.
@@ -67,9 +67,10 @@ impl<'a> DeviceBench<'a> {
         Err(LinkError::Held { link, what }.into())
     }
 
-    /// Records the samples of the ticks from `first` to before `end`, and keeps the device playing meanwhile.
+    /// Records the samples of the ticks from `first` to before `end`, and keeps the device playing meanwhile. Torn
+    /// samples are interpolated.
     fn record(&self, stream: &mut Stream<'_>, first: u64, end: u64) -> Result<Vec<RecordSample>> {
-        let mut samples = Vec::new();
+        let (mut samples, mut whole) = (Vec::new(), Vec::new());
         let mut spoken = Instant::now();
         loop {
             if !(self.goes_on)() {
@@ -80,14 +81,17 @@ impl<'a> DeviceBench<'a> {
                 spoken = Instant::now();
             }
             let arrival = stream.wait()?;
-            for (sample, tick) in arrival.samples.into_iter().zip(arrival.first_tick..) {
+            let rows = arrival.samples.into_iter().zip(arrival.whole);
+            for ((sample, is_whole), tick) in rows.zip(arrival.first_tick..) {
                 // Samples after a hole are left out, so that the length shows the hole.
                 if tick < end && tick == first + samples.len() as u64 {
                     samples.push(sample);
+                    whole.push(is_whole);
                 }
             }
             let last = arrival.first_tick + arrival.samples.len() as u64;
             if samples.len() as u64 == end - first {
+                mend(self.device, &mut samples, &whole)?;
                 return Ok(samples);
             }
             if last >= end {

@@ -178,9 +178,7 @@ impl Output<'_> {
                 let most =
                     |over_db: [f64; 3]| over_db.into_iter().fold(f64::NEG_INFINITY, f64::max);
                 // Silence is -∞ dB, which exceeds nothing. The second condition gives a silent texture a node, too.
-                if most(demand.over_db) > most(worst.over_db)
-                    || worst.bands.is_empty() && worst.at == [0.0; 2]
-                {
+                if most(demand.over_db) > most(worst.over_db) || worst.at == [0.0; 2] {
                     worst.at = [texture.speed(speed).0, texture.force(force).0];
                     worst.over_db = demand.over_db;
                 }

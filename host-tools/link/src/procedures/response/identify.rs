@@ -51,7 +51,7 @@ const HUM: (f64, f64) = (0.04, 8.0);
 const HUM_HZ: [f64; 2] = [40.0, 420.0];
 
 /// Least ratio of the lines' power to the power of the noise in them at which something moves.
-const MOVES: f64 = 4.0;
+pub(super) const MOVES: f64 = 4.0;
 
 /// Ratio of the lines' power to the power of the noise from which on distortion can be judged.
 const CLEAR: f64 = 300.0;
@@ -435,7 +435,7 @@ fn bent(levels: &[Level]) -> Option<Fault> {
     Some(match resonances {
         // A clipped signal is distorted, too, so the loss of gain is asked first.
         _ if loss_db > changed_db => Verdict::Clipped.seen(format!(
-            "the gain falls by {loss_db:.1} dB towards {volts:.3} V of peak, at all frequencies alike"
+            "the gain falls by {loss_db:.1} dB from 100 to 800 Hz towards {volts:.3} V of peak"
         )),
         Some([low_hz, high_hz]) if moves > moved && !is_rough => Verdict::MovingResonance.seen(format!(
             "the resonance moves from {low_hz:.1} to {high_hz:.1} Hz with the level"

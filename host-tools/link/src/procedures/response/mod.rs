@@ -80,7 +80,7 @@ pub enum Verdict {
          around"
     )]
     Reversed,
-    /// The gain falls with the level, at all frequencies alike.
+    /// The mean gain from 100 to 800 Hz falls with the level.
     #[error(
         "the amplifier or the accelerometer clips: lower hard-limit, or raise the amplifier's supply"
     )]

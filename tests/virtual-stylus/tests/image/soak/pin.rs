@@ -5,10 +5,8 @@ use std::collections::VecDeque;
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::pin::{Drive, Driven};
 
-use crate::device::{CODE_NS, MID_SCALE, MS};
-
-/// Time for which mid-scale must be put out before the amplifier is switched on, ns.
-const SETTLED_NS: u64 = 9 * MS;
+use crate::device::{CODE_NS, MID_SCALE};
+use crate::output::SETTLED_NS;
 
 /// Largest offset of a code from mid-scale and largest change between successive codes, converter steps.
 #[derive(Clone, Copy, Debug)]
