@@ -14,12 +14,12 @@ use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use model_format::Provenance;
 use report::RecordReport;
-use session::{Outcome, Session, say};
+use session::{Outcome, Session};
 
 use crate::cli::device::connection::Link;
 use crate::cli::files::{Overwrite, check_in_growing_folder};
 use crate::cli::input::{not_negative, positive, trial_force, trial_speed};
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{print, print_json, tell};
 
 #[derive(clap::Args)]
 #[expect(
@@ -103,7 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .into_iter()
         .partition(|point| !arguments.again && folder.has(point));
     let session = Session::open(arguments)?;
-    say(&format!(
+    tell(&format!(
         "{} to record, {} already in {}",
         counted(todo.len(), "trial"),
         there.len(),
