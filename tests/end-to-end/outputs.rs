@@ -9,7 +9,9 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, signal as send, text, two_textures};
+use crate::support::{
+    Bench, RATE_HZ, holds, noise, refusal, rig_of, signal as send, text, two_textures,
+};
 
 /// Commands that write a file; `{}` stands for its name.
 const FILES: [&str; 11] = [
@@ -406,6 +408,20 @@ fn on_a_full_disk(bench: &Bench, blocks: u32, arguments: &str) -> Output {
         .current_dir(bench.path("."))
         .output()
         .expect("there is a shell")
+}
+
+#[test]
+fn help_that_cannot_be_written_says_why() {
+    let bench = Bench::new();
+    // The signal at the limit is ignored, so that the write itself fails.
+    let script = "trap '' XFSZ; ulimit -f 0; exec \"$0\" --help > help.txt";
+    let output = Command::new("sh")
+        .args(["-c", script, env!("CARGO_BIN_EXE_stylus")])
+        .current_dir(bench.path("."))
+        .output()
+        .expect("there is a shell");
+    let message = refusal(&output, "--help");
+    holds(&message, &["standard output: cannot write"]);
 }
 
 #[test]
