@@ -9,6 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::hatt;
+use crate::pages;
 use crate::support::{
     Bench, RATE_HZ, holds, noise, refusal, rig_of, signal as send, text, two_textures,
 };
@@ -265,10 +266,7 @@ fn every_command_that_writes_is_among_those_whose_inputs_are_tried() {
     let mut writing = 0;
     while let Some(command) = commands.pop() {
         let help = bench.succeed(&format!("{command} --help"));
-        let inner = help.split("Commands:\n").nth(1).unwrap_or_default();
-        let inner = inner.lines().take_while(|line| !line.is_empty());
-        let names = inner.filter_map(|line| line.split_whitespace().next());
-        let names = names.filter(|&name| name != "help");
+        let names = pages::commands(&help).into_iter();
         commands.extend(names.map(|name| format!("{command} {name}").trim().to_owned()));
         if (help.contains("--out <") || help.contains("--list <")) && command != "demo" {
             let is_of = |known: &&&str| known.starts_with(&command);
