@@ -18,7 +18,7 @@ use session::{Outcome, Session};
 
 use crate::cli::device::connection::Link;
 use crate::cli::files::{Overwrite, check_in_growing_folder};
-use crate::cli::input::{not_negative, positive, trial_force, trial_speed};
+use crate::cli::input::{not_negative, of_axes, positive, trial_force, trial_speed};
 use crate::cli::output::{print, print_json, tell};
 
 #[derive(clap::Args)]
@@ -159,7 +159,7 @@ impl Sensing {
     /// # Errors
     /// The link failed, the number of scales is neither one nor three, or all scales are zero.
     pub fn calibration(&self, device: &Device) -> Result<Calibration> {
-        let calibration = Calibration::new(&device.settings()?, self.scale()?);
+        let calibration = Calibration::new(&device.settings()?, of_axes("--scale", &self.scale)?);
         let mut scales = calibration.m_s2_per_code.iter();
         if scales.all(|scale| scale.abs() <= 0.0) {
             return Err(Error::Request(
@@ -176,18 +176,6 @@ impl Sensing {
             Provenance::Simulated
         } else {
             Provenance::Recorded
-        }
-    }
-
-    fn scale(&self) -> Result<Option<[f64; 3]>> {
-        match self.scale.as_slice() {
-            [] => Ok(None),
-            [all] => Ok(Some([*all; 3])),
-            [x, y, z] => Ok(Some([*x, *y, *z])),
-            other => Err(Error::Request(format!(
-                "--scale takes one value or three, not {}",
-                other.len()
-            ))),
         }
     }
 }
