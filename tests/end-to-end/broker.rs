@@ -64,7 +64,10 @@ impl Desk {
 
     /// Starts a play, and waits for its motions.
     fn play(&self) -> Child {
-        let player = self.bench.spawn(PLAY.into_iter().chain(["--json"]));
+        // A general option before the command is not taken for it.
+        let player = self
+            .bench
+            .spawn(["-q"].into_iter().chain(PLAY).chain(["--json"]));
         wait_for("motions", || self.stylus.count("stylus/motion/live") >= 20);
         player
     }

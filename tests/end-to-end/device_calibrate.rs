@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::process::{Child, ChildStderr, ChildStdin};
 
-use crate::support::{Bench, attached, holds, json, near, wait_for};
+use crate::support::{Bench, attached, holds, interrupt, json, near, wait_for};
 use fake_stylus::{FakeStylus, Hand};
 
 /// Force of a weight of 100 g, N.
@@ -62,6 +62,15 @@ impl<'a> Operator<'a> {
         self.stylus.set_hand(self.hand.clone());
         wait_for("the tip", || self.stylus.place() == goal);
         writeln!(self.keyboard).unwrap();
+    }
+
+    /// Holds the stylus in two opposite poses, in which the mean code of each axis is `zero`.
+    fn turn_over(&mut self, zero: u16) {
+        // Gravity of 9.81 m/s² at 29.72 m/s² per V and 3.3 V / 65 536 per code.
+        for (pose, z) in [("tip down", zero + 6_553), ("tip up", zero - 6_553)] {
+            self.hand.acceleration = vec![[zero, zero, z]];
+            self.answer(pose, "");
+        }
     }
 
     /// Waits for the end of the command, and returns its report and its exit code.
@@ -168,4 +177,47 @@ fn what_is_not_verified_is_told_with_what_is_stored() {
     let stored = "stored and read back: path-per-count 0.02";
     holds(&told, &[stored, "50 mm show as 40.00 mm"]);
     assert_eq!(operator.end().1, Some(2));
+}
+
+#[test]
+fn zeros_of_the_accelerometer_are_judged_by_the_accelerometer_and_not_by_a_force_that_is_kept() {
+    let (stylus, bench) = attached(FakeStylus::start());
+    let command = "calibrate --resistance 8 --amplifier-gain 10 --power-limit 0.5 --seconds 0.2 --accelerometer \
+                   --keep-force";
+    let mut operator = Operator::new(&stylus, &bench, command);
+    operator.hand.is_open = true;
+    operator.turn_over(33_000);
+    operator.answer("store these?", "y");
+    let (report, code) = operator.end();
+    assert_eq!(code, Some(0), "{report}");
+    assert_eq!(value(&bench, "acceleration-zero-z"), 33_000.0);
+    let mut operator = Operator::new(&stylus, &bench, command);
+    operator.hand.acceleration = vec![[30_000; 3], [34_000; 3]];
+    operator.answer("tip down", "");
+    holds(
+        &operator.until("nothing was stored"),
+        &["acceleration X has a noise"],
+    );
+    assert_eq!(operator.end().1, Some(2));
+}
+
+#[test]
+fn what_is_asked_for_beside_a_response_is_set_and_told_if_the_response_fails() {
+    let (stylus, bench) = attached(FakeStylus::start());
+    let command = "calibrate --response --accelerometer --keep-force --seconds 0.2";
+    let mut operator = Operator::new(&stylus, &bench, command);
+    operator.turn_over(33_000);
+    operator.answer("store these?", "y");
+    operator.until("hold the stylus as in use");
+    interrupt(&operator.child);
+    writeln!(operator.keyboard).unwrap();
+    let told = operator.until("the response failed: interrupted");
+    holds(
+        &told,
+        &["stored and read back: acceleration-zero-x 33000, "],
+    );
+    assert_eq!(operator.end().1, Some(2));
+    assert_eq!(value(&bench, "acceleration-zero-x"), 33_000.0);
+    let refused = bench.refuse("calibrate --response --hard-limit 0.4 --yes");
+    holds(&refused, &["give --resistance"]);
 }

@@ -177,6 +177,28 @@ fn a_play_in_which_nothing_moves_says_so() {
 }
 
 #[test]
+fn limits_that_acted_are_counted_per_play() {
+    let (_stylus, bench) = ready();
+    bench.succeed("settings set hard-limit 0.01");
+    for (gain, is_limited) in [("4", true), ("0", false)] {
+        let play = ["play", "--texture", "texture 0", "--gain", gain, "--json"];
+        let motion = ["--speed", "100", "--force", "1", "--seconds", "0.5"];
+        let output = bench.command(play.into_iter().chain(motion)).output();
+        let output = output.unwrap();
+        let said = text(&output.stderr).replace("\n  ", " ");
+        assert!(output.status.success(), "{said}");
+        let report = json(&text(&output.stdout));
+        let hard = report["hard_limited"].as_u64().unwrap();
+        assert_eq!(hard > 0, is_limited, "{report}");
+        assert_eq!(
+            said.contains(&format!("({hard} hard, ")),
+            is_limited,
+            "{said}"
+        );
+    }
+}
+
+#[test]
 fn a_play_tells_what_the_accelerometer_felt_and_what_the_active_library_lets_expect() {
     let actuator = Actuator::new(Parameters::preset("haptuator").unwrap(), 1, None);
     let (_stylus, bench) = attached(FakeStylus::start_on(actuator));
@@ -439,8 +461,15 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     holds(&said, &["1.149 m/s² RMS", "idle"]);
     let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["record"]["recording"], false);
-    let mut child = bench.spawn(["status", "--watch"]);
-    wait_for("the recording", || stylus.count("stylus/record/start") >= 3);
+    // The duration ends an interval that is longer.
+    let seen = bench.succeed("status --watch --seconds 0.5 --interval 60 --json");
+    near(
+        json(&seen)["level"]["speed_mm_s"].as_f64().unwrap(),
+        80.0,
+        1.0,
+    );
+    let mut child = bench.spawn(["status", "--watch", "--interval", "60"]);
+    wait_for("the recording", || stylus.count("stylus/record/start") >= 4);
     #[cfg(unix)]
     interrupt(&child);
     #[cfg(not(unix))]

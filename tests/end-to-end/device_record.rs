@@ -201,6 +201,25 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
 }
 
 #[test]
+fn a_recording_that_was_to_be_made_again_is_told_as_long_as_it_is_in_the_folder() {
+    // The first trial is too slow, and what follows the request for another recording is not that.
+    for (keys, left_out) in [("\nr\ns\nq\n", 1), ("\nr\nq\n", 1), ("\nr\ns\n\n\n", 0)] {
+        let (stylus, bench) = attached(FakeStylus::start());
+        stylus.set_hand(hand(100.0, 1.0));
+        let trials = "--texture silk --speeds 200,300 --forces 1 --seconds 0.5 --settle 0";
+        let mut child = spawn(&bench, trials);
+        let mut keyboard = child.stdin.take().unwrap();
+        keyboard.write_all(keys.as_bytes()).unwrap();
+        let report = report(&child.wait_with_output().unwrap());
+        let recorded = report["recorded"].as_array().unwrap();
+        let list = text(&bench.read("set/trials.csv"));
+        assert_eq!(recorded.len(), list.lines().count() - 1, "{report}");
+        assert_eq!(recorded[0]["speed_mm_s"], 200.0);
+        assert_eq!(report["left_out"], left_out);
+    }
+}
+
+#[test]
 fn triage_judges_each_trial_when_it_is_there() {
     let (stylus, bench) = attached(FakeStylus::start());
     let clipped = |(index, codes): (usize, [u16; 3])| {

@@ -7,9 +7,11 @@ use std::time::Duration;
 use crate::support::{attached, holds, json};
 use fake_stylus::FakeStylus;
 use fake_stylus::device::response_for;
+use fake_stylus::library::texture;
 use host_tools::dsp::response::PERIOD;
 use host_tools::link::{Device, LinkError, Timeouts};
 use host_tools::procedures::response::{Bench, DeviceBench, Failure, Probe};
+use model_format::encode;
 use model_format::link::{
     Activity, LINK_LOST_AFTER_MS, MAX_PROBE_SAMPLES, ProbeError, ProbeStart, ProbeThrough,
     ResponseChange, ResponseError,
@@ -62,6 +64,12 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     let line =
         format!("response {id:08x}, measured on 2023-11-14, flat within 1.5 dB (0.5 dB RMS)");
     holds(&bench.succeed("status"), &[&line]);
+    // The upload has succeeded, whatever can be said of the headroom.
+    bench.write("odd.lib", encode(&[texture("odd", 4, 1, 8_000)]).unwrap());
+    holds(
+        &bench.told("upload odd.lib"),
+        &["the headroom is not known: no stylus plays 8000 Hz"],
+    );
     bench.succeed("settings set output-gain 0.04");
     holds(
         &bench.succeed("status"),

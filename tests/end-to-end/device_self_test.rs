@@ -1,5 +1,7 @@
 //! `stylus selftest`: a healthy device passes, each fault is named together with its remedy, and a record is kept.
 
+use std::time::Duration;
+
 use crate::support::{Bench, attached, holds, json, text};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Hand};
@@ -168,4 +170,18 @@ fn a_second_link_that_cannot_be_opened_is_an_error_before_anything_is_measured()
     holds(&text(&other.stderr), &["127.0.0.1:1"]);
     assert_eq!(stylus.count("stylus/selftest"), 0);
     assert_eq!(bench.names(), [""; 0]);
+}
+
+#[test]
+fn a_second_link_has_the_timeout_that_is_given() {
+    let (stylus, bench) = on(Board::default());
+    let other = FakeStylus::start();
+    other.fail(|faults| {
+        // Later than the usual timeout.
+        faults.late = Duration::from_millis(1_300);
+        faults.disguise = Some(|info| info.serial = "another".parse().unwrap());
+    });
+    let refused = bench.refuse(&format!("selftest --also {} --timeout 5", other.link()));
+    holds(&refused, &["this is device another"]);
+    assert_eq!(stylus.count("stylus/selftest"), 0);
 }

@@ -6,6 +6,7 @@ use crate::support::{
     Bench, all_pole, decibels, holds, noise, power_between, predictor, text, wav,
 };
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
+use host_tools::dsp::sums::mean_square;
 
 /// Directions of texture and drift. They are 53° apart.
 const TEXTURE: [f64; 3] = [0.6, 0.0, 0.8];
@@ -78,9 +79,8 @@ fn errors(played: &[f64], rate_hz: u32, factor: f64, share: f64) -> (f64, f64) {
         let (low, high) = band_edges_hz(band);
         (low > 28.0 && high < highest_hz).then(|| decibels(found / power(low, high)).abs())
     });
-    let mean_square = played.iter().map(|x| x * x).sum::<f64>() / played.len() as f64;
     let half_hz = (f64::from(rate_hz) / 2.0).min(2_500.0);
-    let level = decibels(mean_square / power(0.0, half_hz));
+    let level = decibels(mean_square(played) / power(0.0, half_hz));
     (worst.fold(0.0, f64::max), level)
 }
 

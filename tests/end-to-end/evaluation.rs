@@ -338,6 +338,8 @@ fn refuse_what_does_not_go_with_strokes(bench: &Bench) {
     for (command, option) in [
         ("fit s0.csv --out a.lib", "--time-unit ms"),
         ("fit s0.csv --out a.lib", "--force 1"),
+        ("fit s0.csv --out a.lib", "--snap auto"),
+        ("fit s0.csv --out a.lib", "--lines auto"),
         ("page s0.csv --out a.html", "--recordings ."),
     ] {
         let output = bench.run(&format!("{command} --strokes {option}"));

@@ -8,6 +8,7 @@ use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::fourier::{self, Complex};
 use host_tools::dsp::linear_prediction::{Prediction, corrected};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
+use host_tools::dsp::sums::{mean_square, rms};
 use host_tools::fit;
 use host_tools::fit::Order;
 use host_tools::fit::conditioning::HighPass;
@@ -48,7 +49,6 @@ fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
             let played = rendered.accelerations_m_s2().split_off(RATE_HZ as usize);
             let case = format!("{name}, {order:?}");
 
-            let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
             let level = decibels(mean_square(&played) / mean_square(&signal));
             assert!(level.abs() < 0.2, "{case}: level {level} dB");
 
@@ -112,8 +112,7 @@ fn noise_of(density: Density, samples: usize, seed: u64) -> Vec<f64> {
         .collect();
     let signal = fourier::inverse(&mut spectrum, length).split_off(length / 4);
     let signal = &signal[..samples];
-    let power = signal.iter().map(|x| x * x).sum::<f64>() / samples as f64;
-    scaled(signal, power.sqrt().recip())
+    scaled(signal, rms(signal).recip())
 }
 
 /// A(z) of the reflection coefficients, without its leading 1.

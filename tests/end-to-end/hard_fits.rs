@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use crate::support::{Bench, RATE_HZ, all_pole, holds, json, noise, scaled, wav};
 use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::linear_prediction::{Prediction, corrected, step_up};
+use host_tools::dsp::sums::rms;
 
 const SAMPLES: usize = 10_000;
 const ORDER: usize = 400;
@@ -22,8 +23,7 @@ fn low_passed() -> Vec<f64> {
     for _ in 0..4 {
         signal = all_pole(&pair, &signal);
     }
-    let power = signal.iter().map(|x| x * x).sum::<f64>() / SAMPLES as f64;
-    scaled(&signal, power.sqrt().recip())
+    scaled(&signal, rms(&signal).recip())
 }
 
 /// The signals, each with the verdict or warning that the command must report, if any.

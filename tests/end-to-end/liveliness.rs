@@ -2,6 +2,7 @@
 //! compared with recordings made by the same rule.
 
 use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, wav};
+use host_tools::dsp::sums::rms;
 use model_format::{
     CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec, encode,
 };
@@ -13,8 +14,7 @@ const POLES: [f64; 2] = [-0.6, 0.7];
 fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
     let raw = noise(seed, samples).into_iter();
     let raw: Vec<f64> = raw.map(|x| x.signum() * x.abs().powf(1.5)).collect();
-    let rms = (raw.iter().map(|x| x * x).sum::<f64>() / samples as f64).sqrt();
-    scaled(&raw, 1.0 / rms)
+    scaled(&raw, 1.0 / rms(&raw))
 }
 
 /// Levels in steps of 0.25 dB, one per 20 ms: smoothed noise with a standard deviation of 3.5 dB. The mean square of
@@ -94,8 +94,7 @@ fn bench() -> Bench {
     // Nearly all of the click's energy is within 5 ms.
     let mut click = noise(79, 8000);
     click[4000..4025].iter_mut().for_each(|x| *x *= 60.0);
-    let rms = (click.iter().map(|x| x * x).sum::<f64>() / 8000.0).sqrt();
-    let clicking = excited(&scaled(&click, 1.0 / rms));
+    let clicking = excited(&scaled(&click, 1.0 / rms(&click)));
     for (name, parts) in [
         ("plain.lib", PartsSpec::default()),
         ("fed.lib", fed),

@@ -9,7 +9,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, signal as send, text, two_textures};
+use crate::pages;
+use crate::support::{
+    Bench, RATE_HZ, holds, noise, refusal, rig_of, signal as send, text, two_textures,
+};
 
 /// Commands that write a file; `{}` stands for its name.
 const FILES: [&str; 11] = [
@@ -263,10 +266,7 @@ fn every_command_that_writes_is_among_those_whose_inputs_are_tried() {
     let mut writing = 0;
     while let Some(command) = commands.pop() {
         let help = bench.succeed(&format!("{command} --help"));
-        let inner = help.split("Commands:\n").nth(1).unwrap_or_default();
-        let inner = inner.lines().take_while(|line| !line.is_empty());
-        let names = inner.filter_map(|line| line.split_whitespace().next());
-        let names = names.filter(|&name| name != "help");
+        let names = pages::commands(&help).into_iter();
         commands.extend(names.map(|name| format!("{command} {name}").trim().to_owned()));
         if (help.contains("--out <") || help.contains("--list <")) && command != "demo" {
             let is_of = |known: &&&str| known.starts_with(&command);
@@ -406,6 +406,20 @@ fn on_a_full_disk(bench: &Bench, blocks: u32, arguments: &str) -> Output {
         .current_dir(bench.path("."))
         .output()
         .expect("there is a shell")
+}
+
+#[test]
+fn help_that_cannot_be_written_says_why() {
+    let bench = Bench::new();
+    // The signal at the limit is ignored, so that the write itself fails.
+    let script = "trap '' XFSZ; ulimit -f 0; exec \"$0\" --help > help.txt";
+    let output = Command::new("sh")
+        .args(["-c", script, env!("CARGO_BIN_EXE_stylus")])
+        .current_dir(bench.path("."))
+        .output()
+        .expect("there is a shell");
+    let message = refusal(&output, "--help");
+    holds(&message, &["standard output: cannot write"]);
 }
 
 #[test]

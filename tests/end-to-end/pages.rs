@@ -50,7 +50,7 @@ fn help(arguments: &[&str]) -> String {
 }
 
 /// The names in the list of commands in `help`.
-fn commands(help: &str) -> Vec<String> {
+pub fn commands(help: &str) -> Vec<String> {
     let list = help.split_once("Commands:\n").map_or("", |(_, list)| list);
     let names = list
         .lines()

@@ -4,6 +4,7 @@ use std::sync::LazyLock;
 
 use crate::support::{Bench, RATE_HZ, decibels, holds, noise};
 use host_tools::dsp::fourier;
+use host_tools::dsp::sums;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
@@ -256,5 +257,5 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
 fn rms(bench: &Bench, name: &str, rate_hz: u32) -> f64 {
     let samples = bench.samples(name, rate_hz);
     let half = &samples[samples.len() / 2..];
-    (half.iter().map(|value| value * value).sum::<f64>() / half.len() as f64).sqrt()
+    sums::rms(half)
 }

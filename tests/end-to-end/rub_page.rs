@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use host_tools::dsp::sums::rms;
 use host_tools::report::rub_page::KERNEL;
 use serde_json::Value;
 
@@ -187,7 +188,7 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
 
 /// Impulsive noise: Gaussian numbers to the third power, with a kurtosis far above 3.
 fn impulsive(signal: &[f64]) -> Vec<f64> {
-    let rms = (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt();
+    let rms = rms(signal);
     signal.iter().map(|x| (x / rms).powi(3)).collect()
 }
 

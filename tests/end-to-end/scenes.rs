@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use crate::support::{Bench, RATE_HZ, holds, json, rig_of, scaled, two_textures};
+use host_tools::dsp::sums::rms;
 use model_format::Library;
 
 /// A folder with a library of two textures at two speeds and forces. All tests share the library.
@@ -331,10 +332,6 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
             format!("scene render {scene}.toml --library rig.lib {arguments} --out {scene}.wav");
         assert!(bench.succeed(&text).contains("SIMULATED"));
         bench.samples(&format!("{scene}.wav"), RATE_HZ)
-    };
-    let rms = |samples: &[f64]| {
-        let power: f64 = samples.iter().map(|x| x * x).sum();
-        (power / samples.len() as f64).sqrt()
     };
     let steady = render("steady-denim", "--speed 0 --force 0.5 --seconds 1");
     // With a constant motion, the scene plays at any speed.

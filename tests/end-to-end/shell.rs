@@ -6,13 +6,11 @@ use crate::support::{Bench, refusal, text, two_textures};
 
 /// Runs `stylus` in the folder of `bench` with these environment variables.
 fn run_with(bench: &Bench, variables: &[(&str, &str)], arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_stylus"));
-    for name in ["NO_COLOR", "STYLUS_LINK", "STYLUS_QUIET", "TERM"] {
+    let mut command = bench.command(arguments.split_whitespace());
+    for name in ["NO_COLOR", "STYLUS_QUIET", "TERM"] {
         command.env_remove(name);
     }
     command
-        .args(arguments.split_whitespace())
-        .current_dir(bench.path("."))
         .envs(variables.iter().copied())
         .output()
         .expect("the command runs")

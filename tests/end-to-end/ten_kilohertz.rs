@@ -5,6 +5,7 @@ use crate::support::{
     Bench, all_pole, decibels, holds, json, noise, power_between, predictor, scaled, wav,
 };
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
+use host_tools::dsp::sums::mean_square;
 
 const FAST_HZ: u32 = 10_000;
 
@@ -49,7 +50,6 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
         let error = decibels(power / expected);
         assert!(error.abs() < 1.2, "{low_hz:.0} Hz band {error} dB");
     }
-    let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
     let level = decibels(mean_square(&played) / mean_square(&signal));
     assert!(level.abs() < 0.3, "{level} dB");
     // The third resonance is above 2.5 kHz, which no library at 5 kHz can reproduce.

@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 use crate::support::{Bench, RATE_HZ, holds, noise, scaled, wav};
 use host_tools::dsp::linear_prediction::{error_share, step_up};
 use host_tools::dsp::model::Model;
+use host_tools::dsp::sums::rms;
 use host_tools::fit::lines::Lines;
 use host_tools::fit::{self, ExcitationChoice, Fit, ModulationChoice, Options, Order};
 use host_tools::recording::triage::Verdict;
@@ -102,10 +103,6 @@ impl Surface {
             .collect();
         sixteen_bits(&scaled_to(&shaped, 0.5))
     }
-}
-
-fn rms(signal: &[f64]) -> f64 {
-    (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
 }
 
 fn scaled_to(signal: &[f64], level: f64) -> Vec<f64> {

@@ -59,6 +59,8 @@ impl Module {
         if self.session.is_some() {
             return Err(Fault::Loaded);
         }
+        // Before they are kept, because the bytes of a refused library are not.
+        Library::decode(&self.bytes).map_err(Fault::Library)?;
         let bytes = Vec::leak(std::mem::take(&mut self.bytes));
         let library = Library::decode(bytes).map_err(Fault::Library)?;
         self.session = Some(Session::new(library));

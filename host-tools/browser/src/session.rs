@@ -73,11 +73,6 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// The library.
-    pub fn library(&self) -> &Library<'a> {
-        &self.library
-    }
-
     /// Plays `selection` from the next block on, or as soon as what sounds has faded, with the noise of `seed`.
     ///
     /// # Errors

@@ -136,9 +136,9 @@ pub fn fit<'py>(
 /// Fits one texture to all of a free hand's strokes, as `stylus fit --strokes` does: the same files and options give
 /// the same bytes.
 ///
-/// `files` are CSV with speed_mm_s, force_n, one to three accelerations, and time_s; without that column at
-/// `sample_rate_hz`. `scale_m_s2` is the acceleration of a sample of 1, by default that of the header, or 1. The other
-/// options are those of `fit`. `progress(done, total)` counts strokes.
+/// `files` are CSV with speed_mm_s, force_n, one to three accelerations, and time_s. `sample_rate_hz` is by default
+/// that of the times, and `scale_m_s2`, the acceleration of a sample of 1, that of the header, or 1. The other options
+/// are those of `fit`. `progress(done, total)` counts strokes.
 ///
 /// Raises `StylusError` for the first file that cannot be used, or if no node has 0.4 s in motion and contact.
 #[pyfunction]

@@ -148,8 +148,8 @@ pub fn compile_scene<'py>(
         warn(
             py,
             &format!(
-                "scene '{}' takes {} instructions per tick in the worst case, and the budget is {}; the stylus will \
-                 refuse it",
+                "scene '{}' takes {} instructions per sample in the worst case, and the budget is {}; the stylus \
+                 will refuse it",
                 report.scene, report.worst_case.instructions, report.budget_instructions
             ),
         )?;

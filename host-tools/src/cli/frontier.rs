@@ -63,11 +63,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// Fits the models, plays them and compares the results.
 fn compute(arguments: &Arguments) -> Result<Frontier> {
-    // Simulated recordings are needed only during the comparison, so they go into a temporary folder.
-    let scratch = std::env::temp_dir();
-    let scratch = Temporary::folder_in(&scratch).map_err(Error::io("create", &scratch))?;
+    let scratch;
     let material = match (&arguments.data, &arguments.takes) {
-        (None, _) => Material::simulated(scratch.path())?,
+        (None, _) => {
+            // Simulated recordings are needed only during the comparison, so they go into a temporary folder.
+            let folder = std::env::temp_dir();
+            scratch = Temporary::folder_in(&folder).map_err(Error::io("create", &folder))?;
+            Material::simulated(scratch.path())?
+        }
         (Some(data), None) => Material::halves(&RecordingSet::open(std::slice::from_ref(data))?)?,
         (Some(data), Some(takes)) => Material::takes(
             RecordingSet::open(std::slice::from_ref(data))?,

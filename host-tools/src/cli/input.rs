@@ -76,6 +76,22 @@ pub fn trial_force(text: &str) -> std::result::Result<f64, String> {
     not_negative(text).and_then(|_| force(text))
 }
 
+/// Returns the values of the `option`, one for all axes or one for each; `None` if it was not given.
+///
+/// # Errors
+/// Another number of values.
+pub fn of_axes(option: &str, given: &[f64]) -> Result<Option<[f64; 3]>> {
+    match *given {
+        [] => Ok(None),
+        [all] => Ok(Some([all; 3])),
+        [x, y, z] => Ok(Some([x, y, z])),
+        _ => Err(Error::Request(format!(
+            "{option} takes one value or three, not {}",
+            given.len()
+        ))),
+    }
+}
+
 /// Warns of a motion along which no texture is heard, or whose times are implausible for a hand.
 pub fn warn_of_motion(motion: &MotionPath) {
     if !motion.sounds() {

@@ -4,6 +4,8 @@
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+#[cfg(unix)]
+use std::sync::mpsc;
 
 use host_tools::support::error::{Error, Result};
 
@@ -30,14 +32,17 @@ pub fn handle() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
     use signal_hook::iterator::Signals;
 
-    let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGXFSZ]) else {
-        return;
-    };
-    // After nohup, a terminal that closes must not end the process.
-    if !is_ignored(SIGHUP) {
-        let _ = signals.add_signal(SIGHUP);
-    }
+    let (ready, is_ready) = mpsc::channel();
+    // The thread itself adds the handlers, because without a thread they would swallow the signals.
     let listener = move || {
+        let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGXFSZ]) else {
+            return;
+        };
+        // After nohup, a terminal that closes must not end the process.
+        if !is_ignored(SIGHUP) {
+            let _ = signals.add_signal(SIGHUP);
+        }
+        let _ = ready.send(());
         for signal in signals.forever() {
             // SIGXFSZ would end the process. Once it is handled, the write that was too long returns an error instead.
             if signal != SIGXFSZ {
@@ -50,7 +55,9 @@ pub fn handle() {
         }
     };
     let thread = std::thread::Builder::new().name("stylus-interrupt".to_owned());
-    IS_HANDLED.store(thread.spawn(listener).is_ok(), Ordering::SeqCst);
+    drop(thread.spawn(listener));
+    // Without handlers `ready` is gone.
+    IS_HANDLED.store(is_ready.recv().is_ok(), Ordering::SeqCst);
 }
 
 /// Does nothing. Other systems have only the handler of the link's runtime, so only commands that drive a stylus handle

@@ -134,12 +134,19 @@ pub fn run() -> ExitCode {
     temporaries::wait_for_an_interrupt();
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failed(&failure),
+    }
+}
+
+/// Prints the reason why the command failed, and returns its exit code.
+fn failed(failure: &Error) -> ExitCode {
+    match failure {
         // The reader has closed the output, like `head` after its last line, and expects no message.
-        Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
+        Error::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe => {
             ExitCode::from(EXIT_CLOSED)
         }
-        Err(failure) => {
-            output::failed(&failure);
+        _ => {
+            output::failed(failure);
             ExitCode::from(EXIT_UNUSABLE)
         }
     }
@@ -204,6 +211,6 @@ fn answer_without_a_command(answer: &clap::Error) -> ExitCode {
     match output::answer(answer) {
         Ok(()) if answer.use_stderr() => ExitCode::from(EXIT_UNUSABLE),
         Ok(()) => ExitCode::SUCCESS,
-        Err(_) => ExitCode::from(EXIT_CLOSED),
+        Err(failure) => failed(&failure),
     }
 }

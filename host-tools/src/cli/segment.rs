@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Least total duration of a node's pieces, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.5)]
     enough: f64,
-    /// Sample rate of files without a column time_s, in hertz
+    /// Sample rate of the files, in hertz [default: by their column time_s]
     #[arg(long, value_name = "HZ", value_parser = positive)]
     sample_rate: Option<f64>,
     /// Acceleration of a sample of 1, in m/s², or as a unit such as g or g/256 [default: by the header, or 1]

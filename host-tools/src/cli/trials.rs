@@ -150,6 +150,13 @@ fn warn_of_others(others: &[String]) {
     }
 }
 
+/// Returns the first `values` in words, with dots if there are more.
+fn first(values: impl ExactSizeIterator<Item: ToString>) -> String {
+    let more = if values.len() > SHOWN { " ..." } else { "" };
+    let shown: Vec<String> = values.take(SHOWN).map(|value| value.to_string()).collect();
+    shown.join(" ") + more
+}
+
 /// Returns a table with a row per texture: its trials, speeds, forces and takes.
 fn understood(named: &[Named]) -> String {
     let textures: BTreeSet<&str> = named
@@ -168,9 +175,7 @@ fn understood(named: &[Named]) -> String {
                 let mut values: Vec<f64> = own().filter_map(of).collect();
                 values.sort_by(f64::total_cmp);
                 values.dedup();
-                let shown: Vec<String> = values.iter().take(SHOWN).map(f64::to_string).collect();
-                let more = if values.len() > SHOWN { " ..." } else { "" };
-                format!("{}{more}", shown.join(" "))
+                first(values.iter())
             };
             let takes: BTreeSet<&str> = own().filter_map(|file| file.take.as_deref()).collect();
             vec![
@@ -178,7 +183,7 @@ fn understood(named: &[Named]) -> String {
                 own().count().to_string(),
                 numbers(|file| file.speed_mm_s),
                 numbers(|file| file.force_n),
-                takes.into_iter().take(SHOWN).collect::<Vec<_>>().join(" "),
+                first(takes.iter()),
             ]
         })
         .collect();
@@ -186,4 +191,16 @@ fn understood(named: &[Named]) -> String {
         &["texture", "trials", "speeds mm/s", "forces N", "takes"],
         &rows,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_are_not_shown_are_told_by_dots() {
+        assert_eq!(first(["1", "2"].iter()), "1 2");
+        assert_eq!(first([7; SHOWN].iter()), "7 7 7 7 7 7 7 7");
+        assert_eq!(first([7; SHOWN + 1].iter()), "7 7 7 7 7 7 7 7 ...");
+    }
 }

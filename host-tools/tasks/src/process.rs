@@ -70,7 +70,7 @@ fn whole(command: &Command) -> String {
 }
 
 /// Returns the program of `command`, as the caller gave it.
-pub fn name(command: &Command) -> String {
+fn name(command: &Command) -> String {
     command.get_program().to_string_lossy().into_owned()
 }
 

@@ -43,6 +43,18 @@ fn bytes_that_are_no_library_are_refused_and_a_good_one_may_follow() {
 }
 
 #[test]
+fn a_refused_library_leaves_no_bytes_behind() {
+    let mut wasm = Wasm::empty();
+    let refused = vec![0; 1 << 20];
+    assert_ne!(wasm.load(&refused), 0);
+    let first = wasm.memory_bytes();
+    for _ in 0..8 {
+        assert_ne!(wasm.load(&refused), 0);
+    }
+    assert!(wasm.memory_bytes() <= first + 2 * refused.len());
+}
+
+#[test]
 fn room_that_no_memory_has_is_refused_with_its_size() {
     let mut wasm = Wasm::empty();
     assert_eq!(wasm.call("reserve", u32::MAX), 0);

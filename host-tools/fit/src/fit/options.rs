@@ -126,7 +126,7 @@ pub struct Options {
     /// Level of the excitation: steady, pieces of the recordings' own level, or what a test finds
     #[arg(long, value_enum, default_value = "auto")]
     pub modulation: ModulationChoice,
-    /// Leave out trials with these verdicts; their nodes are filled from neighbours
+    /// Leave out trials with these verdicts; a node without another trial is filled from its neighbours
     #[arg(long, value_delimiter = ',', value_parser = PossibleValuesParser::new(Kind::NAMES))]
     pub drop: Vec<String>,
     /// Lines that are tied to position, such as those of a weave: sought, or left in the noise

@@ -3,6 +3,7 @@
 mod scales;
 
 use std::io::BufRead;
+use std::ops::Range;
 
 use host_tools::link::Device;
 use host_tools::procedures::calibrate::{AtRest, Coil, acceleration_zeros, verify};
@@ -58,6 +59,24 @@ pub struct Arguments {
     link: Link,
 }
 
+impl Arguments {
+    /// True if any value of the coil is given.
+    fn has_coil(&self) -> bool {
+        let given = [
+            self.resistance,
+            self.amplifier_gain,
+            self.power_limit,
+            self.hard_limit,
+        ];
+        given.iter().any(Option::is_some)
+    }
+
+    /// True if something besides a response is to be measured or set.
+    fn sets_more_than_a_response(&self) -> bool {
+        self.has_coil() || self.accelerometer || self.scales.are_wanted()
+    }
+}
+
 #[derive(Serialize)]
 struct CalibrationReport {
     coil: Coil,
@@ -91,25 +110,26 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.response.check_output()?;
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
-    let values = [
-        arguments.resistance,
-        arguments.amplifier_gain,
-        arguments.power_limit,
-    ];
     let mut report = Report {
         calibration: None,
         response: None,
     };
-    let is_set = values.iter().any(Option::is_some) || arguments.scales.are_wanted();
-    // With --response alone, the coil's values stay as they are set.
-    if !arguments.response.response || is_set {
+    // With --response alone, everything else stays as it is set.
+    if !arguments.response.response || arguments.sets_more_than_a_response() {
         report.calibration = Some(calibrate(arguments, &device, interrupt)?);
     }
     let mut outcome = Ok(());
     if arguments.response.response {
         let asked: Option<Answer<'_>> = (!arguments.yes).then_some(&answer);
-        let (response, passed) = arguments.response.run(&device, interrupt, asked)?;
-        (report.response, outcome) = (Some(response), passed);
+        // The coil's settings are stored by now, whatever comes of the response.
+        let failed = |failure| match &report.calibration {
+            Some(calibration) => after_storing(&calibration.set, "the response failed", &failure),
+            None => failure,
+        };
+        let measured = arguments.response.run(&device, interrupt, asked);
+        let (response, passed) = measured.map_err(failed)?;
+        outcome = passed.map_err(failed);
+        report.response = Some(response);
     }
     if arguments.json {
         print_json(&report)?;
@@ -158,19 +178,26 @@ fn calibrate(
     changes.extend(scales.changes());
     check(&changes)?;
     for line in coil.summary() {
-        say(&line);
+        tell(&line);
     }
     for SettingChange { setting, value } in &changes {
-        say(&format!("  {setting} {value} {}", setting.spec().unit));
+        tell(&format!("  {setting} {value} {}", setting.spec().unit));
     }
     if !arguments.yes && answer("store these? [y/N]")?.trim() != "y" {
         return Err(Error::Request("nothing was stored".to_owned()));
     }
     // In one change, so that a failure stores none of them.
     let stored = device.set_all(&changes)?;
+    let set: Vec<Set> = changes
+        .iter()
+        .map(|change| Set {
+            name: change.setting.spec().name,
+            value: stored.get(change.setting),
+        })
+        .collect();
     // An error from here on must say that the settings are stored.
     let verified = bench.verify(&scales, &stored);
-    let at_rest = verified.map_err(|failure| unverified(&changes, &failure))?;
+    let at_rest = verified.map_err(|failure| after_storing(&set, "not verified", &failure))?;
     Ok(CalibrationReport {
         coil,
         peak_volts: coil.peak_volts(),
@@ -178,24 +205,18 @@ fn calibrate(
         peak_watts: coil.peak_watts(),
         at_rest,
         scales,
-        set: changes
-            .iter()
-            .map(|change| Set {
-                name: change.setting.spec().name,
-                value: stored.get(change.setting),
-            })
-            .collect(),
+        set,
     })
 }
 
-/// Returns an error for settings that were stored although the measurement after them failed.
-fn unverified(changes: &[SettingChange], failure: &Error) -> Error {
-    let stored: Vec<String> = changes
+/// Returns an error for settings that were stored although `what` came after them.
+fn after_storing(set: &[Set], what: &str, failure: &Error) -> Error {
+    let stored: Vec<String> = set
         .iter()
-        .map(|SettingChange { setting, value }| format!("{setting} {value}"))
+        .map(|Set { name, value }| format!("{name} {value}"))
         .collect();
     Error::Request(format!(
-        "stored and read back: {}; not verified: {failure}",
+        "stored and read back: {}; {what}: {failure}",
         stored.join(", ")
     ))
 }
@@ -221,8 +242,8 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Returns the coil, from the command line and the operator's answers, and the changes of its settings. If only
-    /// scales are requested, a coil that was set before is kept.
+    /// Returns the coil, from the command line and the operator's answers, and the changes of its settings. If scales
+    /// or a response are requested and no value of the coil, a coil that was set before is kept.
     fn coil(&self, settings: &Settings) -> Result<(Coil, Vec<SettingChange>)> {
         let arguments = self.arguments;
         let mut coil = Coil {
@@ -231,13 +252,8 @@ impl Bench<'_> {
             power_limit: settings.get(Setting::PowerLimit),
             hard_limit: settings.get(Setting::HardLimit),
         };
-        let given = [
-            arguments.resistance,
-            arguments.amplifier_gain,
-            arguments.power_limit,
-            arguments.hard_limit,
-        ];
-        if arguments.scales.are_wanted() && given.iter().all(Option::is_none) {
+        let may_keep = arguments.scales.are_wanted() || arguments.response.response;
+        if may_keep && !arguments.has_coil() {
             // Settings that were never set have placeholders, which are no coil.
             let set = self.device.status()?.settings.set;
             if SettingSet::REQUIRED.without(set) == SettingSet::NONE {
@@ -267,8 +283,8 @@ impl Bench<'_> {
         Ok((coil, coil.changes().to_vec()))
     }
 
-    /// Measures a stylus that is held still in this `pose`. With `is_force_alone`, the accelerometer is not checked.
-    fn measure(&self, pose: &str, is_force_alone: bool) -> Result<AtRest> {
+    /// Measures a stylus that is held still in this `pose`. Only faults of `sensors` count.
+    fn measure(&self, pose: &str, sensors: &Range<usize>) -> Result<AtRest> {
         if !self.arguments.yes {
             answer(&format!("hold the stylus still, {pose}, then press Enter"))?;
         }
@@ -276,7 +292,7 @@ impl Bench<'_> {
         let measured = AtRest::measure(self.device, self.arguments.seconds, goes_on)?;
         let at_rest =
             measured.ok_or_else(|| Error::Request("interrupted; nothing was stored".to_owned()))?;
-        let faults = at_rest.faults(is_force_alone);
+        let faults = at_rest.faults(sensors);
         if faults.is_empty() {
             return Ok(at_rest);
         }
@@ -288,20 +304,20 @@ impl Bench<'_> {
 
     /// Measures the zeros of the sensors, and the scales that were requested.
     fn sensors(&self, settings: &Settings) -> Result<(Vec<SettingChange>, ScalesReport)> {
-        let keeps_force = self.arguments.keep_force;
         let mut changes = Vec::new();
         if self.arguments.accelerometer {
-            let pose = self.measure("in the air, tip down", keeps_force)?;
-            let opposite = self.measure("in the air, tip up", keeps_force)?;
+            let pose = self.measure("in the air, tip down", &AtRest::ACCELERATION)?;
+            let opposite = self.measure("in the air, tip up", &AtRest::ACCELERATION)?;
             let zeros = acceleration_zeros(&pose, &opposite, settings);
             let zeros =
                 zeros.map_err(|words| Error::Request(format!("nothing was stored: {words}")))?;
             changes.extend(zeros);
         }
         let scales = self.scales()?;
-        if !keeps_force {
+        if !self.arguments.keep_force {
             // The zero includes the tip's weight, in the pose in which the stylus is used.
-            changes.push(self.measure("in the air, tip down", true)?.force_zero());
+            let at_rest = self.measure("in the air, tip down", &AtRest::FORCE)?;
+            changes.push(at_rest.force_zero());
         }
         Ok((changes, scales))
     }
@@ -319,14 +335,9 @@ impl Bench<'_> {
     }
 }
 
-/// Prints to standard error, so that standard output contains only the report.
-fn say(text: &str) {
-    tell(text);
-}
-
 /// Asks `question` and returns the operator's answer.
 fn answer(question: &str) -> Result<String> {
-    say(question);
+    tell(question);
     let mut line = String::new();
     let read = std::io::stdin().lock().read_line(&mut line);
     match read {

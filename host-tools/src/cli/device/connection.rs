@@ -53,15 +53,14 @@ impl Link {
     /// # Errors
     /// See [`Device::connect_by`].
     pub fn connect(&self) -> Result<Device> {
-        let timeouts = self.timeouts();
         if let Some(link) = &self.link {
-            return self.open(link, timeouts);
+            return self.connect_to(link);
         }
         let (link, words) = discovery::only(&Route::Shared(sharing()?))?;
         if let Some(words) = words {
             note(&format!("note: {words}"));
         }
-        self.open(&link, timeouts)
+        self.connect_to(&link)
     }
 
     /// Connects like [`Link::connect`], but without sharing the link. The stylus may speak another version of the
@@ -110,22 +109,18 @@ impl Link {
         })
     }
 
-    /// Connects to a second link of the stylus, with the usual timeouts.
+    /// Connects to the stylus at `link`, such as a second one of the same stylus.
     ///
     /// # Errors
     /// See [`Device::connect_by`].
     pub fn connect_to(&self, link: &LinkAddress) -> Result<Device> {
-        self.open(link, Timeouts::default())
-    }
-
-    fn open(&self, link: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
         // Either way the route carries the command's name, by which others are told who has the device.
         let route = if self.no_broker {
             Route::Alone(command())
         } else {
             Route::Shared(sharing()?)
         };
-        Ok(Device::connect_by(link, timeouts, route)?)
+        Ok(Device::connect_by(link, self.timeouts(), route)?)
     }
 }
 
@@ -140,9 +135,12 @@ pub fn sharing() -> Result<Sharing> {
     })
 }
 
-/// Returns the first argument: the command, unless a general option such as `-q` precedes it.
+/// Returns the first argument that is no general option, such as `-q`: the command.
 fn command() -> String {
-    std::env::args().nth(1).unwrap_or_default()
+    let mut words = std::env::args().skip(1);
+    words
+        .find(|word| !word.starts_with('-'))
+        .unwrap_or_default()
 }
 
 /// Arguments of `stylus devices`.

@@ -89,19 +89,21 @@ fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
     ))
 }
 
-/// Warns of textures that exceed what the stylus can output, if a response is stored.
-///
-/// # Errors
-/// The link is lost, or no stylus plays a texture's sample rate.
-pub fn warn_of(device: &Device, library: &Library<'_>) -> Result<()> {
-    // Without a response, the levels at the tip are not known.
-    if device.response()?.stored.is_none() {
-        return Ok(());
+/// Warns of textures that exceed what the stylus can output, if a response is stored, or of a headroom that is not
+/// known.
+pub fn warn_of(device: &Device, library: &Library<'_>) {
+    let known = || -> Result<Vec<Headroom>> {
+        // Without a response, the levels at the tip are not known.
+        if device.response()?.stored.is_none() {
+            return Ok(Vec::new());
+        }
+        Ok(of(device, library)?.1)
+    };
+    match known() {
+        Ok(textures) => textures
+            .iter()
+            .filter_map(Headroom::warning)
+            .for_each(|warning| warn(&warning)),
+        Err(failure) => warn(&format!("the headroom is not known: {failure}")),
     }
-    let (_, textures) = of(device, library)?;
-    textures
-        .iter()
-        .filter_map(Headroom::warning)
-        .for_each(|warning| warn(&warning));
-    Ok(())
 }

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::connection::Link;
 use crate::cli::files::Overwrite;
-use crate::cli::input::positive;
+use crate::cli::input::{of_axes, positive};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{note, print, print_json, tell};
 
@@ -166,14 +166,8 @@ fn with_resistance(fault: Fault, answer: Option<Answer<'_>>) -> Result<Fault> {
 }
 
 fn bandwidths(given: &[f64]) -> Result<Bandwidths> {
-    match *given {
-        [] => Ok(Bandwidths::default()),
-        [all] => Ok(Bandwidths([Some(all); 3])),
-        [x, y, z] => Ok(Bandwidths([x, y, z].map(Some))),
-        _ => Err(Error::Request(
-            "--accelerometer-bandwidth takes one value, or three".to_owned(),
-        )),
-    }
+    let given = of_axes("--accelerometer-bandwidth", given)?;
+    Ok(Bandwidths(given.map_or([None; 3], |given| given.map(Some))))
 }
 
 fn summary(done: &Calibrated) -> String {

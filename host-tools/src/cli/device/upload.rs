@@ -111,7 +111,7 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
         device.activate(uploaded.slot)?;
     }
     if !arguments.unchecked {
-        super::headroom::warn_of(&device, &decode_library(path, &bytes)?)?;
+        super::headroom::warn_of(&device, &decode_library(path, &bytes)?);
     }
     if arguments.json {
         return print_json(&UploadReport {

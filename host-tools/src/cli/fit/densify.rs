@@ -8,12 +8,12 @@ use host_tools::support::progress;
 
 use crate::cli::table::table;
 
-/// Densifies the grids of `fit` with a progress bar.
+/// Densifies the grids of `fit` with a line of progress.
 pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<Densified> {
-    // How many lines will be tried is not known before, so each step makes the bar longer.
-    let bar = progress::bar(0, "densifying");
-    let densified = fill(fit, set, options, || bar.inc_length(1))?;
-    bar.finish_and_clear();
+    // No bar, because how many lines will be tried is not known before.
+    let line = progress::line("densifying");
+    let densified = fill(fit, set, options, || line.inc(1))?;
+    line.finish_and_clear();
     Ok(densified)
 }
 

@@ -5,6 +5,7 @@ mod parts;
 mod report;
 mod strokes;
 
+use clap::ArgGroup;
 use host_tools::fit;
 use host_tools::fit::Fit;
 use host_tools::fit::densify::Densified;
@@ -32,6 +33,7 @@ use crate::cli::output::{note, print, print_json};
 use host_tools::texture::library::decode_library;
 
 #[derive(clap::Args)]
+#[command(group = ArgGroup::new("of trials").args(["snap", "lines"]).multiple(true).conflicts_with("strokes"))]
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,

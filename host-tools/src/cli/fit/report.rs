@@ -160,9 +160,9 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
     if shares.is_empty() {
         return "none, because every trial is silent".to_owned();
     }
-    let mean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
     let square: f64 = shares.iter().map(|share| (share - mean).powi(2)).sum();
-    let deviation = (square / shares.len().max(1) as f64).sqrt();
+    let deviation = (square / shares.len() as f64).sqrt();
     format!("{mean:.0} % ± {deviation:.0} %")
 }
 

@@ -55,8 +55,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )?;
         if !report.fits {
             warn(&format!(
-                "{}: takes {} instructions per tick in the worst case, and the budget is {}; the stylus will \
-                 refuse it",
+                "{}: takes {} instructions per sample in the worst case, and the budget is {}; the stylus \
+                 will refuse it",
                 path.display(),
                 report.worst_case.instructions,
                 report.budget_instructions

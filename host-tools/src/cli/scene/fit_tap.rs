@@ -77,9 +77,9 @@ fn text(fit: &TapFit) -> String {
         ]
     }));
     let counted = fit.impacts.iter().filter(|i| i.left_out.is_none());
-    let counted: Vec<f64> = counted.map(|i| i.residual).collect();
+    let counted: Vec<_> = counted.collect();
     // `TapFit::new` refuses recordings of which no impact counts.
-    let left = counted.iter().sum::<f64>() / counted.len() as f64;
+    let left = counted.iter().map(|i| i.residual).sum::<f64>() / counted.len() as f64;
     let simulated = if fit.is_simulated { ", SIMULATED" } else { "" };
     let scatter = fit.gain_scatter.map_or_else(String::new, |scatter| {
         format!(
@@ -89,8 +89,8 @@ fn text(fit: &TapFit) -> String {
     });
     let (gain, remark) = fit.gain_m_s2_per_n_s.map_or_else(
         || {
-            let counted = fit.impacts.iter().filter(|i| i.left_out.is_none());
-            let loudest = counted.map(|i| i.amplitude_m_s2).fold(0.0, f64::max);
+            let loudest = counted.iter().map(|i| i.amplitude_m_s2);
+            let loudest = loudest.fold(0.0, f64::max);
             let guess = loudest / ASSUMED_FORCE_RATE_N_S;
             (guess, "  # a guess: the loudest tap at 100 N/s")
         },

@@ -16,7 +16,7 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Check a scene and show its cost per tick, with the arithmetic
+    /// Check a scene and show its cost per sample, with the arithmetic
     Check(check::Arguments),
     /// Put scenes into a library, for upload
     Compile(compile::Arguments),

@@ -51,19 +51,24 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     Ok(out)
 }
 
-/// Generates a pair of keys. Writes the secret key to the new file `path`, and the public key next to it with the
-/// extension pub. Returns the file of the public key.
+/// Generates a pair of keys. Writes the secret key to the new file `path`, and the public key next to it to a new file
+/// with the extension pub. Returns the file of the public key.
 ///
 /// # Errors
-/// The file exists already or cannot be written, or the system provides no random numbers.
+/// `path` has the extension pub, a file exists already or cannot be written, or the system provides no random numbers.
 pub fn make_keys(path: &Path) -> Result<PathBuf> {
-    if path.exists() {
-        bail!("{} is there already: name another file", path.display());
+    let public = path.with_extension("pub");
+    if public == path {
+        bail!(
+            "pub is the extension of the public key's file: name another file for the secret key"
+        );
+    }
+    if let Some(there) = [path, &public].into_iter().find(|file| file.exists()) {
+        bail!("{} is there already: name another file", there.display());
     }
     let mut seed = [0; 32];
     getrandom::fill(&mut seed).context("the system gives no random numbers")?;
     write_secret(path, &(digits(&seed) + "\n")).with_context(|| path.display().to_string())?;
-    let public = path.with_extension("pub");
     fs::write(&public, digits(&public_key(&seed)) + "\n")
         .with_context(|| public.display().to_string())?;
     Ok(public)
@@ -119,5 +124,10 @@ mod tests {
         assert!(read_key(Path::new("/nowhere")).is_err());
         fs::write(&public, "no key").expect("it is written");
         assert!(read_key(&public).is_err());
+        fs::remove_file(&path).expect("it is there");
+        assert!(make_keys(&path).is_err() && !path.exists());
+        assert_eq!(fs::read_to_string(&public).ok().as_deref(), Some("no key"));
+        assert!(make_keys(&folder.path().join("other.pub")).is_err());
+        assert!(!folder.path().join("other.pub").exists());
     }
 }

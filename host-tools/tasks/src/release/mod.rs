@@ -255,8 +255,9 @@ fn git(arguments: &[&str]) -> Result<String> {
 /// Creates `folder` or empties it. Only files of an earlier release are removed.
 fn emptied(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
+    let files = fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
+    let files = files.collect::<Result<Vec<PathBuf>>>()?;
+    for path in &files {
         let name = path
             .file_name()
             .unwrap_or_default()
@@ -276,7 +277,10 @@ fn emptied(folder: &Path) -> Result<()> {
                 path.display()
             );
         }
-        fs::remove_file(&path).with_context(|| path.display().to_string())?;
+    }
+    // Only after the whole folder was checked, so that a refused one is left as it is.
+    for path in &files {
+        fs::remove_file(path).with_context(|| path.display().to_string())?;
     }
     Ok(())
 }
@@ -343,13 +347,24 @@ mod tests {
     #[test]
     fn a_folder_with_a_foreign_file_is_left_as_it_is() {
         let folder = tempfile::tempdir().expect("a folder");
-        for name in ["stylus-1.elf", "thesis.tex"] {
-            write(folder.path(), name, "text").expect("it can be written");
+        let release = (0..20).map(|number| format!("stylus-{number}.elf"));
+        // A folder lists its files in any order, and the foreign one comes first of 21 only by chance.
+        for name in release.clone().chain(["thesis.tex".to_owned()]) {
+            write(folder.path(), &name, "text").expect("it can be written");
         }
         assert!(emptied(folder.path()).is_err());
         assert!(folder.path().join("thesis.tex").is_file());
+        assert!(
+            release
+                .clone()
+                .all(|name| folder.path().join(name).is_file())
+        );
         fs::remove_file(folder.path().join("thesis.tex")).expect("it is there");
         emptied(folder.path()).expect("the rest is of a release");
-        assert!(!folder.path().join("stylus-1.elf").exists());
+        assert!(
+            !release
+                .clone()
+                .any(|name| folder.path().join(name).exists())
+        );
     }
 }

@@ -31,8 +31,7 @@ pub fn settings() -> String {
     table(header, Setting::ALL.into_iter().map(row))
 }
 
-/// Instructions of a scene's stages per sample, which is per tick at 5 kHz, and the budget per tick for all stages
-/// together.
+/// Instructions of a scene's stages per sample, and the budget per tick for all stages together.
 pub fn scene_stages() -> String {
     let rows = [
         ("list of stages and mix", cost::MIX, ""),
@@ -49,9 +48,9 @@ pub fn scene_stages() -> String {
         ("fade while scenes are exchanged", cost::FADE_OUT, ""),
     ];
     let terms = rows.map(|(name, cost, each)| [name.to_owned(), term(cost, each)]);
-    let budget = ["budget of a scene".to_owned(), grouped(cost::BUDGET.into())];
+    let budget = ["budget per tick".to_owned(), grouped(cost::BUDGET.into())];
     table(
-        ["stage", "instructions per tick"],
+        ["stage", "instructions per sample"],
         terms.into_iter().chain([budget]),
     )
 }

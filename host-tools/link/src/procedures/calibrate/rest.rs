@@ -1,5 +1,7 @@
 //! Sensors at rest: their means, their noise, and their zeros.
 
+use std::ops::Range;
+
 use model_format::link::{Activity, RAIL_CODES, RecordSample, Setting, SettingChange, Settings};
 
 use crate::link::Device;
@@ -77,9 +79,14 @@ impl AtRest {
         at_rest
     }
 
-    /// Returns the faults that make this measurement unusable, with their remedies. Leaves out those of the
-    /// accelerometer if `is_force_alone`.
-    pub fn faults(&self, is_force_alone: bool) -> Vec<String> {
+    /// Indices of the accelerometer's axes.
+    pub const ACCELERATION: Range<usize> = 0..3;
+
+    /// Index of the force sensor.
+    pub const FORCE: Range<usize> = 3..4;
+
+    /// Returns the faults that make this measurement of `sensors` unusable, with their remedies.
+    pub fn faults(&self, sensors: &Range<usize>) -> Vec<String> {
         let mut faults = Vec::new();
         if self.counts.abs() > MOST_COUNTS {
             faults.push(format!(
@@ -89,7 +96,7 @@ impl AtRest {
         }
         let rail = f64::from(RAIL_CODES);
         for (sensor, name) in SENSORS.into_iter().enumerate() {
-            if is_force_alone && sensor != 3 {
+            if !sensors.contains(&sensor) {
                 continue;
             }
             let (mean, deviation, drift) = (
@@ -206,7 +213,7 @@ mod tests {
     #[test]
     fn a_stylus_at_rest_has_no_fault_and_each_disturbance_is_named() {
         let quiet = AtRest::of(&samples([32_768, 32_000, 33_000, 4_096], 9, 0));
-        assert_eq!(quiet.faults(false), Vec::<String>::new());
+        assert_eq!(quiet.faults(&(0..4)), Vec::<String>::new());
         assert!((quiet.mean[3] - 4_100.5).abs() < 1e-9 && quiet.deviation[3] < 3.0);
         for (codes, noise, step, words) in [
             ([32_768, 32_000, 33_000, 3], 9, 0, "force is at a rail"),
@@ -219,7 +226,7 @@ mod tests {
             ([32_768, 32_000, 33_000, 4_096], 900, 0, "noise of"),
             ([32_768, 32_000, 33_000, 4_096], 9, 1, "encoder moved"),
         ] {
-            let faults = AtRest::of(&samples(codes, noise, step)).faults(false);
+            let faults = AtRest::of(&samples(codes, noise, step)).faults(&(0..4));
             assert!(
                 faults.iter().any(|fault| fault.contains(words)),
                 "{faults:?}"
@@ -229,7 +236,7 @@ mod tests {
         for (n, sample) in drifting.iter_mut().enumerate() {
             sample.force = AdcCode(4_096 + n as u16 / 2);
         }
-        let faults = AtRest::of(&drifting).faults(true);
+        let faults = AtRest::of(&drifting).faults(&AtRest::FORCE);
         assert!(faults[0].contains("force drifted"), "{faults:?}");
     }
 

@@ -2,13 +2,14 @@
 
 use std::sync::mpsc;
 
-use host_tools::procedures::calibrate::{ForceScale, PathScale, Travel, Weighed, order};
+use host_tools::procedures::calibrate::{AtRest, ForceScale, PathScale, Travel, Weighed, order};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingChange, Settings};
 use serde::Serialize;
 
-use super::{Bench, answer, say};
+use super::{Bench, answer};
 use crate::cli::input::positive;
+use crate::cli::output::tell;
 
 #[derive(clap::Args)]
 pub struct Scales {
@@ -62,7 +63,7 @@ impl Bench<'_> {
         }
         let mut weighed = Vec::new();
         if !weights.is_empty() {
-            say("weights: fix the stylus upright, tip up, so that a weight can lie on the tip");
+            tell("weights: fix the stylus upright, tip up, so that a weight can lie on the tip");
             for grams in order(weights) {
                 weighed.push(self.weigh(grams)?);
             }
@@ -72,7 +73,7 @@ impl Bench<'_> {
             measured => Some(ForceScale::of(measured).map_err(nothing_stored)?),
         };
         if let Some(scale) = &force {
-            say(&format!(
+            tell(&format!(
                 "the force is within {:.3} N of a line, {:.3} N apart on the ways up and down, with a noise of {:.4} N",
                 scale.residual_n, scale.hysteresis_n, scale.noise_n
             ));
@@ -90,18 +91,18 @@ impl Bench<'_> {
             0.0 => "with nothing on the tip".to_owned(),
             grams => format!("with {grams} g on the tip"),
         };
-        let at_rest = self.measure(&pose, true)?;
+        let at_rest = self.measure(&pose, &AtRest::FORCE)?;
         Ok(Weighed { grams, at_rest })
     }
 
     fn path(&self, mm: f64) -> Result<PathScale> {
-        say(&format!("distance: mark two places that are {mm} mm apart"));
+        tell(&format!("distance: mark two places that are {mm} mm apart"));
         let ways = [
             self.travel("the first mark", "to the second one")?,
             self.travel("the second mark", "back to the first one")?,
         ];
         let scale = PathScale::of(mm, ways).map_err(nothing_stored)?;
-        say(&format!(
+        tell(&format!(
             "the ways there and back, {} and {} counts, differ by {:.2} mm",
             scale.counts[0], scale.counts[1], scale.difference_mm
         ));
@@ -133,12 +134,12 @@ impl Bench<'_> {
         let refuse = |fault: &dyn std::fmt::Display| Error::Request(fault.to_string());
         let grams = scales.weighed.iter().map(|weighed| weighed.grams);
         if let Some(grams) = grams.reduce(f64::max) {
-            say("to verify: fix the stylus upright again, tip up");
+            tell("to verify: fix the stylus upright again, tip up");
             let pair = [self.weigh(0.0)?, self.weigh(grams)?];
             ForceScale::verify(pair, stored).map_err(|fault| refuse(&fault))?;
         }
         if let (Some(mm), true) = (self.arguments.scales.distance, scales.path.is_some()) {
-            say("to verify: the same distance again");
+            tell("to verify: the same distance again");
             let way = self.travel("the first mark", "to the second one")?;
             PathScale::verify(mm, way, stored).map_err(|fault| refuse(&fault))?;
         }

@@ -99,7 +99,7 @@ struct PlayReport<'a> {
     /// Largest speed that the sensors measured, mm/s; `None` with another motion, or if the sensors could not be read.
     fastest_mm_s: Option<f64>,
     saturations: u32,
-    /// Numbers of samples at each limit, since the device's start.
+    /// Numbers of samples at each limit.
     hard_limited: u32,
     slew_limited: u32,
     thermally_limited: u32,
@@ -139,7 +139,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let expected = known.map(|(library, motion)| library.level(&request, motion, driven.seconds));
     let expected = expected.transpose()?.flatten();
     let failure = heard.failure(&driven);
-    warn_of_limits(&before.output, &status);
+    let limited = limited(&before.output, &status);
+    warn_of_limits(limited);
     let has_moved = fastest_mm_s.is_none_or(|speed| speed > 0.0);
     // A scene may have a constant motion of its own, which no sensor shows.
     if !has_moved && arguments.texture.is_some() {
@@ -152,9 +153,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             driven,
             fastest_mm_s,
             saturations: status.saturations,
-            hard_limited: status.hard_limited,
-            slew_limited: status.slew_limited,
-            thermally_limited: status.thermally_limited,
+            hard_limited: limited[0],
+            slew_limited: limited[1],
+            thermally_limited: limited[2],
             mutes: heard.mutes,
             muted_share: heard.muted_share(),
             missed_ticks: heard.missed_ticks,
@@ -203,22 +204,23 @@ fn warn_of_skipped(driven: &Driven, rate_hz: u32) {
     }
 }
 
-/// Warns if limits of the output acted between the states `before` and `after`.
-fn warn_of_limits(before: &OutputStatus, after: &OutputStatus) {
-    let limited = |output: &OutputStatus| {
-        let limits = [
-            output.hard_limited,
-            output.slew_limited,
-            output.thermally_limited,
-        ];
-        limits.map(u64::from).iter().sum::<u64>()
-    };
-    let limited = limited(after).saturating_sub(limited(before));
-    if limited > 0 {
+/// Returns the numbers of samples at the hard, the slew and the thermal limit between two states.
+fn limited(before: &OutputStatus, after: &OutputStatus) -> [u32; 3] {
+    // The device counts from its start.
+    [
+        after.hard_limited.saturating_sub(before.hard_limited),
+        after.slew_limited.saturating_sub(before.slew_limited),
+        (after.thermally_limited).saturating_sub(before.thermally_limited),
+    ]
+}
+
+/// Warns if limits of the output acted.
+fn warn_of_limits(limited: [u32; 3]) {
+    let [hard, slew, thermal] = limited;
+    if limited != [0; 3] {
         warn(&format!(
-            "limits of the output acted at {}: `stylus headroom LIB` says in which bands, and at which gain the \
-             library fits",
-            counted(limited, "tick")
+            "limits of the output acted on samples ({hard} hard, {slew} slew, {thermal} thermal): `stylus headroom \
+             LIB` says in which bands, and at which gain the library fits"
         ));
     }
 }

@@ -14,12 +14,12 @@ use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use model_format::Provenance;
 use report::RecordReport;
-use session::{Outcome, Session, say};
+use session::{Outcome, Session};
 
 use crate::cli::device::connection::Link;
 use crate::cli::files::{Overwrite, check_in_growing_folder};
-use crate::cli::input::{not_negative, positive, trial_force, trial_speed};
-use crate::cli::output::{print, print_json};
+use crate::cli::input::{not_negative, of_axes, positive, trial_force, trial_speed};
+use crate::cli::output::{print, print_json, tell};
 
 #[derive(clap::Args)]
 #[expect(
@@ -103,7 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .into_iter()
         .partition(|point| !arguments.again && folder.has(point));
     let session = Session::open(arguments)?;
-    say(&format!(
+    tell(&format!(
         "{} to record, {} already in {}",
         counted(todo.len(), "trial"),
         there.len(),
@@ -159,7 +159,7 @@ impl Sensing {
     /// # Errors
     /// The link failed, the number of scales is neither one nor three, or all scales are zero.
     pub fn calibration(&self, device: &Device) -> Result<Calibration> {
-        let calibration = Calibration::new(&device.settings()?, self.scale()?);
+        let calibration = Calibration::new(&device.settings()?, of_axes("--scale", &self.scale)?);
         let mut scales = calibration.m_s2_per_code.iter();
         if scales.all(|scale| scale.abs() <= 0.0) {
             return Err(Error::Request(
@@ -176,18 +176,6 @@ impl Sensing {
             Provenance::Simulated
         } else {
             Provenance::Recorded
-        }
-    }
-
-    fn scale(&self) -> Result<Option<[f64; 3]>> {
-        match self.scale.as_slice() {
-            [] => Ok(None),
-            [all] => Ok(Some([*all; 3])),
-            [x, y, z] => Ok(Some([*x, *y, *z])),
-            other => Err(Error::Request(format!(
-                "--scale takes one value or three, not {}",
-                other.len()
-            ))),
         }
     }
 }

@@ -62,25 +62,31 @@ impl<'a> Session<'a> {
         point: &PlannedTrial,
         (number, of): (usize, usize),
     ) -> Result<Outcome> {
-        say(&format!("[{number}/{of}] {point}"));
+        tell(&format!("[{number}/{of}] {point}"));
+        // An earlier recording stays in the folder until another one replaces it.
+        let mut earlier = None;
         loop {
-            match self.operator.ask("Enter records, s skips, q ends") {
-                Answer::Skip => return Ok(Outcome::Skipped),
-                Answer::End => return Ok(Outcome::End),
-                Answer::Go | Answer::Again => {}
-            }
-            let Some(capture) = self.capture()? else {
-                return Ok(Outcome::End);
+            let question = match earlier {
+                None => "Enter records, s skips, q ends",
+                Some(_) => "Enter records, s keeps the earlier one, q keeps it and ends",
+            };
+            let captured = match self.operator.ask(question) {
+                Answer::Skip => return Ok(earlier.map_or(Outcome::Skipped, Outcome::Recorded)),
+                Answer::End => None,
+                Answer::Go | Answer::Again => self.capture()?,
+            };
+            let Some(capture) = captured else {
+                return Ok(earlier.map_or(Outcome::End, Outcome::Last));
             };
             let row = self.keep(folder, point, &capture)?;
-            say(&format!("    {}", row.line()));
+            tell(&format!("    {}", row.line()));
             // A good trial is kept without a question, so that a session needs one key per trial.
             if row.verdicts.is_empty() {
                 return Ok(Outcome::Recorded(row));
             }
             let question = "Enter keeps it, r records it again, q keeps it and ends";
             match self.operator.ask(question) {
-                Answer::Again => {}
+                Answer::Again => earlier = Some(row),
                 Answer::Go | Answer::Skip => return Ok(Outcome::Recorded(row)),
                 Answer::End => return Ok(Outcome::Last(row)),
             }
@@ -161,7 +167,7 @@ impl Operator {
                 Answer::Go
             };
         };
-        say(&format!("    {question}"));
+        tell(&format!("    {question}"));
         loop {
             if self.has_interrupted() {
                 return Answer::End;
@@ -172,7 +178,7 @@ impl Operator {
                     "s" => return Answer::Skip,
                     "r" => return Answer::Again,
                     "q" => return Answer::End,
-                    other => say(&format!("    '{other}'? {question}")),
+                    other => tell(&format!("    '{other}'? {question}")),
                 },
                 Err(RecvTimeoutError::Timeout) => {}
                 // The input has ended, so no answer will come.
@@ -180,11 +186,6 @@ impl Operator {
             }
         }
     }
-}
-
-/// Prints to standard error, so that standard output contains only the report.
-pub fn say(text: &str) {
-    tell(text);
 }
 
 /// Reads the lines of standard input in a thread. The channel closes when the input ends.

@@ -15,7 +15,7 @@ use super::{Arguments, output};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, warn};
 
-/// Interval at which Ctrl-C is checked while the sensors cannot be read, and longest single wait for their samples.
+/// Interval at which Ctrl-C and the duration are checked.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The state at the end of one interval.
@@ -54,7 +54,7 @@ pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
         // Counted from the begin, so that the delays of readings do not add up.
         let until = f64::from(shown) * arguments.interval;
         let level = if let Some(stream) = &mut stream {
-            Some(listen(stream, &calibration, begin, until)?)
+            Some(listen(stream, &calibration, begin, until, &is_over)?)
         } else {
             sleep(begin, until, &is_over);
             None
@@ -69,17 +69,18 @@ pub fn run(device: &Device, arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// Receives samples until `until`, s after `begin`, and returns their level. Ctrl-C is not checked meanwhile.
+/// Receives samples until `until`, s after `begin`, or until `is_over`, and returns their level.
 fn listen(
     stream: &mut Stream<'_>,
     calibration: &Calibration,
     begin: Instant,
     until: f64,
+    is_over: &impl Fn() -> bool,
 ) -> Result<Level> {
     let mut samples = Vec::new();
     loop {
         let left = until - begin.elapsed().as_secs_f64();
-        if left <= 0.0 {
+        if left <= 0.0 || is_over() {
             break;
         }
         let within = Duration::from_secs_f64(left.min(POLL_INTERVAL.as_secs_f64()));
