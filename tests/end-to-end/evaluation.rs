@@ -350,6 +350,7 @@ fn refuse_what_does_not_go_with_strokes(bench: &Bench) {
     bench.succeed("fit s0.csv --strokes --scale 2 --out scaled.lib --order 10");
     bench.refuse_each(
         "fit . --strokes --out felt.lib | .: is a folder | give CSVs
+        fit s0.csv cork.csv --strokes --out felt.lib | cork.csv | not named like s0.csv | --texture
         fit s0.csv --strokes --floor subtract --out a.lib | leave out --floor
         evaluate . --library felt.lib --strokes s0.csv | .: is a folder | CSVs of strokes that were fitted
         evaluate s0.csv --library scaled.lib --strokes s0.csv | scaled.lib | fitted with --scale 2

@@ -21,7 +21,7 @@ pub struct Strokes {
         conflicts_with_all = ["duration_s", "time_unit", "even_times", "speed_mm_s", "force_n"]
     )]
     pub strokes: bool,
-    /// With --strokes: name of the texture [default: that of the first file]
+    /// With --strokes: name of the texture of all files [default: that of the first, if they are named alike]
     #[arg(long, value_name = "NAME", value_parser = texture_name, requires = "strokes")]
     texture: Option<String>,
 }
@@ -58,13 +58,33 @@ impl Strokes {
         Ok((fit, bytes, record))
     }
 
-    /// Returns the texture's name.
+    /// Returns the texture's name: as given, or that of the first file if the files' names differ only at the end, as in
+    /// `stroke-1` and `stroke-2`.
     fn name(&self, files: &[PathBuf]) -> Result<String> {
         let (None, Some(first)) = (&self.texture, files.first()) else {
             return Ok(self.texture.clone().unwrap_or_default());
         };
-        let stem = first.file_stem().unwrap_or_default();
-        let stem = stem.to_string_lossy().into_owned();
+        let stem = |path: &PathBuf| {
+            path.file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned()
+        };
+        let word = |path: &PathBuf| {
+            let stem = stem(path);
+            stem.trim_end_matches(|end: char| !end.is_alphabetic())
+                .to_lowercase()
+        };
+        // Several materials in one call would become one texture that jumps between them.
+        if let Some(other) = files.iter().find(|path| word(path) != word(first)) {
+            let problem = format!(
+                "is not named like {}, and with --strokes all files are of one texture: give --texture, or fit each \
+                 texture alone and `stylus join` the libraries",
+                first.display()
+            );
+            return Err(Error::file(other, problem));
+        }
+        let stem = stem(first);
         match texture_fault(&stem) {
             None => Ok(stem),
             Some(fault) => {
