@@ -62,6 +62,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let is_kept = self.keeps_image().await;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         if is_kept {
+            stage.with_control(Control::end_self_test);
             return Err(UpdateError::Unconfirmed);
         }
         updates.begun = Some(header);

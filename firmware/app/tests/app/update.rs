@@ -138,7 +138,7 @@ fn received() -> Committed {
 }
 
 /// `memory` with this record.
-fn recorded(memory: Memory, record: Record) -> Memory {
+pub fn recorded(memory: Memory, record: Record) -> Memory {
     block_on(async {
         let mut store = Store::open(SimulatedFlash::new(memory), RECORDS).await;
         store.replace(record).await.expect("it is kept");
@@ -356,9 +356,8 @@ fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> b
             return false;
         }
         slots = memory.split_off(BANK_BYTES);
-        let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
         let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(slots));
-        stylus.storage.set_updates(Updates::new(store, RUNNING));
+        stylus.storage.set_updates(updates(memory, RUNNING));
         if start == 0 {
             let confirm =
                 stylus.request(async |storage, stage| storage.update_confirm(stage).await);
@@ -392,7 +391,8 @@ fn a_confirmation_that_was_cut_at_its_very_end_costs_no_image() {
     }
 }
 
-const RUNNING: Running = Running {
+/// The running image.
+pub const RUNNING: Running = Running {
     image: VERSION,
     bootloader: VERSION,
     key: DEVELOPMENT_KEY,
@@ -403,9 +403,14 @@ const RUNNING: Running = Running {
 fn stylus(running: Running, record: Record) -> SteppedStylus {
     let mut stylus = SteppedStylus::ready(&library::library(1, 4, 1));
     let memory = recorded(Memory::blank(RECORDS.end as usize), record);
-    let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
-    stylus.storage.set_updates(Updates::new(store, running));
+    stylus.storage.set_updates(updates(memory, running));
     stylus
+}
+
+/// Updates of the image `running`, with the record in `memory`.
+pub fn updates(memory: Memory, running: Running) -> Updates<SimulatedFlash<'static>> {
+    let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
+    Updates::new(store, running)
 }
 
 fn update(
@@ -514,9 +519,28 @@ fn bytes_other_than_the_signed_ones_are_not_committed() {
 }
 
 #[test]
-fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_restarts() {
+fn an_update_that_is_refused_on_trial_leaves_a_device_that_plays_and_can_be_confirmed() {
+    let image = pattern(5, 3_000);
+    let mut stylus = stylus(RUNNING, trial());
+    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let refused = update(&mut stylus, &image, &begin);
+    assert_eq!(refused, Err(UpdateError::Unconfirmed));
+    let confirmed = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
+    let phase = confirmed.map(|report| report.phase);
+    assert_eq!(phase, Ok(UpdatePhase::Confirmed));
+    stylus.play(play_request("texture 0")).expect("it is there");
+}
+
+/// Record of a device on trial.
+pub fn trial() -> Record {
     let mut trial = Record::marked(mark::SWAP, 1, VERSION.numbers());
     trial.marks[2..2 + EXCHANGED].fill(0);
+    trial
+}
+
+#[test]
+fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_restarts() {
+    let trial = trial();
     let end = async |storage: &mut fake_stylus::device::Stores, stage: &mut _| {
         storage.end_trial(stage).await;
     };
@@ -584,9 +608,8 @@ fn after_a_cut_in_the_word_of_a_commit_the_phase_is_that_of_the_running_image_an
             let mut store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
             block_on(store.settle()).expect("the flash works");
             memory = store.into_flash().memory;
-            let store = block_on(Store::open(SimulatedFlash::new(memory.clone()), RECORDS));
             let mut stylus = SteppedStylus::ready(&library::library(1, 4, 1));
-            stylus.storage.set_updates(Updates::new(store, RUNNING));
+            stylus.storage.set_updates(updates(memory.clone(), RUNNING));
             let is_new = part(&memory, ACTIVE) == images.new;
             // A start does what the previous start has reported.
             assert!(
