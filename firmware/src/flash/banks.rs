@@ -11,9 +11,10 @@
 //!   hides the code from the processor, which would otherwise fetch ahead, and masks the interrupts of tasks, whose
 //!   handlers lie in flash. Tick and update continue. Settings must therefore be written only while nothing else
 //!   matters: a word takes a tenth of a millisecond, a change has 32 of them, and one in some 250 changes needs two
-//!   erasures. embassy's clock counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an
-//!   erasure makes the clock late by whole turns, and every running timeout longer. The clock never steps back. The
-//!   device's time is the tick's count, which continues.
+//!   erasures. While something is played, only the record of updates is renewed, without an erasure. embassy's clock
+//!   counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an erasure makes the clock late
+//!   by whole turns, and every running timeout longer. The clock never steps back. The device's time is the tick's
+//!   count, which continues.
 #![expect(
     unsafe_code,
     reason = "the flash's registers change memory, and the memory is read in place"

@@ -1,5 +1,6 @@
 //! Updates: what the device refuses before anything is erased, and the bootloader on flash that loses power.
 
+use std::cell::Cell;
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
@@ -298,6 +299,33 @@ proptest! {
         block_on(store.replace(numbered(9999))).expect("the flash works");
         let store = block_on(Store::open(store.into_flash(), RECORDS));
         prop_assert_eq!(store.record(), numbered(9999));
+    }
+}
+
+#[test]
+fn a_settled_record_is_renewed_without_an_erasure_even_if_the_flash_fails() {
+    let mut memory = Memory::blank(RECORDS.end as usize);
+    for records in 0..600 {
+        for fails in [false, true] {
+            let erasures = Cell::new(0);
+            let flash = SimulatedFlash::observed(memory.clone(), |_, operation| {
+                let is_erasure = matches!(operation, Operation::Erase { .. });
+                erasures.set(erasures.get() + usize::from(is_erasure));
+            });
+            let fate = flash.fate.clone();
+            let mut store = block_on(Store::open(flash, RECORDS));
+            block_on(store.settle()).expect("the flash works");
+            erasures.set(0);
+            if fails {
+                fate.strike(0, Mishap::RefuseFrom);
+            }
+            for _ in 0..3 {
+                let renewed = block_on(store.renew());
+                assert!(renewed.is_ok() || fails, "{records} records");
+            }
+            assert_eq!(erasures.get(), 0, "{records} records");
+        }
+        memory = recorded(memory, Record::NONE);
     }
 }
 
