@@ -58,7 +58,8 @@ pub struct Record {
     pub marks: [u8; MARKS],
     /// Index of the slot with which the active image is exchanged.
     pub slot: u8,
-    /// Cause of the last reset after which an exchange or the way back was begun or continued: bits 28:21 of `RCC_RSR`.
+    /// Cause of the reset that ended a trial, or after which a committed update was not made: bits 28:21 of `RCC_RSR`.
+    /// Before that it is 0.
     pub cause: u8,
     /// Version of the image of the last update.
     pub version: [u16; 3],
