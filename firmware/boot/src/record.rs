@@ -348,7 +348,7 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// Returns true if record number `one` came after record number `other`. Numbers wrap.
-const fn is_newer(one: u32, other: u32) -> bool {
+/// Returns true if record or upload number `one` came after number `other`. Numbers wrap.
+pub const fn is_newer(one: u32, other: u32) -> bool {
     (one.wrapping_sub(other) as i32) > 0
 }
