@@ -358,8 +358,7 @@ extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
     protection::hide_code();
     BANK_1.begin_erase(offset);
-    // As `ERASE_LIMIT`, but by the cycle counter, because embassy's clock runs from flash.
-    let done = wait_without_code(8_000);
+    let done = wait_without_code(const { ERASE_LIMIT.as_millis() as u32 });
     protection::show_code();
     unmask(mask);
     done
@@ -374,14 +373,14 @@ extern "C" fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) ->
     let mask = mask_tasks();
     protection::hide_code();
     BANK_1.begin_program(offset, word);
-    let done = wait_without_code(10);
+    let done = wait_without_code(const { PROGRAM_LIMIT.as_millis() as u32 });
     protection::show_code();
     unmask(mask);
     done
 }
 
-/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick advances. Returns false if the bank
-/// is still busy.
+/// Waits for bank 1, at most `limit_ms` by the cycle counter, because embassy's clock runs from flash. Feeds the
+/// watchdog as long as the tick advances. Returns false if the bank is still busy.
 #[inline(always)]
 fn wait_without_code(limit_ms: u32) -> bool {
     for _ in 0..limit_ms {
