@@ -31,7 +31,7 @@ use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::{Peri, Peripherals, peripherals};
 use embassy_time::{Instant, Timer};
 use heapless::spsc::Queue;
-use model_format::link::{Marks, QUICK_FAULT_MS, Settings, StartReport, StartStage};
+use model_format::link::{Marks, QUICK_FAULT_MS, ResetReason, Settings, StartReport, StartStage};
 use static_cell::ConstStaticCell;
 use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
@@ -40,7 +40,6 @@ use stylus_app::safety;
 use stylus_boot::supply;
 use stylus_realtime::{boot, play, tick};
 
-use crate::boot::silicon::ResetFlags;
 use crate::boot::{clock, critical, priority, protection, silicon, startup};
 use crate::device::Hardware;
 use crate::fault::record::{self, Before};
@@ -52,20 +51,25 @@ use crate::tick::{inputs, output, raising};
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let (peripherals, flags, before, start) = begin();
-    defmt::info!("start {} after {}: {}", before.resets, flags, before.caught);
+    let (peripherals, cause, before, start) = begin();
+    defmt::info!(
+        "start {} after {}: {}",
+        before.resets,
+        defmt::Debug2Format(&cause),
+        before.caught
+    );
     static SAMPLES: ConstStaticCell<SampleQueue> = ConstStaticCell::new(Queue::new());
     let (producer, consumer) = SAMPLES.take().split();
     let hardware = Hardware::new(
         Recorder::new(consumer),
-        report::reset_report(flags, before),
+        report::reset_report(cause, before),
         start,
-        heat::take(flags),
+        heat::take(cause),
         outlet::all_counters,
         guard_marks,
     );
     let board = Board::new(peripherals, &before, &start);
-    let takes_unsigned = flags == ResetFlags::PowerOn && board.button.is_high();
+    let takes_unsigned = cause == ResetReason::PowerOn && board.button.is_high();
     if start.safe_mode {
         // Neither converter nor tick nor amplifier is started: the output stays at mid-scale, where `boot` put it.
         defmt::warn!("safe mode after {} quick faults", start.quick_faults);
@@ -96,7 +100,7 @@ async fn main(spawner: Spawner) {
 
 /// Prepares what every later step needs: memory, watchdog, clocks, time and priorities. Returns the peripherals, and
 /// what is known about the last run and about this start.
-fn begin() -> (Peripherals, ResetFlags, Before, StartReport) {
+fn begin() -> (Peripherals, ResetReason, Before, StartReport) {
     let Some(mut core) = cortex_m::Peripherals::take() else {
         defmt::unreachable!("the core peripherals are taken once");
     };
@@ -109,15 +113,15 @@ fn begin() -> (Peripherals, ResetFlags, Before, StartReport) {
     let revision = silicon::revision();
     silicon::remedy(revision);
     self_test::chip::watch_memories();
-    let flags = ResetFlags::take();
-    let before = record::take(flags);
+    let cause = silicon::take_reset_cause();
+    let before = record::take(cause);
     let clock = clock::select(before.starts.clock);
     record::enter(Some(clock::stage(clock)));
-    watchdog::feed_at_start();
+    watchdog::reload();
     let peripherals = clock::begin_time(|| embassy_stm32::init(clock::config(clock, revision)));
     clock::guard(clock);
     supply::watch();
-    watchdog::feed_at_start();
+    watchdog::reload();
     priority::assign();
     let start = StartReport {
         clock,
@@ -128,7 +132,7 @@ fn begin() -> (Peripherals, ResetFlags, Before, StartReport) {
         safe_mode: before.starts.safe_mode,
         hung_stage: before.starts.hung_stage,
     };
-    (peripherals, flags, before, start)
+    (peripherals, cause, before, start)
 }
 
 /// The board's peripherals, by their use.

@@ -226,7 +226,16 @@ struct Request<'a, S, L> {
 impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     /// Decodes the body, and counts the frame if the body is of the key's type.
     fn read<T: Deserialize<'a>>(&self) -> Result<T, WireError> {
-        let read = postcard::from_bytes(self.body).map_err(|_| WireError::DeserFailed)?;
+        self.read_as(Some)
+    }
+
+    /// Decodes the body by `convert`, and counts the frame if there is a result.
+    fn read_as<T: Deserialize<'a>, U>(
+        &self,
+        convert: impl FnOnce(T) -> Option<U>,
+    ) -> Result<U, WireError> {
+        let read = postcard::from_bytes(self.body).ok().and_then(convert);
+        let read = read.ok_or(WireError::DeserFailed)?;
         self.link.count(|counters| &mut counters.frames);
         Ok(read)
     }
@@ -249,7 +258,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
         self,
         job: impl FnOnce(T) -> Option<Job>,
     ) -> Result<Answered, WireError> {
-        let job = job(self.read()?).ok_or(WireError::DeserFailed)?;
+        let job = self.read_as(job)?;
         let queued = QueuedJob {
             from: self.link.id(),
             sequence: self.to.sequence,

@@ -120,7 +120,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let claim = claim.map_err(|LastLibrary { slot }| SelfTestError::LastLibrary { slot })?;
         let values = measure(slots, bench, claim).await;
         // The claim made the slot unfinished; now it is empty, or as faulty as the flash is.
-        slots.rescan(slot).await;
+        slots.scan(slot).await;
         Ok(values)
     }
 }

@@ -153,8 +153,11 @@ impl<R: NorFlash> Updates<R> {
     }
 }
 
-/// Cause of a reset, from the byte that the bootloader kept. If several flags are set, the most informative one counts.
-fn cause(flags: u8) -> ResetReason {
+/// Cause of a reset, from bits 28:21 of `RCC_RSR` (RM0433 section 8.7.38).
+///
+/// The first of several flags counts, because every other reset sets the pin's flag too, and power-on also that of the
+/// brown-out.
+pub fn cause(flags: u8) -> ResetReason {
     let by_bit = [
         (2, ResetReason::PowerOn),
         (0, ResetReason::Brownout),

@@ -1,6 +1,5 @@
 //! Requests of an update, which need slots, uploads and the record together.
 
-use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     SlotId, TRIAL_MS, UpdateBegin, UpdateError, UpdateReport, UploadBegin, UploadProgress,
@@ -9,13 +8,9 @@ use salty::Sha512;
 use stylus_boot::record::{Record, mark};
 
 use crate::control::Control;
-use crate::flash::WORD_BYTES;
 use crate::slots::{MappedFlash, SlotStore};
 use crate::storage::{Stage, Storage, supplied};
 use crate::update::Updates;
-
-/// Bytes of an image that are hashed between two turns of other tasks.
-const STRIDE_BYTES: u32 = 4096;
 
 impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Allows `updates`: the device has a bootloader.
@@ -62,6 +57,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let is_kept = self.keeps_image().await;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         if is_kept {
+            stage.with_control(Control::end_self_test);
             return Err(UpdateError::Unconfirmed);
         }
         updates.begun = Some(header);
@@ -92,7 +88,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         supplied(stage)?;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         let header = updates.begun.ok_or(UpdateError::NotBegun)?;
-        let (slot, length) = self.uploader.received()?;
+        let (claim, UploadBegin { length, .. }) = self.uploader.received()?;
+        let slot = claim.slot();
         at_rest(stage)?;
         // An image is no library, so the upload ends here and is never committed as one.
         self.uploader.abort(&mut self.slots);
@@ -175,13 +172,7 @@ async fn digest<F: MappedFlash>(
     length: u32,
 ) -> Option<[u8; 64]> {
     let mut digest = Sha512::new();
-    for offset in (0..length).step_by(WORD_BYTES) {
-        let word = slots.word(slot, offset).await?;
-        let left = (length - offset) as usize;
-        digest.update(&word[..left.min(WORD_BYTES)]);
-        if offset.is_multiple_of(STRIDE_BYTES) {
-            yield_now().await;
-        }
-    }
+    let take = |bytes: &[u8]| digest.update(bytes);
+    slots.read_bytes(slot, length, 1, take).await.ok()?;
     Some(digest.finalize())
 }

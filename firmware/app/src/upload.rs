@@ -80,8 +80,7 @@ impl Uploader {
         self.abort(store);
         store
             .erase_sector(claim, SlotStore::<F>::header_sector())
-            .await
-            .map_err(UploadFault::from)?;
+            .await?;
         store.set_receiving(claim.slot());
         let upload = Upload {
             begin,
@@ -106,9 +105,7 @@ impl Uploader {
         let next_offset = check_chunk(upload, chunk)?;
         // The upload ends here and is restored once the words are written, so that a call dropped half way ends it.
         self.end(store);
-        write_chunk(store, upload, chunk)
-            .await
-            .map_err(UploadFault::from)?;
+        write_chunk(store, upload, chunk).await?;
         store.set_receiving(upload.claim.slot());
         let upload = Upload {
             next_offset,
@@ -127,14 +124,13 @@ impl Uploader {
         &mut self,
         store: &mut SlotStore<F>,
     ) -> Result<UploadCommitted, UploadError> {
-        let (slot, _) = self.received()?;
-        let Upload { begin, claim, .. } = self.upload.ok_or(UploadError::NotBegun)?;
-        let UploadBegin { length, crc32, .. } = begin;
+        let (claim, UploadBegin { length, crc32, .. }) = self.received()?;
+        let slot = claim.slot();
         self.end(store);
         let sealed = store.seal(claim, length, crc32).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
-            SealFault::Write(fault) => UploadFault::from(fault).0,
+            SealFault::Write(fault) => fault.into(),
         })?;
         Ok(UploadCommitted {
             slot,
@@ -143,11 +139,11 @@ impl Uploader {
         })
     }
 
-    /// Slot and length of the upload under way, of which all bytes have arrived.
+    /// The upload under way, of which all bytes have arrived.
     ///
     /// # Errors
     /// No upload is under way, or it is not complete.
-    pub fn received(&self) -> Result<(SlotId, u32), UploadError> {
+    pub(crate) fn received(&self) -> Result<(Claim, UploadBegin), UploadError> {
         let Upload {
             begin,
             claim,
@@ -155,7 +151,7 @@ impl Uploader {
         } = self.upload.ok_or(UploadError::NotBegun)?;
         let length = begin.length;
         if next_offset == length {
-            return Ok((claim.slot(), length));
+            return Ok((claim, begin));
         }
         Err(UploadError::Incomplete {
             next_offset,
@@ -220,25 +216,16 @@ async fn write_chunk<F: MappedFlash>(
     store.write(upload.claim, chunk.offset, chunk.data).await
 }
 
-/// A fault of the flash, as the host sees it.
-struct UploadFault(UploadError);
-
-impl From<WriteFault> for UploadFault {
+impl From<WriteFault> for UploadError {
     fn from(fault: WriteFault) -> Self {
-        Self(match fault {
-            WriteFault::Flash(fault) => UploadError::Flash {
+        match fault {
+            WriteFault::Flash(fault) => Self::Flash {
                 slot: fault.slot,
                 operation: fault.operation,
                 offset: fault.offset,
             },
-            WriteFault::ReadBack { slot, offset } => UploadError::ReadBack { slot, offset },
-        })
-    }
-}
-
-impl From<UploadFault> for UploadError {
-    fn from(fault: UploadFault) -> Self {
-        fault.0
+            WriteFault::ReadBack { slot, offset } => Self::ReadBack { slot, offset },
+        }
     }
 }
 

@@ -24,8 +24,8 @@ const COPIED_BYTES: usize = 4096;
 
 /// Finds the image to run, and exchanges images if an update asks for it. Offsets in `flash` count from its start.
 ///
-/// `begin` is called before anything is erased or programmed. If an update asks, the record keeps `cause`, the cause of
-/// this reset: it is what has ended a trial, or the way back from it.
+/// `begin` is called before anything is erased or programmed. The record keeps `cause`, the cause of this reset, if the
+/// reset ends a trial, or if a committed update is not made. Later resets, on the way back, do not replace it.
 ///
 /// # Errors
 /// The flash fails. The exchange continues at the next start.
@@ -48,6 +48,12 @@ pub fn prepare<F: NorFlash>(flash: F, cause: u8, begin: impl FnOnce()) -> Result
     begin();
     let (mut active, mut dfu) = (part(ACTIVE, true), part(slot.clone(), true));
     let judged = judged(record, &mut active, &mut dfu).map_err(|error| other(&error))?;
+    let goes_on = judged.asks() && record.steps() < EXCHANGED;
+    let cause = if goes_on || record.cause != 0 {
+        record.cause
+    } else {
+        cause
+    };
     // Power may have been lost just before the record's word was complete, so that it reads right this time only. Now
     // it is programmed again, as a whole.
     let kept = block_on(store.replace(Record { cause, ..judged }));

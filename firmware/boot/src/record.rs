@@ -58,7 +58,8 @@ pub struct Record {
     pub marks: [u8; MARKS],
     /// Index of the slot with which the active image is exchanged.
     pub slot: u8,
-    /// Cause of the last reset after which an exchange or the way back was begun or continued: bits 28:21 of `RCC_RSR`.
+    /// Cause of the reset that ended a trial, or after which a committed update was not made: bits 28:21 of `RCC_RSR`.
+    /// Before that it is 0.
     pub cause: u8,
     /// Version of the image of the last update.
     pub version: [u16; 3],
@@ -273,19 +274,21 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Writes the record again if a later start could read a different one: a word does not read the same each time, or
-    /// this record and the previous one disagree on whether to exchange images.
+    /// this record and the previous one disagree on whether to exchange images. Also writes it again if a
+    /// [`Store::renew`] of this run could lack room. Called at the start, because an erasure may take seconds.
     ///
     /// # Errors
     /// The flash does not keep it.
     pub async fn settle(&mut self) -> Result<(), NotKept> {
-        if self.is_settled {
+        if self.is_settled && self.has_room() {
             return Ok(());
         }
         self.replace(self.record).await
     }
 
     /// Writes the record again unless this run has written one. Called before something is given up that an older
-    /// record would need, because no number of reads proves that a word is whole.
+    /// record would need, because no number of reads proves that a word is whole. Never erases, because something may
+    /// be played.
     ///
     /// # Errors
     /// The flash does not keep it.
@@ -293,7 +296,15 @@ impl<F: NorFlash> Store<F> {
         if self.is_renewed {
             return Ok(());
         }
+        if !self.has_room() {
+            return Err(NotKept);
+        }
         self.replace(self.record).await
+    }
+
+    /// Returns true if [`Store::replace`] certainly erases nothing.
+    const fn has_room(&self) -> bool {
+        self.next + (TRIES * WORD_BYTES) as u32 <= self.start + WORDS * WORD_BYTES as u32
     }
 
     /// Replaces the record.
@@ -337,7 +348,7 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// Returns true if record number `one` came after record number `other`. Numbers wrap.
-const fn is_newer(one: u32, other: u32) -> bool {
+/// Returns true if record or upload number `one` came after number `other`. Numbers wrap.
+pub const fn is_newer(one: u32, other: u32) -> bool {
     (one.wrapping_sub(other) as i32) > 0
 }

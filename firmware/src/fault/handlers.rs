@@ -7,6 +7,9 @@
 //! HardFault, at which the processor locks up with the last code at the output. So HardFault begins by switching to its
 //! own stack, before any Rust code. The stack of the program stays as it is, to be read for the trace.
 //!
+//! Before that it masks interrupts, because a BusFault is less urgent than the tick. A tick would find its streams
+//! stopped, and its panic would replace the record of the fault.
+//!
 //! A panic takes the same path. panic-probe masks interrupts and executes UDF, which is a HardFault some twenty
 //! instructions after the panic, before anything is formatted or logged. panic-probe's own printing is left off,
 //! because it would come before mid-scale. The panic's `Location`, to which a word on the stack points, gives file and
@@ -32,9 +35,8 @@ const FAULT_STACK_BYTES: usize = 2048;
 #[repr(C, align(8))]
 struct FaultStack(UnsafeCell<MaybeUninit<[u8; FAULT_STACK_BYTES]>>);
 
-// SAFETY: only HardFault's code uses it, and does not return. NMI may preempt that code, and does not return either. If
-// the code was reached from the handler of BusFault, more urgent interrupts may preempt it, too: they use the stack
-// below its own frames, and a fault of theirs ends the program in its place.
+// SAFETY: only HardFault's code uses it, with interrupts masked, and does not return. NMI may preempt that code, and
+// does not return either.
 unsafe impl Sync for FaultStack {}
 
 #[unsafe(link_section = ".uninit.fault_stack")]
@@ -50,6 +52,7 @@ global_asm!(
     ".type HardFault, %function",
     ".thumb_func",
     "HardFault:",
+    "    cpsid i",
     "    mov r0, sp",
     "    ldr r1, ={stack}",
     "    add r1, r1, #{bytes}",

@@ -7,9 +7,10 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use model_format::link::ResetReason;
 use stylus_app::safety::Heat;
 
-use crate::boot::silicon::ResetFlags;
+use crate::fault::record::checksum;
 
 /// Whole words, so that no word waits in the memory's buffer for its error-correcting code when the reset comes
 /// (AN5342, section 2).
@@ -21,11 +22,8 @@ static KEPT: [Copy; 2] = [const { [const { AtomicU32::new(0) }; 3] }; 2];
 /// The copy that is written next.
 static NEXT: AtomicU32 = AtomicU32::new(0);
 
-/// Returns a checksum of two words, which depends on every bit of both words.
 fn sum(low: u32, high: u32) -> u32 {
-    [low, high].into_iter().fold(0x4845_4154, |sum: u32, word| {
-        (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B)
-    })
+    checksum(0x4845_4154, &[low, high])
 }
 
 fn load(copy: &Copy) -> Option<Heat> {
@@ -36,8 +34,8 @@ fn load(copy: &Copy) -> Option<Heat> {
 
 /// Returns the heat from before the reset: the higher value of the two copies. Returns none after power-on, or if
 /// neither copy has a valid checksum.
-pub fn take(flags: ResetFlags) -> Option<Heat> {
-    if flags == ResetFlags::PowerOn {
+pub fn take(cause: ResetReason) -> Option<Heat> {
+    if cause == ResetReason::PowerOn {
         return None;
     }
     KEPT.iter().filter_map(load).max()

@@ -8,10 +8,9 @@
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
-use model_format::link::StartStage;
+use model_format::link::{ResetReason, StartStage};
 use stylus_app::start::{Ended, Kept as KeptOfStarts};
 
-use crate::boot::silicon::ResetFlags;
 use crate::tick::alive;
 
 /// Kind of fault; the numbers are kept over a reset.
@@ -89,6 +88,13 @@ const AT_NEW: usize = AT_RESETS + 1;
 const AT_STARTS: usize = AT_NEW + 1;
 const AT_SUM: usize = AT_STARTS + 1;
 
+/// Returns a checksum of `words`, which depends on every bit of every word.
+pub fn checksum(seed: u32, words: &[u32]) -> u32 {
+    words.iter().fold(seed, |sum, &word| {
+        (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B)
+    })
+}
+
 #[repr(C, align(8))]
 struct Kept(UnsafeCell<MaybeUninit<[u32; WORDS]>>);
 
@@ -123,11 +129,7 @@ impl Record {
     }
 
     fn sum(&self) -> u32 {
-        self.words[..AT_SUM]
-            .iter()
-            .fold(0x9E37_79B9, |sum: u32, &word| {
-                (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B)
-            })
+        checksum(0x9E37_79B9, &self.words[..AT_SUM])
     }
 
     /// Replaces the fault; the counters of resets stay.
@@ -186,15 +188,15 @@ pub struct Before {
 ///
 /// After power-on the memory holds noise, and its error-correcting codes are wrong, too, so the memory is not even
 /// read. After a reset by the watchdog, that reset becomes the last fault.
-pub fn take(flags: ResetFlags) -> Before {
-    let power_on = flags == ResetFlags::PowerOn;
+pub fn take(cause: ResetReason) -> Before {
+    let power_on = cause == ResetReason::PowerOn;
     let mut record = if power_on {
         Record::default()
     } else {
         Record::load().unwrap_or_default()
     };
     let starts = KeptOfStarts::from_word(record.words[AT_STARTS]);
-    if flags == ResetFlags::Watchdog {
+    if cause == ResetReason::Watchdog {
         let tick_stopped = alive::is_running() || record.words[AT_TICK_STOPPED] != 0;
         let kind = match starts.stage {
             Some(_) => Kind::StartHung,
@@ -212,9 +214,9 @@ pub fn take(flags: ResetFlags) -> Before {
     }
     let caught = record.caught();
     let new_fault = record.words[AT_NEW] != 0;
-    let ended = match flags {
-        ResetFlags::PowerOn | ResetFlags::Pin => Ended::ByHand,
-        ResetFlags::Watchdog => Ended::ByWatchdog,
+    let ended = match cause {
+        ResetReason::PowerOn | ResetReason::Pin => Ended::ByHand,
+        ResetReason::Watchdog => Ended::ByWatchdog,
         _ if new_fault => Ended::ByFault {
             clock_failed: caught.is_some_and(|caught| caught.kind == Kind::ClockFailed),
         },

@@ -5,12 +5,11 @@ use core::fmt::Write;
 use model_format::link::{Fault, FaultKind, FaultText, ResetReason};
 use stylus_app::control::ResetReport;
 
-use crate::boot::silicon::ResetFlags;
 use crate::fault::record::{Before, Caught, Kind};
 use crate::fault::stack;
 
 /// Returns the report of this start, from what the processor and the memory kept.
-pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
+pub fn reset_report(cause: ResetReason, before: Before) -> ResetReport {
     let fault = before.caught.map(|caught| Fault {
         kind: match caught.kind {
             Kind::HardFault => FaultKind::HardFault,
@@ -30,14 +29,9 @@ pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
         address: caught.address,
         text: text(&caught),
     });
-    let reason = match flags {
-        ResetFlags::PowerOn => ResetReason::PowerOn,
-        ResetFlags::Brownout => ResetReason::Brownout,
-        ResetFlags::Watchdog => ResetReason::Watchdog,
-        ResetFlags::Software if before.new_fault => ResetReason::Fault,
-        ResetFlags::Software => ResetReason::Software,
-        ResetFlags::Pin => ResetReason::Pin,
-        ResetFlags::Unknown => ResetReason::Unknown,
+    let reason = match cause {
+        ResetReason::Software if before.new_fault => ResetReason::Fault,
+        cause => cause,
     };
     ResetReport {
         reason,

@@ -52,11 +52,6 @@ fn undo_debugger() {
         .write(|w| w.set_iwdg1(cfg!(feature = "debug-halt")));
 }
 
-/// Feeds the watchdog in the start, before and after the clocks are set up.
-pub fn feed_at_start() {
-    reload();
-}
-
 /// Makes the task feed the watchdog while the executor runs, even without ticks.
 pub fn expect_no_tick() {
     WITHOUT_TICK.store(true, Ordering::Relaxed);
@@ -101,8 +96,9 @@ pub fn feed_while_ticking() {
     }
 }
 
+/// Feeds the watchdog.
 #[inline(always)]
-fn reload() {
+pub fn reload() {
     IWDG1.kr().write(|w| w.set_key(Key::RESET));
     let now = DWT::cycle_count();
     let gap = now.wrapping_sub(FED.load(Ordering::Relaxed));

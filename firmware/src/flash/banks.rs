@@ -11,9 +11,10 @@
 //!   hides the code from the processor, which would otherwise fetch ahead, and masks the interrupts of tasks, whose
 //!   handlers lie in flash. Tick and update continue. Settings must therefore be written only while nothing else
 //!   matters: a word takes a tenth of a millisecond, a change has 32 of them, and one in some 250 changes needs two
-//!   erasures. embassy's clock counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an
-//!   erasure makes the clock late by whole turns, and every running timeout longer. The clock never steps back. The
-//!   device's time is the tick's count, which continues.
+//!   erasures. While something is played, only the record of updates is renewed, without an erasure. embassy's clock
+//!   counts half turns of 32.8 ms by an interrupt that is masked during that wait. So an erasure makes the clock late
+//!   by whole turns, and every running timeout longer. The clock never steps back. The device's time is the tick's
+//!   count, which continues.
 #![expect(
     unsafe_code,
     reason = "the flash's registers change memory, and the memory is read in place"
@@ -357,8 +358,7 @@ extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
     protection::hide_code();
     BANK_1.begin_erase(offset);
-    // As `ERASE_LIMIT`, but by the cycle counter, because embassy's clock runs from flash.
-    let done = wait_without_code(8_000);
+    let done = wait_without_code(const { ERASE_LIMIT.as_millis() as u32 });
     protection::show_code();
     unmask(mask);
     done
@@ -373,14 +373,14 @@ extern "C" fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) ->
     let mask = mask_tasks();
     protection::hide_code();
     BANK_1.begin_program(offset, word);
-    let done = wait_without_code(10);
+    let done = wait_without_code(const { PROGRAM_LIMIT.as_millis() as u32 });
     protection::show_code();
     unmask(mask);
     done
 }
 
-/// Waits for bank 1, at most `limit_ms`, and feeds the watchdog as long as the tick advances. Returns false if the bank
-/// is still busy.
+/// Waits for bank 1, at most `limit_ms` by the cycle counter, because embassy's clock runs from flash. Feeds the
+/// watchdog as long as the tick advances. Returns false if the bank is still busy.
 #[inline(always)]
 fn wait_without_code(limit_ms: u32) -> bool {
     for _ in 0..limit_ms {

@@ -13,7 +13,7 @@ use model_format::link::{
 
 use crate::boot::clock::{CONVERTER_HZ, CORE_HZ};
 use crate::self_test::clocks::since;
-use crate::self_test::read_back::ReadBack;
+use crate::self_test::read_back::{ReadBack, fault};
 use crate::tick::output::by_hand::ByHand;
 
 /// Time after which an amplifier is off once its enable has dropped: amplifiers mute or fade for tens of milliseconds
@@ -55,13 +55,6 @@ const NOISE_CONVERSIONS: u32 = 256;
 fn settle() {
     let begin = DWT::cycle_count();
     while DWT::cycle_count().wrapping_sub(begin) < SETTLE_CYCLES {}
-}
-
-fn fault(what: &'static str) -> SelfTestError {
-    SelfTestError::Hardware {
-        // Fits.
-        what: what.try_into().unwrap_or_default(),
-    }
 }
 
 fn dac_code(code: u16) -> DacCode {

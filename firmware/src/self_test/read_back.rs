@@ -30,8 +30,8 @@ const CONVERSION_CYCLES: u32 = CORE_HZ / 10_000;
 /// The converter, calibrated and enabled. When this is dropped, the converter returns to deep power-down.
 pub struct ReadBack(());
 
-/// A failure of the converter.
-fn fault(what: &'static str) -> SelfTestError {
+/// A failure of the hardware.
+pub fn fault(what: &'static str) -> SelfTestError {
     SelfTestError::Hardware {
         // Fits.
         what: what.try_into().unwrap_or_default(),

@@ -6,10 +6,11 @@
 //! not be read is read again first, because it may be readable now.
 
 use model_format::link::{SlotFault, SlotId, SlotInfo, SlotState};
+use stylus_boot::record::is_newer;
 
 use super::header::{HEADER_OFFSET, Header, HeaderWord};
 use super::permit::{Claim, LastLibrary};
-use super::{MappedFlash, SlotStore, newer};
+use super::{MappedFlash, SlotStore};
 
 /// Number of times that each word of the library that stays must read the same. A word that reads right half of the
 /// time passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the
@@ -68,7 +69,7 @@ impl<F: MappedFlash> SlotStore<F> {
             if !matches!(self.state(slot), SlotState::Faulty(_)) {
                 return;
             }
-            self.rescan(slot).await;
+            self.scan(slot).await;
         }
     }
 
@@ -131,7 +132,7 @@ impl<F: MappedFlash> SlotStore<F> {
     pub(super) fn note_header(&mut self, header: Header) {
         let is_higher = self
             .highest
-            .is_none_or(|highest| newer(header.sequence, highest));
+            .is_none_or(|highest| is_newer(header.sequence, highest));
         if is_higher {
             self.highest = Some(header.sequence);
         }

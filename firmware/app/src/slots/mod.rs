@@ -25,6 +25,7 @@ use model_format::link::{
 };
 use model_format::scene::{MotionOfScene, Scene, Surface};
 use model_format::{Decoder, Library, NodeFlags, Outline, Texture, Workspace};
+use stylus_boot::record::is_newer;
 
 use crate::words::in_words;
 
@@ -73,11 +74,6 @@ pub struct SlotStore<F> {
     /// Highest number of all headers that were seen, including those of libraries that could not be read.
     highest: Option<u32>,
     is_scanned: bool,
-}
-
-/// Returns true if upload number `one` came after upload number `other`. Numbers wrap.
-const fn newer(one: u32, other: u32) -> bool {
-    one.wrapping_sub(other) as i32 > 0
 }
 
 /// A fault of the flash, with its position.
@@ -186,7 +182,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// The slot with the library that was uploaded last.
     pub fn newest(&self) -> Option<SlotId> {
         match SlotId::ALL.map(|slot| self.library(slot)) {
-            [Some(first), Some(second)] if newer(first.sequence, second.sequence) => {
+            [Some(first), Some(second)] if is_newer(first.sequence, second.sequence) => {
                 Some(SlotId::A)
             }
             [_, Some(_)] => Some(SlotId::B),
@@ -274,7 +270,7 @@ impl<F: MappedFlash> SlotStore<F> {
             self.set_state(slot, SlotState::Faulty(fault.clone()));
             return Err(fault);
         }
-        self.mapped(slot, info.length)
+        mapped(&self.flash, slot, info.length)
     }
 
     /// Notes that `slot` is being overwritten.
@@ -344,16 +340,6 @@ impl<F: MappedFlash> SlotStore<F> {
         written.map_err(|_| flash_fault(slot, FlashOperation::Write, offset))
     }
 
-    /// The word at `offset` of `slot`; none if it cannot be read.
-    pub(crate) async fn word(&mut self, slot: SlotId, offset: u32) -> Option<[u8; WORD_BYTES]> {
-        self.read_word(slot, offset).await
-    }
-
-    /// Reads and validates `slot` again.
-    pub(crate) async fn rescan(&mut self, slot: SlotId) {
-        self.scan(slot).await;
-    }
-
     /// Programs `bytes` at `offset` of the claimed slot word by word, the last word padded with ones, and reads each
     /// word back.
     pub(crate) async fn write(
@@ -372,7 +358,7 @@ impl<F: MappedFlash> SlotStore<F> {
                 .write(at, &word)
                 .await
                 .map_err(|_| flash_fault(slot, FlashOperation::Write, offset))?;
-            let back = self.read_word(slot, offset).await;
+            let back = self.word(slot, offset).await;
             let back = back.ok_or(flash_fault(slot, FlashOperation::Read, offset))?;
             if back != word {
                 return Err(WriteFault::ReadBack { slot, offset });
@@ -411,7 +397,7 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Reads and validates `slot`.
-    async fn scan(&mut self, slot: SlotId) {
+    pub(crate) async fn scan(&mut self, slot: SlotId) {
         match self.read_slot(slot).await {
             Ok(Some((header, content))) => {
                 self.note_header(header);
@@ -427,7 +413,7 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Header and content of the library in `slot`; none if the slot is empty.
     async fn read_slot(&mut self, slot: SlotId) -> Result<Option<(Header, Content)>, SlotFault> {
-        let word = self.read_word(slot, HEADER_OFFSET).await;
+        let word = self.word(slot, HEADER_OFFSET).await;
         let word = word.ok_or(SlotFault::Unreadable {
             offset: HEADER_OFFSET,
         })?;
@@ -450,7 +436,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// word.
     async fn is_blank(&mut self, slot: SlotId) -> Result<bool, SlotFault> {
         let word = self
-            .read_word(slot, 0)
+            .word(slot, 0)
             .await
             .ok_or(SlotFault::Unreadable { offset: 0 })?;
         Ok(word == [0xff; WORD_BYTES])
@@ -476,24 +462,38 @@ impl<F: MappedFlash> SlotStore<F> {
         reads: usize,
     ) -> Result<(), SlotFault> {
         let mut digest = LIBRARY_CRC.digest();
-        for offset in (0..length).step_by(WORD_BYTES) {
-            let word = self
-                .repeated_word(slot, offset, reads)
-                .await
-                .ok_or(SlotFault::Unreadable { offset })?;
-            let left = (length - offset) as usize;
-            digest.update(&word[..left.min(WORD_BYTES)]);
-            // A word that is read many times counts as many; a power of two divides the stride into whole words.
-            if (offset as usize).is_multiple_of(STRIDE_BYTES / reads.next_power_of_two()) {
-                yield_now().await;
-            }
-        }
+        let take = |bytes: &[u8]| digest.update(bytes);
+        self.read_bytes(slot, length, reads, take).await?;
         let found = digest.finalize();
         if found == expected {
             Ok(())
         } else {
             Err(SlotFault::Checksum { expected, found })
         }
+    }
+
+    /// Passes the first `length` bytes of `slot` to `take` word by word. Reads each word as many times as `reads`; all
+    /// reads must find the same.
+    pub(crate) async fn read_bytes(
+        &mut self,
+        slot: SlotId,
+        length: u32,
+        reads: usize,
+        mut take: impl FnMut(&[u8]),
+    ) -> Result<(), SlotFault> {
+        for offset in (0..length).step_by(WORD_BYTES) {
+            let word = self
+                .repeated_word(slot, offset, reads)
+                .await
+                .ok_or(SlotFault::Unreadable { offset })?;
+            let left = (length - offset) as usize;
+            take(&word[..left.min(WORD_BYTES)]);
+            // A word that is read many times counts as many; a power of two divides the stride into whole words.
+            if (offset as usize).is_multiple_of(STRIDE_BYTES / reads.next_power_of_two()) {
+                yield_now().await;
+            }
+        }
+        Ok(())
     }
 
     /// Decodes the library in the first `length` bytes of `slot`, each word of which has been read. Other tasks have
@@ -517,10 +517,6 @@ impl<F: MappedFlash> SlotStore<F> {
         }
     }
 
-    fn mapped(&self, slot: SlotId, length: u32) -> Result<&[u8], SlotFault> {
-        mapped(&self.flash, slot, length)
-    }
-
     /// The word at `offset` of `slot`; none unless as many as `reads` reads find the same word.
     async fn repeated_word(
         &mut self,
@@ -528,16 +524,17 @@ impl<F: MappedFlash> SlotStore<F> {
         offset: u32,
         reads: usize,
     ) -> Option<[u8; WORD_BYTES]> {
-        let word = self.read_word(slot, offset).await?;
+        let word = self.word(slot, offset).await?;
         for _ in 1..reads {
-            if self.read_word(slot, offset).await? != word {
+            if self.word(slot, offset).await? != word {
                 return None;
             }
         }
         Some(word)
     }
 
-    async fn read_word(&mut self, slot: SlotId, offset: u32) -> Option<[u8; WORD_BYTES]> {
+    /// The word at `offset` of `slot`; none if it cannot be read.
+    pub(crate) async fn word(&mut self, slot: SlotId, offset: u32) -> Option<[u8; WORD_BYTES]> {
         let mut word = [0; WORD_BYTES];
         let at = address(slot, offset);
         self.flash.read(at, &mut word).await.ok()?;

@@ -4,13 +4,16 @@ use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
 use fake_stylus::flash::SimulatedFlash;
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
-use fake_stylus::requests::Requests;
+use fake_stylus::requests::{Requests, frame};
 use model_format::link::{
-    KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint,
-    MotionRefused, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS, PlayEndpoint,
-    PlayError, PlayRequest, ProposalToken, Setting, SettingSet, Settings, SettingsChange,
-    SettingsError, SettingsProposal, SettingsProposeEndpoint, Status, StatusEndpoint, StopEndpoint,
+    KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MAX_CHUNK_BYTES,
+    MotionEndpoint, MotionRefused, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS,
+    PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting, SettingSet, Settings,
+    SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
+    StatusEndpoint, StopEndpoint, UploadChunk, UploadChunkEndpoint,
 };
+use postcard_rpc::Endpoint;
+use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use proptest::prelude::*;
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::Device;
@@ -420,4 +423,26 @@ fn of_a_change_with_one_bad_value_nothing_is_done() {
     );
     assert_eq!(propose(&[]), Err(SettingsError::Nothing));
     assert_eq!(stylus.proposal(), None);
+}
+
+#[test]
+fn a_chunk_that_is_too_long_counts_as_a_frame_that_could_not_be_decoded_and_as_nothing_else() {
+    let Stylus { stylus, requests } = Stylus::new();
+    for (length, counted) in [(MAX_CHUNK_BYTES, [1, 0]), (MAX_CHUNK_BYTES + 1, [0, 1])] {
+        let before = stylus.hardware().link;
+        let data = &[0; MAX_CHUNK_BYTES + 1][..length];
+        let header = VarHeader {
+            key: VarKey::Key8(UploadChunkEndpoint::REQ_KEY),
+            seq_no: VarSeq::Seq4(1),
+        };
+        let chunk = UploadChunk { offset: 0, data };
+        let frame = frame(UploadChunkEndpoint::REQ_KEY, header, &chunk);
+        requests.serve(LinkId::Usb, &frame, false);
+        let after = stylus.hardware().link;
+        let counts = [
+            after.frames - before.frames,
+            after.malformed - before.malformed,
+        ];
+        assert_eq!(counts, counted, "{length} bytes");
+    }
 }

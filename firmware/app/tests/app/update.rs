@@ -1,5 +1,7 @@
 //! Updates: what the device refuses before anything is erased, and the bootloader on flash that loses power.
 
+use std::cell::Cell;
+use std::iter;
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
@@ -138,7 +140,7 @@ fn received() -> Committed {
 }
 
 /// `memory` with this record.
-fn recorded(memory: Memory, record: Record) -> Memory {
+pub fn recorded(memory: Memory, record: Record) -> Memory {
     block_on(async {
         let mut store = Store::open(SimulatedFlash::new(memory), RECORDS).await;
         store.replace(record).await.expect("it is kept");
@@ -154,14 +156,24 @@ fn part(memory: &Memory, range: std::ops::Range<u32>) -> &[u8] {
     &memory.bytes()[range.start as usize..range.end as usize]
 }
 
-/// Runs the bootloader, with a mishap; returns the flash afterwards, and true if power was not lost.
+/// Causes of a reset, as bits 28:21 of `RCC_RSR`.
+const POWER_ON: u8 = 1 << 2;
+const SOFTWARE: u8 = 1 << 3;
+const WATCHDOG: u8 = 1 << 5;
+
+/// Runs the bootloader after power-on, with a mishap; returns the flash afterwards, and true if power was not lost.
 fn boot(memory: Memory, mishap: Option<(usize, Cut)>) -> (Memory, bool) {
+    boot_after(POWER_ON, memory, mishap)
+}
+
+/// As [`boot`], after a reset by `cause`.
+fn boot_after(cause: u8, memory: Memory, mishap: Option<(usize, Cut)>) -> (Memory, bool) {
     let flash = SimulatedFlash::new(memory);
     if let Some((operations, cut)) = mishap {
         flash.fate.strike(operations, Mishap::Cut(cut));
     }
     let mut flash = Blocking(flash);
-    let prepared = loader::prepare(&mut flash, 1 << 2, || {});
+    let prepared = loader::prepare(&mut flash, cause, || {});
     let holds = !flash.0.fate.is_off();
     assert!(prepared.is_ok() || !holds, "{prepared:?}");
     (flash.0.memory, holds)
@@ -193,11 +205,17 @@ fn edges(operations: &[Operation]) -> Vec<usize> {
         .collect()
 }
 
-/// Boots `before` with a loss of power at each of `cuts`, then to the end. Asserts that a whole image is active and
-/// everything else is unchanged. Returns the flash, and true if the active image is the new one.
+/// Boots `before` after a bite of the watchdog, with a loss of power at each of `cuts`, then to the end. Asserts that a
+/// whole image is active and everything else is unchanged. Returns the flash, and true if the active image is the new
+/// one.
 fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memory, bool) {
-    let cut = |memory, cut: &(usize, Cut)| boot(memory, Some(*cut)).0;
-    let (after, holds) = boot(cuts.iter().fold(before.clone(), cut), None);
+    let causes = iter::once(WATCHDOG).chain(iter::repeat(POWER_ON));
+    let after = causes
+        .zip(cuts)
+        .fold(before.clone(), |memory, (cause, cut)| {
+            boot_after(cause, memory, Some(*cut)).0
+        });
+    let (after, holds) = boot(after, None);
     let active = part(&after, ACTIVE);
     let is_new = active == images.new;
     assert!(holds && (is_new || active == images.old), "{cuts:?}");
@@ -226,7 +244,10 @@ fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
                 counts[usize::from(is_new)] += 1;
                 if goes_back {
                     let Record { cause, version, .. } = record(&after);
-                    assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
+                    assert_eq!((is_new, version), (false, [2, 3, 5]));
+                    // The first operation writes the cause.
+                    let is_kept = cause == WATCHDOG || number == 0 && cause == POWER_ON;
+                    assert!(is_kept, "{cut:?} at {number}: {cause:#b}");
                     continue;
                 }
                 // A loss of power at the end is a reset on the trial, which restores the old image.
@@ -235,9 +256,10 @@ fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
                     "{cut:?} at {number}"
                 );
                 if is_new && case.is_multiple_of(8) {
-                    let (after, _) = boot(after, None);
+                    let (after, _) = boot_after(SOFTWARE, after, None);
                     assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
-                    assert_eq!(record(&after).marks[0], mark::REVERT);
+                    let Record { marks, cause, .. } = record(&after);
+                    assert_eq!((marks[0], cause), (mark::REVERT, SOFTWARE));
                 }
             }
         }
@@ -302,6 +324,33 @@ proptest! {
 }
 
 #[test]
+fn a_settled_record_is_renewed_without_an_erasure_even_if_the_flash_fails() {
+    let mut memory = Memory::blank(RECORDS.end as usize);
+    for records in 0..600 {
+        for fails in [false, true] {
+            let erasures = Cell::new(0);
+            let flash = SimulatedFlash::observed(memory.clone(), |_, operation| {
+                let is_erasure = matches!(operation, Operation::Erase { .. });
+                erasures.set(erasures.get() + usize::from(is_erasure));
+            });
+            let fate = flash.fate.clone();
+            let mut store = block_on(Store::open(flash, RECORDS));
+            block_on(store.settle()).expect("the flash works");
+            erasures.set(0);
+            if fails {
+                fate.strike(0, Mishap::RefuseFrom);
+            }
+            for _ in 0..3 {
+                let renewed = block_on(store.renew());
+                assert!(renewed.is_ok() || fails, "{records} records");
+            }
+            assert_eq!(erasures.get(), 0, "{records} records");
+        }
+        memory = recorded(memory, Record::NONE);
+    }
+}
+
+#[test]
 fn a_slot_without_the_image_that_a_record_asks_for_is_left_alone_until_a_step_has_been_done() {
     let images = committed();
     let (trial, _) = boot(images.memory.clone(), None);
@@ -356,9 +405,8 @@ fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> b
             return false;
         }
         slots = memory.split_off(BANK_BYTES);
-        let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
         let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(slots));
-        stylus.storage.set_updates(Updates::new(store, RUNNING));
+        stylus.storage.set_updates(updates(memory, RUNNING));
         if start == 0 {
             let confirm =
                 stylus.request(async |storage, stage| storage.update_confirm(stage).await);
@@ -392,7 +440,8 @@ fn a_confirmation_that_was_cut_at_its_very_end_costs_no_image() {
     }
 }
 
-const RUNNING: Running = Running {
+/// The running image.
+pub const RUNNING: Running = Running {
     image: VERSION,
     bootloader: VERSION,
     key: DEVELOPMENT_KEY,
@@ -403,9 +452,14 @@ const RUNNING: Running = Running {
 fn stylus(running: Running, record: Record) -> SteppedStylus {
     let mut stylus = SteppedStylus::ready(&library::library(1, 4, 1));
     let memory = recorded(Memory::blank(RECORDS.end as usize), record);
-    let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
-    stylus.storage.set_updates(Updates::new(store, running));
+    stylus.storage.set_updates(updates(memory, running));
     stylus
+}
+
+/// Updates of the image `running`, with the record in `memory`.
+pub fn updates(memory: Memory, running: Running) -> Updates<SimulatedFlash<'static>> {
+    let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
+    Updates::new(store, running)
 }
 
 fn update(
@@ -514,9 +568,28 @@ fn bytes_other_than_the_signed_ones_are_not_committed() {
 }
 
 #[test]
-fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_restarts() {
+fn an_update_that_is_refused_on_trial_leaves_a_device_that_plays_and_can_be_confirmed() {
+    let image = pattern(5, 3_000);
+    let mut stylus = stylus(RUNNING, trial());
+    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let refused = update(&mut stylus, &image, &begin);
+    assert_eq!(refused, Err(UpdateError::Unconfirmed));
+    let confirmed = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
+    let phase = confirmed.map(|report| report.phase);
+    assert_eq!(phase, Ok(UpdatePhase::Confirmed));
+    stylus.play(play_request("texture 0")).expect("it is there");
+}
+
+/// Record of a device on trial.
+pub fn trial() -> Record {
     let mut trial = Record::marked(mark::SWAP, 1, VERSION.numbers());
     trial.marks[2..2 + EXCHANGED].fill(0);
+    trial
+}
+
+#[test]
+fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_restarts() {
+    let trial = trial();
     let end = async |storage: &mut fake_stylus::device::Stores, stage: &mut _| {
         storage.end_trial(stage).await;
     };
@@ -584,9 +657,8 @@ fn after_a_cut_in_the_word_of_a_commit_the_phase_is_that_of_the_running_image_an
             let mut store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
             block_on(store.settle()).expect("the flash works");
             memory = store.into_flash().memory;
-            let store = block_on(Store::open(SimulatedFlash::new(memory.clone()), RECORDS));
             let mut stylus = SteppedStylus::ready(&library::library(1, 4, 1));
-            stylus.storage.set_updates(Updates::new(store, RUNNING));
+            stylus.storage.set_updates(updates(memory.clone(), RUNNING));
             let is_new = part(&memory, ACTIVE) == images.new;
             // A start does what the previous start has reported.
             assert!(

@@ -31,7 +31,7 @@ pub const SERIAL: Interrupt = Interrupt::USART3;
 pub const SUPPLY: Interrupt = Interrupt::PVD_AVD;
 
 /// All other interrupts in use.
-const TASKS: [Interrupt; 3] = [Interrupt::TIM2, Interrupt::OTG_FS, Interrupt::FLASH];
+const TASKS: [Interrupt; 2] = [Interrupt::TIM2, Interrupt::OTG_FS];
 
 /// Value of BASEPRI that masks all interrupts except those of tick, falling supply, serial port and update.
 pub const TASKS_MASK: u8 = 8 << 4;

@@ -5,7 +5,8 @@
 #![expect(unsafe_code, reason = "a register that the register crate lacks")]
 
 use embassy_stm32::pac::{DBGMCU, FLASH, RCC};
-use model_format::link::{FLASH_SUPPLY_MV, SiliconRevision};
+use model_format::link::{FLASH_SUPPLY_MV, ResetReason, SiliconRevision};
+use stylus_app::update;
 use stylus_boot::supply;
 
 /// AXI_TARG7_FN_MOD: issuing overrides of the switch towards the AXI SRAM (RM0433 section 2.2, AXI interconnect
@@ -31,46 +32,12 @@ pub fn remedy(revision: SiliconRevision) {
     }
 }
 
-/// Cause of the last reset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-pub enum ResetFlags {
-    /// Power came on.
-    PowerOn,
-    /// Power dipped.
-    Brownout,
-    /// The independent watchdog.
-    Watchdog,
-    /// The processor itself.
-    Software,
-    /// The reset pin.
-    Pin,
-    /// None of these.
-    Unknown,
-}
-
-impl ResetFlags {
-    /// Reads and clears RCC_RSR (RM0433 section 8.7.38).
-    ///
-    /// The order of the tests matters, because every other reset sets the pin's flag too, and power-on also that of the
-    /// brown-out.
-    pub fn take() -> Self {
-        let rsr = RCC.rsr();
-        let flags = rsr.read();
-        rsr.modify(|w| w.set_rmvf(true));
-        if flags.porrstf() {
-            Self::PowerOn
-        } else if flags.borrstf() {
-            Self::Brownout
-        } else if flags.iwdg1rstf() {
-            Self::Watchdog
-        } else if flags.sftrstf() {
-            Self::Software
-        } else if flags.pinrstf() {
-            Self::Pin
-        } else {
-            Self::Unknown
-        }
-    }
+/// Reads and clears the cause of the last reset (RM0433 section 8.7.38, RCC_RSR).
+pub fn take_reset_cause() -> ResetReason {
+    let rsr = RCC.rsr();
+    let flags = rsr.read().0 >> 21;
+    rsr.modify(|w| w.set_rmvf(true));
+    update::cause(flags as u8)
 }
 
 const _: () = assert!(FLASH_SUPPLY_MV == supply::LOW_MV);

@@ -5,10 +5,10 @@ use std::sync::LazyLock;
 use fake_stylus::device::{MOTION, change, play_request, response_for};
 use fake_stylus::library::{announcement, small_texture};
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
-    ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint, PlayRequest,
-    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough, ProposalToken,
-    RecordStartEndpoint, RecordStopEndpoint, ResponseChange, ResponseGetEndpoint,
+    ActivateEndpoint, CyclesEndpoint, DEVELOPMENT_SEED, InfoEndpoint, KeepAliveTopic, ListEndpoint,
+    ListRequest, ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint,
+    PlayRequest, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough,
+    ProposalToken, RecordStartEndpoint, RecordStopEndpoint, ResponseChange, ResponseGetEndpoint,
     ResponseProposeEndpoint, ResponseSetEndpoint, Selection, SelfTestEndpoint, SelfTestRequest,
     Setting, SettingChange, Settings, SettingsApplyEndpoint, SettingsChange, SettingsGetEndpoint,
     SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UpdateBegin,
@@ -22,6 +22,9 @@ use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::PingEndpoint;
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
+use stylus_app::update::sign;
+
+use crate::update::RUNNING;
 
 /// A request: its name, and its message.
 #[derive(Clone)]
@@ -132,6 +135,9 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
     let load = load.expect("it has samples");
     let response = response_for(&Settings::default());
     let id = response.id();
+    // Its chunks never come, so that no commit restarts the device.
+    let image = &LIBRARIES[1];
+    let update = UpdateBegin::new(image, &sign(image, RUNNING.image, &DEVELOPMENT_SEED));
     let [whole, first, second] = [(0, usize::MAX), (0, HALF), (HALF, usize::MAX)].map(chunk);
     vec![
         renews::<PlayEndpoint>("play", &slow),
@@ -183,7 +189,8 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         asked::<RecordStartEndpoint>("record", &()),
         asked::<RecordStopEndpoint>("end of the recording", &()),
         asked::<SelfTestEndpoint>("self test of the chip", &SelfTestRequest::Chip),
-        asked::<UpdateBeginEndpoint>("begin an update", &UpdateBegin::default()),
+        asked::<UpdateBeginEndpoint>("begin an update", &update),
+        asked::<UpdateBeginEndpoint>("begin no update", &UpdateBegin::default()),
         asked::<UpdateCommitEndpoint>("commit an update", &()),
         asked::<UpdateConfirmEndpoint>("confirm an update", &()),
         asked::<UpdateStateEndpoint>("update state", &()),

@@ -56,7 +56,8 @@ fn wander(world: &mut World, chance: &mut Chance) -> Checked {
 
 /// Runs `cases` random schedules of up to `most` requests of each host.
 fn run(cases: u32, most: usize, mistake: Mistake) -> Checked {
-    let beginnings = [true, false].map(Beginning::new);
+    let beginnings = [(true, false), (false, false), (false, true)];
+    let beginnings = beginnings.map(|(brief, on_trial)| Beginning::new(brief, on_trial));
     for case in 0..u64::from(budget::cases(cases)) {
         let mut chance = Chance::new(budget::seed(), case);
         let lists: [Vec<Request>; 2] = [(); 2].map(|()| {
@@ -68,7 +69,7 @@ fn run(cases: u32, most: usize, mistake: Mistake) -> Checked {
             };
             (0..length).map(draw).collect()
         });
-        let beginning = &beginnings[chance.below(2)];
+        let beginning = &beginnings[chance.below(beginnings.len())];
         let plays = chance.below(2) == 0;
         let mut world = World::new(beginning, [&lists[0], &lists[1]], plays, mistake);
         wander(&mut world, &mut chance).map_err(|problem| {

@@ -17,9 +17,11 @@ use stylus_app::TICKS_PER_MS;
 use stylus_app::control::Device;
 use stylus_app::safety::Config;
 use stylus_app::settings::SettingsStore;
+use stylus_boot::map::RECORDS;
 
 use super::Mistake;
 use super::list::{LIBRARIES, REQUESTS, Request, applied, changed, rate_of};
+use crate::update::{RUNNING, recorded, trial, updates};
 
 /// Time within which the output is silent after a mute begins, ticks: 100 ms, and the lateness of the poll.
 const SILENT_WITHIN_TICKS: u64 = (100 * TICKS_PER_MS) as u64 + LATEST_POLL_TICKS;
@@ -43,20 +45,23 @@ fn stored_settings(brief: bool) -> Memory {
     flash.memory
 }
 
-/// Flashes of slots and settings at the beginning: a library in each slot, A being the newer one.
+/// Flashes at the beginning: a library in each slot, A being the newer one; the settings; and the record of a trial.
 pub struct Beginning {
     slots: Memory,
     settings: Memory,
+    /// None without a bootloader.
+    records: Option<Memory>,
 }
 
 impl Beginning {
-    pub fn new(brief: bool) -> Self {
+    pub fn new(brief: bool, on_trial: bool) -> Self {
         let mut slots = Memory::blank(2 * SLOT_BYTES);
         put(&mut slots, SlotId::A, &LIBRARIES[0], 2);
         put(&mut slots, SlotId::B, &LIBRARIES[1], 1);
         Self {
             slots,
             settings: stored_settings(brief),
+            records: on_trial.then(|| recorded(Memory::blank(RECORDS.end as usize), trial())),
         }
     }
 }
@@ -189,6 +194,9 @@ impl World {
             control,
             mut storage,
         } = stylus;
+        if let Some(records) = &beginning.records {
+            storage.set_updates(updates(records.clone(), RUNNING));
+        }
         let requests = Requests::new(control.clone());
         let served = requests.clone();
         let mut world = Self {
