@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::findings::{Findings, Line, NoLines, TrialLines};
 use super::peaks::{LineSpectrum, tells_lines};
 use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
-use super::track::{amplitudes, followed, steady_mm, subtract, wave_at};
+use super::track::{amplitudes, followed, steady, subtract, wave_at};
 use super::wander::{Course, Weave, find};
 use crate::dsp::fourier::Complex;
 use crate::dsp::sums::upper_median;
@@ -41,7 +41,7 @@ struct Known {
 
 /// The trials of a texture, separated into its lines and the remainder.
 #[derive(Debug)]
-pub struct Separated {
+pub(crate) struct Separated {
     /// The lines.
     pub findings: Findings,
     /// What each trial has of the lines.
@@ -79,7 +79,7 @@ impl Separated {
 /// `signals` are m/s² at 5 kHz, and `speeds_mm_s` their listed speeds. The caller passes an empty signal for a trial
 /// that must not be searched, such as one with gaps. Amplitudes and phases are estimated from the samples in the
 /// `ranges` of each trial.
-pub fn separate(
+pub(crate) fn separate(
     speeds_mm_s: &[f64],
     signals: Vec<Vec<f64>>,
     ranges: &[Vec<Range<usize>>],
@@ -535,7 +535,7 @@ impl Followed {
         speed_mm_s: f64,
         wavelengths_mm: &[f64],
     ) -> Self {
-        let mut place_mm = steady_mm(speed_mm_s, signal.len());
+        let mut place_mm = steady(speed_mm_s, signal.len());
         let mut times = 0;
         loop {
             let waves = wavelengths_mm.iter().map(|mm| wave_at(&place_mm, *mm));
