@@ -146,7 +146,7 @@ impl SceneFile {
         place: &Field,
         library: &Library<'_>,
     ) -> Result<heapless::Vec<Surface, MAX_SURFACES>> {
-        let mut surfaces = heapless_vec();
+        let mut surfaces = heapless::Vec::new();
         for (index, surface) in self.description.surfaces.iter().enumerate() {
             let place = place.item(index);
             let surface = self.surface(&place, surface, library)?;
@@ -207,7 +207,7 @@ impl SceneFile {
         // The wire form has regions in the order of the path; the text may have them in any order.
         let mut order: Vec<usize> = (0..described.len()).collect();
         order.sort_by(|&a, &b| described[a].start_mm.total_cmp(&described[b].start_mm));
-        let mut regions = heapless_vec();
+        let mut regions = heapless::Vec::new();
         for &index in &order {
             let (region, place) = (&described[index], place.item(index));
             let surface = surface_names
@@ -287,10 +287,6 @@ impl SceneFile {
         }
         self.error(&place, error.problem)
     }
-}
-
-fn heapless_vec<T, const N: usize>() -> heapless::Vec<T, N> {
-    heapless::Vec::new()
 }
 
 /// Returns the key in the text that holds the value that `error` is about; `region` maps a region of the scene to its
