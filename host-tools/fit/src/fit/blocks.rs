@@ -87,7 +87,7 @@ impl Part {
 
 /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, weighted by
 /// their lengths.
-pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
+pub(crate) fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
     estimate_of(SAMPLE_RATE_HZ, blocks, max_lag, KnownBand::default()).lags
 }
 

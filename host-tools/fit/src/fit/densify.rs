@@ -509,7 +509,7 @@ impl Told {
     }
 
     /// Returns the model at a speed, mm/s, and a force, N; `None` where the recordings determine none.
-    pub fn model_at(&self, speed_mm_s: f64, force_n: f64) -> Option<Model> {
+    pub(crate) fn model_at(&self, speed_mm_s: f64, force_n: f64) -> Option<Model> {
         let place = [speed_mm_s.to_bits(), force_n.to_bits()];
         let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(model) = known().get(&place) {

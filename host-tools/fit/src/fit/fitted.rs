@@ -307,7 +307,8 @@ impl Fit {
             let outcome = match trial.used {
                 true if trial.cut_s > 0.0 => format!("; used without {:.3} s", trial.cut_s),
                 true => String::new(),
-                false => "; dropped".to_owned(),
+                false if trial.speed_mm_s > 0.0 && trial.force_n > 0.0 => "; dropped".to_owned(),
+                false => "; not used, at speed 0 or force 0".to_owned(),
             };
             let file = trial.file.clone();
             let verdicts = trial.verdicts.clone().into_iter();
@@ -373,5 +374,36 @@ mod tests {
             &failure.to_string(),
             &["at 120 mm/s", ": scale: an RMS of 4"],
         );
+    }
+
+    #[test]
+    fn a_trial_without_contact_is_not_used_and_one_with_a_dropped_verdict_is_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let trial = |speed_mm_s: f64, force_n: f64, rms: f64| {
+            let file = folder.path().join(format!("{speed_mm_s}-{force_n}.wav"));
+            let samples = noise(1, 10_000).into_iter().map(|x| rms * x);
+            std::fs::write(&file, float_wav(1, SAMPLE_RATE_HZ, samples).unwrap()).unwrap();
+            Trial::of(file, "surface", speed_mm_s, force_n)
+        };
+        let set = RecordingSet {
+            trials: vec![
+                trial(80.0, 1.0, 1.0),
+                trial(80.0, 0.0, 0.0),
+                trial(120.0, 1.0, 0.0),
+            ],
+            is_listed: true,
+        };
+        let options = Options {
+            drop: vec!["silent".into()],
+            ..Options::default()
+        };
+        let fit = fit(&set, &options, |_| ()).unwrap();
+        let verdicts: Vec<String> = fit.verdicts().iter().map(ToString::to_string).collect();
+        let outcome = |file: &str| {
+            let mut own = verdicts.iter().filter(|verdict| verdict.contains(file));
+            own.find(|verdict| verdict.contains("silent")).unwrap()
+        };
+        assert!(outcome("80-0.wav").ends_with("; not used, at speed 0 or force 0"));
+        assert!(outcome("120-1.wav").ends_with("; dropped"));
     }
 }

@@ -104,6 +104,31 @@ impl Floor {
 }
 
 impl NoiseTake {
+    /// Returns the noise in `trial`, whose `axes` are given. The recordings of the `texture` have this number of
+    /// `channels`.
+    ///
+    /// # Errors
+    /// Another number of channels.
+    pub fn of(
+        trial: &Trial,
+        axes: Vec<Vec<f64>>,
+        texture: &str,
+        channels: Option<usize>,
+    ) -> Result<Self> {
+        if let Some(channels) = channels.filter(|&channels| channels != axes.len()) {
+            let problem = format!(
+                "has {}, and the recordings of '{texture}' have {channels}: record the rig's noise by the same sensor, \
+                 or leave it out",
+                counted(axes.len(), "channel"),
+            );
+            return Err(Error::file(&trial.file, problem));
+        }
+        Ok(Self {
+            speed_mm_s: trial.speed_mm_s,
+            axes,
+        })
+    }
+
     fn samples(&self) -> usize {
         self.axes.first().map_or(0, Vec::len)
     }
@@ -140,20 +165,7 @@ pub(super) fn named(
     }
     in_order(&set.trials, |trial| {
         let axes = read_axes(trial, options)?;
-        match channels {
-            Some(channels) if channels != axes.len() => {
-                let problem = format!(
-                    "has {}, and the recordings of '{}' have {channels}: record the rig's noise by the same sensor",
-                    counted(axes.len(), "channel"),
-                    like.texture
-                );
-                Err(Error::file(&trial.file, problem))
-            }
-            _ => Ok(NoiseTake {
-                speed_mm_s: trial.speed_mm_s,
-                axes,
-            }),
-        }
+        NoiseTake::of(trial, axes, &like.texture, channels)
     })
 }
 
@@ -194,8 +206,11 @@ pub(super) fn unknown(texture: &str) -> Error {
 mod tests {
     use super::*;
     use crate::dsp::reduction::Reduction;
+    use crate::fit::fit;
+    use crate::support::float_wav::float_wav;
+    use model_format::SAMPLE_RATE_HZ;
     use proptest::prelude::*;
-    use test_helpers::{near, noise};
+    use test_helpers::{holds, near, noise};
 
     const SEGMENT: usize = 500;
 
@@ -231,6 +246,24 @@ mod tests {
         ] {
             near(rms(&rig, speed) / unit, expected, 1e-9);
         }
+    }
+
+    #[test]
+    fn noise_of_fewer_channels_than_the_texture_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let trial = |channels: usize, force_n: f64| {
+            let file = folder.path().join(format!("{channels}.wav"));
+            let wav = float_wav(channels, SAMPLE_RATE_HZ, noise(1, 12_000)).unwrap();
+            std::fs::write(&file, wav).unwrap();
+            Trial::of(file, "felt", 80.0, force_n)
+        };
+        let set = RecordingSet {
+            trials: vec![trial(1, 0.0), trial(2, 1.0)],
+            is_listed: true,
+        };
+        let failure = fit(&set, &Options::default(), |_| ()).unwrap_err();
+        let problem = "has 1 channel, and the recordings of 'felt' have 2: record the rig's noise by the same sensor";
+        holds(&failure, &["1.wav", problem]);
     }
 
     #[test]

@@ -27,7 +27,7 @@ const LOUD: f64 = 4.0;
 const FEWEST_FOR_MEDIAN: usize = 3;
 
 /// Least number of samples for each coefficient of a model.
-const SAMPLES_PER_COEFFICIENT: usize = 4;
+pub(super) const SAMPLES_PER_COEFFICIENT: usize = 4;
 
 /// A trial that a texture is fitted to.
 #[derive(Clone, Copy)]
@@ -103,11 +103,7 @@ pub(super) fn assemble(
     let loud = measured.iter().flatten().flat_map(|node| node.loud.clone());
     let loud = loud.collect();
     let models = measured.into_iter().map(|node| Some(node?.model));
-    let filler = Filler {
-        speeds: speeds_mm_s.len(),
-        forces: forces_n.len(),
-        known: models.collect(),
-    };
+    let filler = Filler::of(speeds_mm_s.len(), forces_n.len(), models.collect());
     let models: Vec<Model> = (0..filler.known.len())
         .map(|index| filler.model(index))
         .collect();
@@ -248,29 +244,41 @@ pub(super) fn model_of(lags: Vec<f64>, recorded: &Bands, samples: usize, choice:
 }
 
 /// Fills holes only from nodes that were measured, so that the order of filling does not matter.
-pub(super) struct Filler {
+struct Filler {
     /// Number of speeds of the grid.
-    pub speeds: usize,
+    speeds: usize,
     /// Number of forces of the grid.
-    pub forces: usize,
+    forces: usize,
     /// Measured models, all forces of the first speed first; `None` for holes.
-    pub known: Vec<Option<Model>>,
+    known: Vec<Option<Model>>,
 }
 
 impl Filler {
+    /// Returns the filler of a grid with these numbers of speeds and forces, and its measured models, all forces of the
+    /// first speed first.
+    fn of(speeds: usize, forces: usize, known: Vec<Option<Model>>) -> Self {
+        let mut own = Self {
+            speeds,
+            forces,
+            known,
+        };
+        // Towards a silent node the spectral shape of its surroundings stays the same; only the level falls to zero.
+        let shaped = |(index, model): (usize, &Option<Model>)| {
+            let mut model = model.clone()?;
+            if model.is_silent() {
+                let nearest = own.nearest((index / forces, index % forces), |m| !m.is_silent());
+                model.reflection = nearest.reflection;
+            }
+            Some(model)
+        };
+        own.known = own.known.iter().enumerate().map(shaped).collect();
+        own
+    }
+
     /// Returns the model at node `index`: the measured one, or one filled in.
-    pub fn model(&self, index: usize) -> Model {
-        let at = (index / self.forces, index % self.forces);
-        match &self.known[index] {
-            Some(model) if model.is_silent() => Model {
-                // Towards a silent node the spectral shape of its surroundings stays the same; only the level falls to
-                // zero.
-                reflection: self.nearest(at, |m| !m.is_silent()).reflection,
-                ..model.clone()
-            },
-            Some(model) => model.clone(),
-            None => self.filled(at),
-        }
+    fn model(&self, index: usize) -> Model {
+        let filled = || self.filled((index / self.forces, index % self.forces));
+        self.known[index].clone().unwrap_or_else(filled)
     }
 
     fn filled(&self, at: (usize, usize)) -> Model {
@@ -356,17 +364,9 @@ mod tests {
         Model::new(vec![k, -k / 2.0], power)
     }
 
-    fn filler(speeds: usize, forces: usize, known: Vec<Option<Model>>) -> Filler {
-        Filler {
-            speeds,
-            forces,
-            known,
-        }
-    }
-
     #[test]
     fn a_hole_between_two_nodes_is_their_mean_and_says_so() {
-        let filler = filler(
+        let filler = Filler::of(
             3,
             1,
             vec![Some(model(0.1, 1.0)), None, Some(model(0.5, 4.0))],
@@ -380,7 +380,7 @@ mod tests {
 
     #[test]
     fn beyond_the_last_node_the_nearest_is_taken_over_and_says_so() {
-        let filler = filler(
+        let filler = Filler::of(
             1,
             3,
             vec![Some(model(0.1, 1.0)), Some(model(0.5, 4.0)), None],
@@ -392,10 +392,18 @@ mod tests {
 
     #[test]
     fn a_silent_node_keeps_its_neighbours_timbre() {
-        let filler = filler(1, 2, vec![Some(Model::silent()), Some(model(0.5, 4.0))]);
+        let filler = Filler::of(1, 2, vec![Some(Model::silent()), Some(model(0.5, 4.0))]);
         let silent = filler.model(0);
         assert!(silent.output_power.abs() <= 0.0 && silent.flags == NodeFlags::SILENT);
         assert!((silent.reflection[0] - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_hole_beside_a_silent_node_has_half_the_power_and_the_timbre_of_the_other_neighbour() {
+        let known = vec![Some(Model::silent()), None, Some(model(0.5, 4.0))];
+        let filled = Filler::of(3, 1, known).model(1);
+        assert!((filled.output_power - 2.0).abs() < 1e-12);
+        assert!((filled.reflection[0] - 0.5).abs() < 1e-12);
     }
 
     proptest! {
@@ -421,7 +429,7 @@ mod tests {
             let known: Vec<_> = known.into_iter().map(|node| node.map(|(k, power)| {
                 if power < 1.0 { Model::silent() } else { model(k, power) }
             })).collect();
-            let filler = filler(6, 4, known.clone());
+            let filler = Filler::of(6, 4, known.clone());
             for (index, known) in known.iter().enumerate() {
                 let filled = filler.model(index);
                 prop_assert!(filled.reflection.iter().all(|k| k.abs() < 1.0));

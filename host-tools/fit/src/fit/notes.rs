@@ -73,9 +73,7 @@ pub(super) fn of(
     });
     let is_gravity = |mean_m_s2: f64| (mean_m_s2 / GRAVITY_M_S2 - 1.0).abs() <= GRAVITY_TOLERANCE;
     let with_mean = trials.iter().filter(|trial| {
-        trial.mean_m_s2 > LARGE_MEAN * trial.rms_m_s2
-            && trial.mean_m_s2 > 0.0
-            && !is_gravity(trial.mean_m_s2)
+        trial.mean_m_s2 > LARGE_MEAN * trial.rms_m_s2 && !is_gravity(trial.mean_m_s2)
     });
     let means = with_mean.clone().map(|trial| trial.mean_m_s2);
     let largest = means.fold(0.0, f64::max);

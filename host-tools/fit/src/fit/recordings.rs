@@ -118,23 +118,23 @@ impl<'s> Recordings<'s> {
     /// the user named. Without them it comes from the trials at 0 N that have no dropped verdict, and the axes of these
     /// trials are moved out of `axes`.
     fn floor(&self, axes: &mut [Axes], options: &Options) -> Result<Option<Floor>> {
+        let channels = axes.iter().find_map(|axes| match axes {
+            Axes::Texture(view) => Some(view.channels()),
+            Axes::Noise(_) => None,
+        });
         let takes =
             if let (Some(path), Some(first)) = (&options.floor_recording, self.trials.first()) {
-                let channels = axes.iter().find_map(|axes| match axes {
-                    Axes::Texture(view) => Some(view.channels()),
-                    Axes::Noise(_) => None,
-                });
                 named(path, first.trial, channels, options)?
             } else {
                 let own = self.trials.iter().zip(axes);
                 let take = |(own, axes): (&Recorded<'_>, &mut Axes)| match axes {
-                    Axes::Noise(axes) if !own.analysis.is_dropped(options) => Some(NoiseTake {
-                        speed_mm_s: own.trial.speed_mm_s,
-                        axes: std::mem::take(axes),
-                    }),
+                    Axes::Noise(axes) if !own.analysis.is_dropped(options) => {
+                        let axes = std::mem::take(axes);
+                        Some(NoiseTake::of(own.trial, axes, &own.trial.texture, channels))
+                    }
                     _ => None,
                 };
-                own.filter_map(take).collect()
+                own.filter_map(take).collect::<Result<_>>()?
             };
         Ok(Floor::of(takes, options.sample_rate_hz))
     }

@@ -178,9 +178,6 @@ fn filtered(
     cut_hz: f64,
 ) -> Vec<Vec<f64>> {
     for axis in &mut axes {
-        if parts.is_empty() {
-            high_pass(axis, rate_hz, cut_hz);
-        }
         for part in parts {
             high_pass(&mut axis[part.clone()], rate_hz, cut_hz);
         }

@@ -125,16 +125,16 @@ impl SceneFile {
                 None => format!("surface {}", index + 1),
             };
             if let Some(other) = names.iter().position(|other| *other == name) {
-                let key = if surface.name.is_some() {
-                    "name"
-                } else {
-                    "texture"
+                let given = match (&surface.name, &surface.texture) {
+                    (Some(_), _) => place.key("name"),
+                    (None, Some(_)) => place.key("texture"),
+                    (None, None) => place,
                 };
                 let problem = format!(
                     "surface {} is called '{name}' already; give each a name of its own",
                     other + 1
                 );
-                return Err(self.error(&place.key(key), problem));
+                return Err(self.error(&given, problem));
             }
             names.push(name);
         }
@@ -146,7 +146,7 @@ impl SceneFile {
         place: &Field,
         library: &Library<'_>,
     ) -> Result<heapless::Vec<Surface, MAX_SURFACES>> {
-        let mut surfaces = heapless_vec();
+        let mut surfaces = heapless::Vec::new();
         for (index, surface) in self.description.surfaces.iter().enumerate() {
             let place = place.item(index);
             let surface = self.surface(&place, surface, library)?;
@@ -207,7 +207,7 @@ impl SceneFile {
         // The wire form has regions in the order of the path; the text may have them in any order.
         let mut order: Vec<usize> = (0..described.len()).collect();
         order.sort_by(|&a, &b| described[a].start_mm.total_cmp(&described[b].start_mm));
-        let mut regions = heapless_vec();
+        let mut regions = heapless::Vec::new();
         for &index in &order {
             let (region, place) = (&described[index], place.item(index));
             let surface = surface_names
@@ -289,10 +289,6 @@ impl SceneFile {
     }
 }
 
-fn heapless_vec<T, const N: usize>() -> heapless::Vec<T, N> {
-    heapless::Vec::new()
-}
-
 /// Returns the key in the text that holds the value that `error` is about; `region` maps a region of the scene to its
 /// key.
 pub(super) fn place_of(error: &SceneError, region: impl Fn(usize) -> Field) -> Field {
@@ -341,5 +337,23 @@ pub(super) fn place_of(error: &SceneError, region: impl Fn(usize) -> Field) -> F
     match key {
         Some(key) => place.key(key),
         None => place,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn a_given_name_that_is_another_surfaces_number_is_refused_at_that_surface() {
+        let text = "name = 'two'\n[[surface]]\nname = 'surface 2'\n[[surface]]\ngain = 0.5\n";
+        let scene = SceneFile::from_toml(Path::new("two.toml"), text).unwrap();
+        let failure = scene.surface_names().unwrap_err().to_string();
+        test_helpers::holds(
+            &failure,
+            &["4", "surface[2]: surface 1 is called 'surface 2'"],
+        );
     }
 }

@@ -1,11 +1,10 @@
 //! The content of a scene's text, with names instead of indices. The ranges of the values are in
 //! [`model_format::scene`].
 
-use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use model_format::SAMPLE_RATE_HZ;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use crate::dsp::equaliser::SectionKind;
 use crate::support::error::{Error, Result};
@@ -123,19 +122,9 @@ pub struct RegionDescription {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EqualiserDescription {
-    /// Formerly a key. It is now refused, with advice what to use instead.
-    #[serde(default, deserialize_with = "superseded")]
-    pub response: Option<Infallible>,
     /// Sections of the cascade, in order.
     #[serde(default, rename = "section")]
     pub sections: Vec<SectionDescription>,
-}
-
-fn superseded<'de, D: Deserializer<'de>, T>(_: D) -> std::result::Result<T, D::Error> {
-    Err(serde::de::Error::custom(
-        "a scene undoes no response any more: `stylus calibrate --response` measures the actuator, and corrects all \
-         that is played; remove it",
-    ))
 }
 
 /// A section of the equaliser.

@@ -10,7 +10,7 @@ use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
 /// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
-pub fn spec_of(
+pub(crate) fn spec_of(
     name: &str,
     provenance: Provenance,
     grid: &Grid,
@@ -46,7 +46,7 @@ pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<T
 ///
 /// # Errors
 /// A node that is too loud, with its speed and force.
-pub fn stored_nodes(name: &str, grid: &Grid, sample_rate_hz: u32) -> Result<Vec<NodeSpec>> {
+pub(crate) fn stored_nodes(name: &str, grid: &Grid, sample_rate_hz: u32) -> Result<Vec<NodeSpec>> {
     Ok(theta::store(
         grid,
         quantise::nodes(name, grid)?,

@@ -25,7 +25,7 @@ impl Between {
 ///
 /// A node between two others gets the codebook of the nearer one. Its lines get the amplitude that the device plays
 /// there, which is linear between nodes. A codebook or a line that no node uses any more is dropped.
-pub fn on_grid(parts: &PartsSpec, places: &[Between]) -> PartsSpec {
+pub(crate) fn on_grid(parts: &PartsSpec, places: &[Between]) -> PartsSpec {
     PartsSpec {
         excitation: parts
             .excitation

@@ -27,7 +27,7 @@ pub fn nodes(name: &str, grid: &Grid) -> Result<Vec<NodeSpec>> {
 }
 
 /// Returns whether `model` is louder than a library can hold.
-pub fn is_too_loud(model: &Model) -> bool {
+pub(crate) fn is_too_loud(model: &Model) -> bool {
     model.output_power as f32 > limits::MAX_OUTPUT_POWER
 }
 
@@ -87,14 +87,14 @@ pub const COMPACT_FINE_STAGES: usize = 24;
 
 /// Returns the compact codes of `model`: 24 bits in the first [`COMPACT_FINE_STAGES`] stages, 16 bits in the next ones
 /// up to [`limits::MAX_FINE_STAGES`], then 8 bits.
-pub fn compact_codes(model: &Model) -> CodeSpec {
+pub(crate) fn compact_codes(model: &Model) -> CodeSpec {
     let theta = |k: &f64| (k.asin() / FINE_THETA_STEP_RAD).round() as i32;
     let thetas: Vec<i32> = model.reflection.iter().map(theta).collect();
     CodeSpec::compact_lattice(&thetas, COMPACT_FINE_STAGES)
 }
 
 /// Returns `node` with other lattice codes and the prediction-error power that belongs to them.
-pub fn with_codes(node: &NodeSpec, codes: CodeSpec) -> NodeSpec {
+pub(crate) fn with_codes(node: &NodeSpec, codes: CodeSpec) -> NodeSpec {
     let share = error_share(&stored_reflection(&codes));
     NodeSpec {
         prediction_error_power: (f64::from(node.output_power) * share) as f32,
@@ -104,7 +104,7 @@ pub fn with_codes(node: &NodeSpec, codes: CodeSpec) -> NodeSpec {
 }
 
 /// Returns the reflection coefficients that `codes` represent.
-pub fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
+pub(crate) fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
     let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
     codes.thetas().map(k).collect()
 }

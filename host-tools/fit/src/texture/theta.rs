@@ -16,7 +16,7 @@ use crate::texture::quantise::{COMPACT_FINE_STAGES, compact_codes, stored_reflec
 ///
 /// These bounds of the RMS and the third octaves are far below any just noticeable difference (2.2 dB of amplitude,
 /// [`crate::dsp::spectrum::AMPLITUDE_JND_DB`]), and below the scatter between two takes of one surface.
-pub const LARGEST_ERROR: ModelError = ModelError {
+pub(crate) const LARGEST_ERROR: ModelError = ModelError {
     rms_db: 0.1,
     third_octave_db: 0.2,
     line_db: 0.2,
@@ -54,7 +54,7 @@ fn is_unfelt(error: Option<ModelError>) -> bool {
 }
 
 /// Returns whether all of `models`, which are at 5 kHz, may be stored with compact θ.
-pub fn all_allow_compact(models: &[&Model]) -> bool {
+pub(crate) fn all_allow_compact(models: &[&Model]) -> bool {
     models
         .par_iter()
         .all(|model| is_unfelt(compacted(model, SAMPLE_RATE_HZ).1))

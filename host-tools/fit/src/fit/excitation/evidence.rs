@@ -8,6 +8,7 @@ use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::dsp::sums::{mean_square, sliding};
 use crate::fit::blocks::{Blocks, lags_of_blocks};
+use crate::fit::grid::SAMPLES_PER_COEFFICIENT;
 
 /// Largest probability of a false alarm of each test.
 pub(super) const LEVEL: f64 = 0.01;
@@ -157,7 +158,7 @@ const LAGS: usize = 100;
 const LONE_DB: f64 = 6.0;
 
 /// Power of a residual relative to the signal's below which the residual is round-off.
-const ROUND_OFF: f64 = 1e-12;
+pub(super) const ROUND_OFF: f64 = 1e-12;
 
 /// Statistics of a trial's residual.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -180,8 +181,7 @@ pub(super) fn held_out(
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
-    // Like for a node's model, each coefficient needs four samples of data.
-    let order = order.min(samples / 4);
+    let order = order.min(samples / SAMPLES_PER_COEFFICIENT);
     if samples == 0 || mean_square(signal) <= 0.0 {
         return Judged::default();
     }

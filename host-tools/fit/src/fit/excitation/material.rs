@@ -140,7 +140,7 @@ fn clean(trace: &Trace, length: usize, level: Level) -> impl Iterator<Item = usi
                 .find(|flaw| flaw.start < stretch.end && stretch.start < flaw.end);
             let is_loud =
                 level == Level::OfMoments || mean_square(&trace.residual[stretch.clone()]) > QUIET;
-            start = flaw.map_or(stretch.end, |flaw| flaw.end.max(start + 1));
+            start = flaw.map_or(stretch.end, |flaw| flaw.end);
             if flaw.is_none() && is_loud {
                 return Some(stretch.start);
             }

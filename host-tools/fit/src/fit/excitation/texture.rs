@@ -129,7 +129,10 @@ impl Choice<'_> {
             // If no snippets can be made of all traces, the other excitation stays.
             chosen = moments.map(|(moments, _)| moments).or(chosen);
         }
-        let mut chosen = chosen?;
+        let mut chosen = match chosen {
+            Some(chosen) => chosen,
+            None => self.bounded(traces, apart)?.0,
+        };
         chosen.report.moments = found;
         Some(chosen)
     }
@@ -427,17 +430,20 @@ fn codebooks(
         .collect();
     // Regions that get Gaussian noise leave their bytes to the others.
     let most = budget.stretches(wanting.len(), wanted.level);
-    let made = wanting.into_iter().zip(wanted.reach);
-    let made = made.filter_map(|((region, own, kurtosis), reach)| {
-        let loudest = bound::most(own.iter().copied(), reach);
+    // A reach has the number of a codebook that is made, which is not that of a region if others have no material.
+    let mut number = 0;
+    let made = wanting.into_iter().filter_map(|(region, own, kurtosis)| {
+        let loudest = bound::most(own.iter().copied(), wanted.reach[number]);
         let material = choose(&own, wanted.level, most, loudest)?;
         let code = match wanted.level {
             Level::OfMoments => coded_in_blocks,
             Level::Apart | Level::Steady => coded,
         };
+        let coded = code(&material.samples, wanted.highest_peak)?;
+        number += 1;
         Some(OfRegion {
             region,
-            coded: code(&material.samples, wanted.highest_peak)?,
+            coded,
             seconds: material.samples.len() as f64 / f64::from(SAMPLE_RATE_HZ),
             kurtosis,
             trials: material.trials,
@@ -624,4 +630,44 @@ pub struct ExcitationReport {
     pub source: String,
     /// Reason for the choice of the level.
     pub level: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::excitation::tests::{impulsive, trace};
+
+    #[test]
+    fn a_reach_is_that_of_the_codebook_of_its_number_even_if_a_region_before_has_too_little_material()
+     {
+        let short = trace(&impulsive(1, 3000), 20);
+        let long = Trace {
+            at: (1, 0),
+            ..trace(&impulsive(2, 20_000), 20)
+        };
+        let regions = [0, 1].map(|speed| Region {
+            speeds: speed..speed + 1,
+            forces: 0..1,
+        });
+        let made = |lowered: usize| {
+            let mut reach = Reach::FIRST.codebooks;
+            reach[lowered] = 0.5;
+            let wanted = Wanted {
+                is_forced: true,
+                level: Level::Steady,
+                highest_peak: HIGHEST_PEAK,
+                reach,
+            };
+            let budget = Budget {
+                bytes: limits::MAX_EXCITATION_BYTES,
+                nodes: 2,
+            };
+            let traces = [short.clone(), long.clone()];
+            let made = codebooks(&traces, regions.to_vec(), wanted, budget);
+            assert_eq!(made.len(), 1);
+            made[0].coded.spec.peak
+        };
+        assert!(made(0) < made(1));
+        assert_eq!(made(1), made(2));
+    }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
-use super::evidence::{self, Judged, LEVEL_SAMPLES, residual};
+use super::evidence::{self, Judged, LEVEL_SAMPLES, ROUND_OFF, residual};
 use super::loudness::{Loudest, Ringing, product};
 use super::low_rate::{ENDS, filled, known};
 use crate::dsp::linear_prediction::step_up;
@@ -21,9 +21,6 @@ const LONGEST: usize = 60 * SAMPLE_RATE_HZ as usize;
 
 /// Samples after a flaw in which the residual is not the surface's: 20 ms. The predictor's memory is longer, but weak.
 const AFTER_FLAW: usize = 100;
-
-/// Power of a residual relative to the signal's below which the residual is round-off.
-const ROUND_OFF: f64 = 1e-12;
 
 /// Largest ratio of a residual's expected loudness at the output to its signal's. The expected power of impulses equals
 /// their actual power; an excess smaller than this is chance.

@@ -409,7 +409,7 @@ impl<'a> Search<'a> {
         let share = if below == above {
             0.0
         } else {
-            ((value - low) / (high - low)).max(0.0)
+            (value - low) / (high - low)
         };
         Position {
             nodes: [(left[below], 1.0 - share), (left[above], share)],

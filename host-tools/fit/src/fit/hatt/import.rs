@@ -212,11 +212,6 @@ pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     Ok(bounds.collect())
 }
 
-/// Returns a number of bytes in KB of 1024 bytes, rounded up.
-fn kilobytes(bytes: usize) -> usize {
-    bytes.div_ceil(1024)
-}
-
 /// The report on one texture.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImportReport {
@@ -254,7 +249,7 @@ impl ImportReport {
 /// Converts all `sources` within their `bounds`, and calls `progress` after each file.
 ///
 /// # Errors
-/// A model that the library cannot hold, with its file; a library that does not fit in a slot.
+/// A model that the library cannot hold, with its file; textures that a library cannot hold.
 pub fn import(
     sources: &[Source],
     bounds: &[Bounds],
@@ -275,14 +270,6 @@ pub fn import(
         .map(|texture| texture.spec.clone())
         .collect();
     let bytes = encoded(&specs)?;
-    if bytes.len() > limits::MAX_LIBRARY_BYTES {
-        return Err(Error::Request(format!(
-            "{} textures take {} KB of a slot's {}: ask for fewer --speeds or --forces",
-            sources.len(),
-            kilobytes(bytes.len()),
-            kilobytes(limits::SLOT_BYTES)
-        )));
-    }
     Ok((converted, bytes))
 }
 

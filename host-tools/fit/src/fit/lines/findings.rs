@@ -159,7 +159,7 @@ pub struct TrialLines {
 }
 
 /// What the lines of a grid need to know of one trial.
-pub struct LineMember<'a> {
+pub(crate) struct LineMember<'a> {
     /// Speed of the trial's node, mm/s.
     pub speed_mm_s: f64,
     /// Force of the trial's node, N.
@@ -177,7 +177,11 @@ pub struct LineMember<'a> {
 /// high to be recorded. Its amplitude is then interpolated between the nearest speeds of the same force (beyond the
 /// outermost, the nearest counts), or else in the same way between forces. Above the frequencies that can be recorded,
 /// the device itself fades a line out.
-pub fn lines_on(grid: &Grid, findings: &Findings, members: &[LineMember<'_>]) -> Option<LinesSpec> {
+pub(crate) fn lines_on(
+    grid: &Grid,
+    findings: &Findings,
+    members: &[LineMember<'_>],
+) -> Option<LinesSpec> {
     let lines: Vec<LineSpec> = findings
         .lines
         .iter()

@@ -25,5 +25,6 @@ mod track;
 mod wander;
 
 pub use super::options::Lines;
-pub use findings::{Findings, Line, LineMember, NoLines, TrialLines, lines_on};
-pub use separate::{Separated, separate};
+pub use findings::{Findings, Line, NoLines, TrialLines};
+pub(crate) use findings::{LineMember, lines_on};
+pub(crate) use separate::{Separated, separate};

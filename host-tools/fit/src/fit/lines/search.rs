@@ -23,7 +23,7 @@ use std::ops::ControlFlow;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::peaks::{LineSpectrum, Peak};
-use super::track::{amplitudes, at_even_places, followed, refined, steady_turns, subtract, wave};
+use super::track::{amplitudes, at_even_places, followed, refined, steady, subtract, wave};
 use crate::dsp::sums::upper_median;
 
 /// Probability of finding any line in a texture that has none.
@@ -106,7 +106,7 @@ impl<'s> Heard<'s> {
     /// Removes the sine at `frequency_hz`, and returns its exact frequency.
     fn remove(&mut self, frequency_hz: f64) -> f64 {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
-        let wave = wave(steady_turns(exact_hz, self.signal.len()).into_iter());
+        let wave = wave(steady(exact_hz, self.signal.len()).into_iter());
         let amplitude = amplitudes(
             &self.signal,
             std::slice::from_ref(&(0..self.signal.len())),
@@ -123,7 +123,7 @@ impl<'s> Heard<'s> {
     fn straighten(&mut self, frequency_hz: f64) {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
         // Positions, in wavelengths.
-        let mut places = steady_turns(exact_hz, self.signal.len());
+        let mut places = steady(exact_hz, self.signal.len());
         if followed(&self.signal, &mut places, 1.0) {
             let last = places.len() - 1;
             let step = (places[last] - places[0]) / last as f64;

@@ -33,9 +33,9 @@ const LEAST_RATIO: f64 = 20.0;
 /// that beat.
 const MOST_BEAT: f64 = 0.35;
 
-/// Returns the position at each sample at a steady speed, mm.
-pub(super) fn steady_mm(speed_mm_s: f64, samples: usize) -> Vec<f64> {
-    let step = speed_mm_s / f64::from(SAMPLE_RATE_HZ);
+/// Returns the position at each sample at a steady speed, mm; or the phase of a sine at its frequency, turns.
+pub(super) fn steady(per_second: f64, samples: usize) -> Vec<f64> {
+    let step = per_second / f64::from(SAMPLE_RATE_HZ);
     (0..samples).map(|n| step * n as f64).collect()
 }
 
@@ -323,12 +323,6 @@ pub(super) fn subtract(signal: &mut [f64], amplitude: Complex<f64>, wave: &[Comp
     }
 }
 
-/// Phase of a sine of constant frequency at each of `samples` samples, turns.
-pub(super) fn steady_turns(frequency_hz: f64, samples: usize) -> Vec<f64> {
-    let step = frequency_hz / f64::from(SAMPLE_RATE_HZ);
-    (0..samples).map(|n| step * n as f64).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -344,11 +338,11 @@ mod tests {
         ) {
             let samples = 10_000;
             let cell_hz = 0.5;
-            let turns = steady_turns(frequency_hz, samples);
+            let turns = steady(frequency_hz, samples);
             let mut signal: Vec<f64> = turns.iter().map(|t| 3.0 * (TAU * (t + phase)).cos()).collect();
             let found = refined(&signal, frequency_hz + off_cells * cell_hz, cell_hz);
             prop_assert!((found - frequency_hz).abs() < 1e-3 * cell_hz, "{} for {}", found, frequency_hz);
-            let wave = wave(steady_turns(found, samples).into_iter());
+            let wave = wave(steady(found, samples).into_iter());
             let amplitude = amplitudes(&signal, std::slice::from_ref(&(0..samples)), std::slice::from_ref(&wave))[0];
             prop_assert!((amplitude.norm() - 3.0).abs() < 1e-4);
             subtract(&mut signal, amplitude, &wave);
@@ -359,7 +353,7 @@ mod tests {
 
     #[test]
     fn components_that_are_the_same_share_their_amplitude() {
-        let turns = steady_turns(100.0, 2000);
+        let turns = steady(100.0, 2000);
         let signal: Vec<f64> = turns.iter().map(|t| (TAU * t).cos()).collect();
         let wave = wave(turns.into_iter());
         let found = amplitudes(

@@ -98,8 +98,10 @@ impl<'s> Merged<'s> {
     /// # Errors
     /// The errors of [`Merged::fit`].
     pub fn fit_texture(&self, index: usize) -> Result<(RecordingSet, Vec<u64>, Fit)> {
-        let textures = self.fitted(&self.textures[index..=index], || ())?;
-        let members = &textures[0].members;
+        let mut textures = self.fitted(&self.textures[index..=index], || ())?;
+        // The returned set holds these trials alone.
+        let members = &std::mem::take(&mut textures[0].members);
+        textures[0].members = (0..members.len()).collect();
         let (set, contents) = (
             self.set.part(members),
             members

@@ -139,6 +139,12 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
                 (4, 4, 1)
             );
             assert_eq!(alone.textures[0].nodes, whole.textures[number].nodes);
+            let members = alone.textures[0].members.iter();
+            assert!(
+                members
+                    .map(|&member| &part.trials[member].file)
+                    .eq(part.trials.iter().map(|own| &own.file))
+            );
             // The copy is found even if its original is in another library.
             assert_eq!(copies(&alone.trials), usize::from(name == "tile"));
         }
@@ -191,6 +197,13 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     std::fs::write(file, bytes).unwrap();
     refused(&set, &own, "cork-0.wav");
     assert_eq!(reused(&set, &own), 8);
+
+    // A measured speed that is snapped to the same node matters to lines only.
+    let plain = options(Lines::None);
+    assert_eq!(reused(&set, &plain), 0);
+    set.trials[0].measured_speed_mm_s = Some(set.trials[0].speed_mm_s + 0.1);
+    refused(&set, &own, "lacks the results of 4 of 12 trials");
+    assert_eq!((reused(&set, &own), reused(&set, &plain)), (8, 12));
 
     refuses_damage(&set, &own, &parts);
 }

@@ -108,7 +108,9 @@ impl Unit {
         };
         let own = self.trials.iter().map(|&index| &set.trials[index]);
         for trial in own.chain(&floor) {
-            hash = hash.then(&encoded(&inputs(trial)?)?);
+            // A snapped speed is the node's; lines are sought at the measured one.
+            let line_speed = (options.lines != Lines::None).then(|| trial.line_speed_mm_s());
+            hash = hash.then(&encoded(&(inputs(trial)?, line_speed))?);
         }
         Ok(folder.join(format!("{:016x}.part", hash.value())))
     }
@@ -151,8 +153,8 @@ impl Unit {
     }
 }
 
-/// Returns what a trial's analysis depends on except the options: its line in the list, and the file's size and time,
-/// ns since 1970. The speed is the nominal one if it was snapped; the measured one is not included.
+/// Returns what a trial's analysis without lines depends on except the options: its line in the list, and the file's
+/// size and time, ns since 1970. The speed is the nominal one if it was snapped.
 fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
     if trial.held.is_some() {
         let problem = "samples in memory have no partial results: write them to a file, or fit without --parts";

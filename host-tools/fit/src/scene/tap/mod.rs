@@ -70,6 +70,8 @@ pub struct Taps {
     pub rate_hz: f64,
     /// Force at each sample, N; `None` if it was not recorded.
     pub force_n: Option<Vec<f64>>,
+    /// True for each sample that the file has out of range; empty if the file does not have the motion.
+    pub is_outlier: Vec<bool>,
     /// Rate of force of all impacts, N/s; `None` if it is not known.
     pub force_rate_n_s: Option<f64>,
     /// True if the file says that it is simulated.
@@ -138,6 +140,7 @@ impl Taps {
                 samples_m_s2: reduced.signal,
                 rate_hz: recording.rate_hz,
                 force_n: Some(recording.force_n),
+                is_outlier: recording.is_outlier,
                 force_rate_n_s: None,
                 is_simulated: recording.is_simulated,
                 notes,
@@ -160,12 +163,22 @@ impl Taps {
             samples_m_s2: reduced.signal,
             rate_hz: f64::from(SAMPLE_RATE_HZ),
             force_n: None,
+            is_outlier: Vec::new(),
             force_rate_n_s: None,
             is_simulated: false,
             notes: notes
                 .map(|note| format!("{}: {note}", path.display()))
                 .collect(),
         })
+    }
+
+    /// Returns the reason for leaving out an impact at sample `begin` that is fitted up to sample `end`, if a value is
+    /// out of range in the fitted samples, or near the contact, where the force counts. Such a value was read as 0.
+    fn outlier(&self, begin: usize, end: usize) -> Option<String> {
+        let near = (2.0 * CONTACT_WITHIN_S * self.rate_hz) as usize;
+        let end = end.max(begin + near).min(self.is_outlier.len());
+        let own = self.is_outlier.get(begin.saturating_sub(near)..end)?;
+        own.contains(&true).then(|| "values out of range".into())
     }
 
     fn impacts(&self) -> Vec<Impact> {
@@ -185,7 +198,9 @@ impl Taps {
                     amplitude_m_s2: ringing.amplitude,
                     residual: ringing.residual,
                     force_rate_n_s: self.force_rate_n_s.or_else(|| self.force_rate(begin)),
-                    left_out: why_left_out(&ringing),
+                    left_out: self
+                        .outlier(begin, end.min(begin + longest))
+                        .or_else(|| why_left_out(&ringing)),
                 }
             })
             .collect()

@@ -43,6 +43,7 @@ fn recording(samples_m_s2: Vec<f64>) -> Taps {
         samples_m_s2,
         rate_hz: RATE_HZ,
         force_n: None,
+        is_outlier: Vec::new(),
         force_rate_n_s: None,
         is_simulated: true,
         notes: Vec::new(),
@@ -160,6 +161,29 @@ fn noise_and_silence_have_no_taps() {
     assert!(TapFit::new(&[recording(noise)]).is_err());
     assert!(TapFit::new(&[recording(vec![0.0; 5000])]).is_err());
     assert!(TapFit::new(&[recording(Vec::new())]).is_err());
+}
+
+/// A value out of range was read as 0, which is a click in a recording with an offset.
+#[test]
+fn an_impact_near_a_value_out_of_range_is_left_out() {
+    let taps = [(0.2, 10.0), (0.8, 10.0), (1.4, 10.0)];
+    let mut samples = made(300.0, 0.01, &taps, 0.02, 5);
+    let mut is_outlier = vec![false; samples.len()];
+    for at in [4010, 5500, 6985] {
+        (samples[at], is_outlier[at]) = (-9.8, true);
+    }
+    let taps = Taps {
+        is_outlier,
+        ..recording(samples)
+    };
+    let found = TapFit::new(&[taps]).unwrap();
+    let counted = found
+        .impacts
+        .iter()
+        .filter(|impact| impact.left_out.is_none());
+    let times_s: Vec<f64> = counted.map(|impact| impact.time_s).collect();
+    assert_eq!(times_s.len(), 1, "{found:?}");
+    near(times_s[0], 0.2, 1e-3);
 }
 
 #[test]
