@@ -8,6 +8,7 @@ use rand_pcg::Pcg64;
 
 use super::description::{Hum, Measurement, Noise, Tremor};
 use crate::dsp::fourier::Complex;
+use crate::support::fnv::Fnv;
 
 /// Number of sines that make up a tremor; enough that their sum is nearly Gaussian.
 const TREMOR_SINES: usize = 24;
@@ -107,36 +108,30 @@ fn add_noise(noise: &Noise, key: StreamKey, samples: &mut [Vec<f64>; 3]) {
     }
 }
 
-/// The key of a random stream: what it is used for, hashed to 64 bits (FNV-1a: Fowler, Noll, Vo).
+/// The key of a random stream: the hash of what it is used for.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct StreamKey(u64);
+pub(super) struct StreamKey(Fnv);
 
 impl StreamKey {
     pub(super) fn new(seed: u64) -> Self {
-        Self(0xCBF2_9CE4_8422_2325).bytes(&seed.to_le_bytes())
+        Self(Fnv::default().then(&seed.to_le_bytes()))
     }
 
     /// Adds a text. It is terminated by the byte 0xFF, which UTF-8 never contains.
     pub(super) fn text(self, text: &str) -> Self {
-        self.bytes(text.as_bytes()).bytes(&[0xFF])
+        Self(self.0.then(text.as_bytes()).then(&[0xFF]))
     }
 
     pub(super) fn number(self, value: f64) -> Self {
-        self.bytes(&value.to_le_bytes())
+        Self(self.0.then(&value.to_le_bytes()))
     }
 
     pub(super) fn index(self, index: usize) -> Self {
-        self.bytes(&(index as u64).to_le_bytes())
+        Self(self.0.then(&(index as u64).to_le_bytes()))
     }
 
     /// Returns the stream of `effect`.
     pub(super) fn stream(self, effect: &str) -> Pcg64 {
-        Pcg64::seed_from_u64(self.text(effect).0)
-    }
-
-    fn bytes(self, bytes: &[u8]) -> Self {
-        Self(bytes.iter().fold(self.0, |hash, byte| {
-            (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01B3)
-        }))
+        Pcg64::seed_from_u64(self.text(effect).0.value())
     }
 }

@@ -15,7 +15,7 @@
 //! passes at the speed v under the static normal force F. Axes: x along the surface's motion, y across it, z along the
 //! normal.
 //!
-//! **Profile** ([`Profile`]). The height along the track is one fixed profile per texture and seed, the same for every
+//! **Profile.** The height along the track is one fixed profile per texture and seed, the same for every
 //! speed and force, and periodic with the drum: h(x) = Re Σ_{n≥1} cₙ e^{2πi n x / L}.
 //! - *Weave*: A · Σ_m b_m cos m(2πx/Λ + φ(x)), b₁ = 1, with Λ rounded to the nearest L/integer. The spacing of yarns
 //!   varies by a Gaussian phase φ of given RMS and correlation length ℓ, R_φ(s) ∝ exp(-s²/2ℓ²).
@@ -24,14 +24,14 @@
 //!   wavelength, above which the spectrum is flat, and a shortest wavelength, below which it is zero (Persson, Albohr,
 //!   Tartaglino, Volokitin, Tosatti, "On the nature of surface roughness", J. Phys.: Condens. Matter 17, 2005, R1).
 //!
-//! **Contact** ([`Contact`]). Hertz (Johnson, *Contact Mechanics*, 1985, ch. 4), with E* the effective modulus of tip
+//! **Contact.** Hertz (Johnson, *Contact Mechanics*, 1985, ch. 4), with E* the effective modulus of tip
 //! and surface: radius a = (3FR / 4E*)^{1/3}; normal stiffness k = dF/dδ = 2E*a, so k ∝ F^{1/3}. The tip is displaced
 //! by the mean height under the contact, weighted by the Hertz pressure √(1 - r²/a²). For a profile that is the same
 //! across the track, this multiplies the term of wavenumber q by 3(sin u - u cos u)/u³, u = qa (the contact filter of
 //! wheel and rail noise, Remington, J. Acoust. Soc. Am. 81, 1987, 1805). At 0 N there is no contact and no vibration.
 //! If a loss factor η is given, the stiffness is k(1 + iη).
 //!
-//! **Tool in the hand** ([`ToolResponse`]). Modal superposition (Ewins, *Modal Testing*, 2000, ch. 2). A dynamic force
+//! **Tool in the hand.** Modal superposition (Ewins, *Modal Testing*, 2000, ch. 2). A dynamic force
 //! f at the tip along z causes, on each axis of the accelerometer, the acceleration f(ω) · Σ_r -ω² p_r / (ω_r² - ω² +
 //! 2iζ_r ω_r ω), with the participation p_r in (m/s²)/N. If a mode also has a participation q_r of the tip itself (the
 //! displacement of the tip has the same form with q_r, without the factor -ω²), the contact spring lies between the
@@ -74,12 +74,9 @@ mod series;
 mod tests;
 mod trial;
 
-pub use contact::{Contact, Response, ToolResponse};
 pub use description::{
     Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription,
     Roughness, Texture, Tool, Tremor, Wander, Weave,
 };
 pub use file::RigFile;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
-pub use profile::Profile;
-pub use trial::{Strip, Trial};

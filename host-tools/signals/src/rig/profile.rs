@@ -12,7 +12,6 @@ use crate::dsp::fourier::{self, Complex};
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    circumference_mm: f64,
     /// `coefficients[n]` is cₙ of h(x) = Re Σ cₙ e^{2πi n x / L}, µm. The list is empty for a flat profile.
     coefficients: Vec<Complex<f64>>,
 }
@@ -33,10 +32,7 @@ impl Profile {
             let terms = roughness_terms(roughness, circumference_mm, key);
             add(&mut coefficients, &terms);
         }
-        Self {
-            circumference_mm,
-            coefficients,
-        }
+        Self { coefficients }
     }
 
     /// Returns true if the profile has no parts, so that its height is zero everywhere.
@@ -47,22 +43,6 @@ impl Profile {
     /// Terms of the series, µm. The n-th term has n periods on the drum; the 0-th is zero.
     pub fn coefficients_um(&self) -> &[Complex<f64>] {
         &self.coefficients
-    }
-
-    /// Height at `x_mm` along the track, µm, by summing every term.
-    pub fn height_um(&self, x_mm: f64) -> f64 {
-        let cycles = x_mm / self.circumference_mm;
-        self.coefficients
-            .iter()
-            .enumerate()
-            .map(|(n, term)| (term * Complex::cis(TAU * (n as f64 * cycles).fract())).re)
-            .sum()
-    }
-
-    /// RMS height over the drum, µm.
-    pub fn rms_um(&self) -> f64 {
-        let power: f64 = self.coefficients.iter().map(Complex::norm_sqr).sum();
-        (0.5 * power).sqrt()
     }
 }
 
@@ -195,7 +175,6 @@ fn gaussian_terms(
 }
 
 #[cfg(test)]
-#[expect(clippy::float_cmp, reason = "zeros and sums must be exact")]
 mod tests {
     use super::*;
 
@@ -234,7 +213,6 @@ mod tests {
     fn nothing_named_is_nothing_there() {
         let profile = Profile::new(&DRUM, &texture(vec![], None), 1);
         assert!(profile.is_flat());
-        assert_eq!(profile.height_um(12.0), 0.0);
     }
 
     #[test]
@@ -249,8 +227,6 @@ mod tests {
             };
             assert!((term.norm() - expected).abs() < 1e-12, "term {n}");
         }
-        let (here, one_period_on) = (profile.height_um(10.0), profile.height_um(10.75));
-        assert!((here - one_period_on).abs() < 1e-9);
     }
 
     #[test]
@@ -277,8 +253,9 @@ mod tests {
     #[test]
     fn roughness_has_the_stated_rms_and_slope() {
         let profile = Profile::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
-        assert!((profile.rms_um() / ROUGH.rms_um - 1.0).abs() < 0.15);
         let terms = profile.coefficients_um();
+        let power: f64 = terms.iter().map(Complex::norm_sqr).sum();
+        assert!(((0.5 * power).sqrt() / ROUGH.rms_um - 1.0).abs() < 0.15);
         assert_eq!(terms.len(), 15_001);
         let mean_power = |from: usize| {
             terms[from..2 * from]

@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
-use super::contact::{Contact, ToolResponse};
+use super::contact::{Contact, Response, ToolResponse};
 use super::description::{RigDescription, Texture, Tool, Wander};
 use super::file::RigFile;
 use super::measurement::{self, StreamKey};
@@ -73,7 +73,7 @@ struct Pass {
 
 struct TermResponse {
     wavenumber_rad_per_mm: f64,
-    response: super::Response,
+    response: Response,
 }
 
 impl<'a> Strip<'a> {
@@ -104,11 +104,6 @@ impl<'a> Strip<'a> {
             profile,
             passes,
         }
-    }
-
-    /// Profile of the strip.
-    pub fn profile(&self) -> &Profile {
-        &self.profile
     }
 
     /// Runs the trial with the speed and force at the indices `speed` and `force` of the rig's

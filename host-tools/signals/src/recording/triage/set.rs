@@ -124,7 +124,7 @@ pub fn mains_line(spectrum: &PaddedSpectrum) -> Option<f64> {
             .collect();
         let median = upper_median(&around)?;
         let ratio = 10f64.powf(HUM_RATIO_DB / 10.0);
-        (power[peak] > ratio * median && power[peak] > 0.0).then_some(peak as f64 * bin_hz)
+        (power[peak] > ratio * median).then_some(peak as f64 * bin_hz)
     })
 }
 
