@@ -175,7 +175,6 @@ fn gaussian_terms(
 }
 
 #[cfg(test)]
-#[expect(clippy::float_cmp, reason = "zeros and sums must be exact")]
 mod tests {
     use super::*;
 
