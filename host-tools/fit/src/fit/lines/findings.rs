@@ -58,6 +58,8 @@ pub enum NoLines {
     OneSpeed,
     /// No wavelength stands out.
     NothingStandsOut,
+    /// A free hand's strokes are not searched.
+    Strokes,
 }
 
 impl fmt::Display for NoLines {
@@ -66,6 +68,9 @@ impl fmt::Display for NoLines {
             Self::OneSpeed => "recordings at one speed cannot tell place from time",
             Self::NothingStandsOut => {
                 "nothing stands out at one wavelength over half of the speeds"
+            }
+            Self::Strokes => {
+                "strokes are not searched; in pieces of `stylus segment` they are sought"
             }
         })
     }
@@ -76,7 +81,7 @@ impl fmt::Display for Findings {
         match &self.none_because {
             _ if !self.lines.is_empty() => self.fmt_lines(f)?,
             Some(reason) => write!(f, "no lines tied to position: {reason}")?,
-            None => write!(f, "no lines tied to position")?,
+            None => write!(f, "lines tied to position were not sought")?,
         }
         if !self.time_locked_hz.is_empty() {
             let hz: Vec<String> = self

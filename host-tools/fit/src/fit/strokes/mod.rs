@@ -24,6 +24,7 @@ use stroke::Stroke;
 use super::blocks::Part;
 use super::conditioning::{Conditioning, HighPass};
 use super::fitted::{Fit, FittedTexture, Source, encoded};
+use super::lines::NoLines;
 use super::options::{FloorChoice, Lines, Options};
 use super::recordings::Recordings;
 use super::{models, read};
@@ -95,6 +96,7 @@ pub fn fit_strokes(
     };
     source.excite(&mut fit.textures, held, &|| progress(0))?;
     level_by_playing(&mut fit.textures[0], &strokes)?;
+    fit.textures[0].lines.none_because = Some(NoLines::Strokes);
     Ok(fit)
 }
 
