@@ -12,7 +12,8 @@ impl fmt::Display for Decimal {
         if value.is_nan() {
             return f.write_str("NaN");
         }
-        if value < 0.0 {
+        // The sign of -0 is shown, because -0 is refused where 0 is not.
+        if value.is_sign_negative() {
             f.write_str("-")?;
         }
         if value.is_infinite() {
@@ -63,6 +64,7 @@ mod tests {
     fn numbers_have_the_text_that_floats_have_up_to_six_digits() {
         for value in [
             0.0,
+            -0.0,
             1.0,
             -1.0,
             0.1,

@@ -17,9 +17,6 @@ pub const DIGEST_WORDS: u32 = 50_000;
 /// Seed with which textures are played for their digests.
 pub const DIGEST_SEED: u64 = 1;
 
-/// Time from one block to the next, s.
-const BLOCK_S: f64 = 0.002;
-
 /// A digest that depends on each word and on their order: FNV-1a (Fowler, Noll and Vo), 32 bits, over whole words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest(u32);
@@ -44,7 +41,7 @@ impl Digest {
     }
 }
 
-/// The fixed stroke at one block of 2 ms.
+/// The fixed stroke at one block: 2 ms at each rate that a stylus plays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
     /// Tangential speed, mm/s, signed by the direction.
@@ -60,8 +57,8 @@ pub struct Stroke {
 impl Stroke {
     /// The stroke at block `block` of a plan at `sample_rate_hz`. It repeats after 1536 blocks.
     ///
-    /// All numbers except positions have few digits, so that they are exact. A position takes two products and a sum of
-    /// floats, which every platform rounds in the same way.
+    /// All numbers except positions have few digits, so that they are exact. A position takes two quotients, two
+    /// products and a sum of floats, which every platform rounds in the same way.
     pub fn at(block: u32, sample_rate_hz: u32) -> Self {
         // Half the mean speed of a block, mm/s: a triangle from 128 to -128 and back, in 512 blocks.
         const TURN: i32 = 256;
@@ -79,14 +76,14 @@ impl Stroke {
         // A triangle of 384 blocks that is cut off at 0.
         let press = (block % 384).cast_signed().abs_diff(192) as f32 / 64.0 - 0.25;
         let speed_mm_s = (2 * speed) as f32;
-        let begin_mm = f64::from(2 * gone) * BLOCK_S;
         let samples = crate::update_interval_samples(sample_rate_hz);
-        let last_s = f64::from(samples - 1) / f64::from(sample_rate_hz.max(1));
+        let time_s = |samples: u32| f64::from(samples) / f64::from(sample_rate_hz.max(1));
+        let begin_mm = f64::from(2 * gone) * time_s(samples);
         Self {
             speed_mm_s,
             force_n: press.max(0.0),
             begin_mm,
-            end_mm: begin_mm + f64::from(speed_mm_s) * last_s,
+            end_mm: begin_mm + f64::from(speed_mm_s) * time_s(samples - 1),
         }
     }
 

@@ -201,7 +201,7 @@ impl LatticeState {
 
     /// Passes a block of excitation through and replaces it by the outputs, like a call of [`LatticeState::filter`] per
     /// sample; see [`Arithmetic::rotate_block`].
-    pub fn filter_block<A: Arithmetic>(&mut self, rotations: &[Rotation], samples: &mut [i32]) {
+    fn filter_block<A: Arithmetic>(&mut self, rotations: &[Rotation], samples: &mut [i32]) {
         let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
         let backward = &mut self.backward[..=rotations.len()];
         A::rotate_block(rotations, backward, samples);

@@ -3,6 +3,8 @@
 //! All arithmetic is in integers, so that every processor gives the same bits. Both together are within 10⁻⁵ dB, plus
 //! the rounding of the power of two to a whole step.
 
+use crate::fixed::high_word;
+
 /// Digits after the point of a logarithm.
 pub const LOG2_FRACTION_BITS: u32 = 24;
 
@@ -91,20 +93,15 @@ pub fn log2(value: f32) -> i64 {
     let ratio = u64::from(mantissa) * u64::from(RECIPROCALS[place]);
     let distance =
         ((ratio >> (2 * MANTISSA_BITS - DISTANCE_BITS)) as i64 - (1 << DISTANCE_BITS)) as i32;
+    let scaled = |sum: i32| high_word(i64::from(sum) * i64::from(distance));
     let mut sum = 0;
     for coefficient in LOG2_SERIES.into_iter().rev() {
-        sum = coefficient + (high_word(sum, distance) >> (DISTANCE_BITS - u32::BITS));
+        sum = coefficient + (scaled(sum) >> (DISTANCE_BITS - u32::BITS));
     }
-    let of_distance =
-        high_word(sum, distance) >> (SERIES_BITS + DISTANCE_BITS - u32::BITS - MANTISSA_BITS);
+    let of_distance = scaled(sum) >> (SERIES_BITS + DISTANCE_BITS - u32::BITS - MANTISSA_BITS);
     let fraction =
         LOGARITHMS[place].wrapping_add_signed(of_distance) >> (MANTISSA_BITS - LOG2_FRACTION_BITS);
     (i64::from(exponent) << LOG2_FRACTION_BITS) + i64::from(fraction)
-}
-
-/// The upper word of a product, rounded down.
-fn high_word(a: i32, b: i32) -> i32 {
-    ((i64::from(a) * i64::from(b)) >> u32::BITS) as i32
 }
 
 /// 2^(`exponent` · 2⁻`fraction_bits`), rounded down, at most `u32::MAX`; `fraction_bits` are 32 to 62.

@@ -114,7 +114,7 @@ fn every_message_fits_a_frame() {
     fits::<SelfTestRequest>(0, MAX_HOST_FRAME_BYTES);
     fits::<Response>(0, MAX_HOST_FRAME_BYTES);
     // Offset, length and samples of a part of a probe.
-    const { assert!(3 + 2 + 3 * PROBE_CHUNK_SAMPLES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
+    const { assert!(3 + 2 + 3 * PROBE_CHUNK_SAMPLES + FRAME_HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
     // Offset, length and bytes of a chunk.
     const { assert!(5 + 2 + MAX_CHUNK_BYTES + FRAME_HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
 }

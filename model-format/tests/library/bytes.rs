@@ -98,8 +98,8 @@ impl RawLibrary {
         }
     }
 
-    /// The library of [`RawLibrary::sound`] with every optional part but wander and moments, and two scenes: a plain
-    /// scene, and one with everything that a scene may have.
+    /// The library of [`RawLibrary::sound`] with every optional part, and two scenes: a plain scene, and one with
+    /// everything that a scene may have.
     pub fn full() -> Self {
         let mut library = Self::sound();
         // Fractions of two stages for each node. The first two nodes have none.
@@ -107,8 +107,11 @@ impl RawLibrary {
         library.textures[0].parts = vec![(1, vec![1, 1]), (2, fractions.to_vec())];
         library.textures[1].parts = vec![(1, vec![0, 1]), (3, two_codebooks(6)), (4, track())];
         let lines = lines(&[(0.61, 1), (1000.0, 65_535)], 6);
-        library.textures[2].parts = vec![(4, track()), (5, lines)];
+        library.textures[2].parts = vec![(4, track()), (5, lines), (7, two_wanders())];
         library.textures.push(RawTexture::with_tails());
+        let mut moments = RawTexture::sound("cork", &[12_345, -6000]);
+        moments.parts = vec![(3, blocks(6)), (8, vec![250, 1])];
+        library.textures.push(moments);
         library.scenes = vec![plain_scene(), full_scene()];
         library
     }
@@ -281,6 +284,27 @@ pub fn two_codebooks(nodes: usize) -> Vec<u8> {
     bytes.extend(codebook(2.0, &sparse));
     bytes.extend((0..nodes).map(|node| (node % 3) as u8));
     bytes
+}
+
+/// The content of an excitation of one codebook in blocks, which every node has.
+fn blocks(nodes: usize) -> Vec<u8> {
+    // All codes have the highest magnitude, and every other block is 12 dB down. So the mean square is 1 if the square
+    // of the peak is 2 / (1 + 10^-1.2).
+    let block = |number: u8| {
+        let level = number % 2 * (-24i8).cast_unsigned();
+        [[0xdb, 0xb6, 0x6d].repeat(8), vec![level]].concat()
+    };
+    let codes: Vec<i8> = (0..16).flat_map(block).map(u8::cast_signed).collect();
+    let mut bytes = vec![1];
+    bytes.extend(codebook(1.3716, &codes));
+    bytes.extend(vec![1; nodes]);
+    bytes
+}
+
+/// The content of two wanders of two lines: one of threads, and one at a clock.
+fn two_wanders() -> Vec<u8> {
+    let wanders = floats(&[0.1, 2.0, 0.0, 0.0, 1.0, 80.0]);
+    [vec![2], wanders, vec![2, 1]].concat()
 }
 
 /// The content of a level track that alternates between 0.25 and -0.25 dB.

@@ -60,10 +60,14 @@ fn a_texture_lists_its_codebooks_and_its_track_with_their_bytes() {
     );
     // Two lines, each with a wavelength, a phase and six amplitudes.
     let lines = (PartKind::Lines, 1 + 2 * (4 + 2 + 6 * 4));
-    assert_eq!(parts(2), [(PartKind::Modulation, 21), lines]);
+    let wander = (PartKind::Wander, 1 + 2 * 12 + 2);
+    assert_eq!(parts(2), [(PartKind::Modulation, 21), lines, wander]);
     let fed: Vec<bool> = library.textures().map(|texture| texture.is_fed()).collect();
-    assert_eq!(fed, [false, true, true, false]);
+    assert_eq!(fed, [false, true, true, false, true]);
     assert_eq!(parts(3), [(PartKind::FineTheta, 6), (PartKind::Tails, 12)]);
+    // A count, a length of two bytes, a peak, 16 blocks and six sources.
+    let blocks = (PartKind::Excitation, 1 + 2 + 4 + 16 * 25 + 6);
+    assert_eq!(parts(4), [blocks, (PartKind::Moments, 2)]);
     assert_eq!(PartKind::Tails.to_string(), "tails");
     assert_eq!(PartKind::Excitation.to_string(), "excitation");
     assert_eq!(PartKind::Modulation.to_string(), "modulation");

@@ -37,11 +37,8 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
     std::fs::write(folder.join("several"), encode(&all[..4])?)?;
     let with_scenes = encode_with_scenes(&all[..2], &[scene()?])?;
     std::fs::write(folder.join("scenes"), with_scenes)?;
-    let fed = all
-        .iter()
-        .filter(|texture| texture.parts != PartsSpec::default());
-    let fed: Vec<TextureSpec> = fed.cloned().collect();
-    let with_scenes = encode_with_scenes(&fed[..2], &[scene()?])?;
+    all.retain(|texture| texture.parts.excitation.is_some());
+    let with_scenes = encode_with_scenes(&all[..2], &[scene()?])?;
     std::fs::write(folder.join("fed-scenes"), with_scenes)?;
     Ok(())
 }

@@ -17,7 +17,6 @@ mod library;
 mod path;
 mod play;
 pub mod report;
-#[cfg(feature = "library")]
 pub mod scenes;
 mod textures;
 

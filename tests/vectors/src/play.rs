@@ -1,12 +1,13 @@
 //! Playback of a texture along the path of the hand.
 
-use model_format::scene::{Region, Scene, SceneName, Surface};
-use model_format::{DecodeError, Library, OutputSample, SAMPLE_RATE_HZ};
+use model_format::scene::Surface;
+use model_format::{DecodeError, Library, OutputSample};
 use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::path::motion;
+use crate::scenes::side_by_side;
 use crate::textures::Vector;
 
 /// The reason why a texture cannot be played.
@@ -62,7 +63,13 @@ fn run_beside<M: Arithmetic>(
     /// Width of the transition, and distance from its middle to each turning point, mm.
     const TRANSITION_MM: f32 = 64.0;
     const WAY_MM: u32 = 48;
-    let scene = side_by_side(library, textures, TRANSITION_MM).ok_or(PlayError::NoTexture)?;
+    let surface = |name: &str| {
+        let index = library.textures().position(|one| one.name() == name);
+        let index = index.ok_or(PlayError::NoTexture)?;
+        Ok::<_, PlayError>(Surface::of_texture(index as u8))
+    };
+    let surfaces = [surface(textures[0])?, surface(textures[1])?];
+    let scene = side_by_side("beside", surfaces, [-1000.0, 0.0, 1000.0], TRANSITION_MM);
     let plan = Plan::new(&scene, library).map_err(|_| PlayError::NoTexture)?;
     let mut player = ScenePlayer::<M>::new(plan, vector.seed);
     for n in 0..vector.samples {
@@ -77,23 +84,4 @@ fn run_beside<M: Arithmetic>(
         sink(player.next_sample());
     }
     Ok(player.saturations())
-}
-
-/// Returns a scene of both textures, which meet at 0 mm.
-fn side_by_side(library: &Library<'_>, textures: [&str; 2], transition_mm: f32) -> Option<Scene> {
-    let index = |name: &str| library.textures().position(|one| one.name() == name);
-    let surface = |name: &str| Some(Surface::of_texture(index(name)? as u8));
-    let name = SceneName::try_from("beside").ok()?;
-    let mut scene = Scene::of_surface(name, SAMPLE_RATE_HZ, surface(textures[0])?);
-    scene.surfaces.push(surface(textures[1])?).ok()?;
-    scene.transition_mm = transition_mm;
-    for (start_mm, end_mm, surface) in [(-1000.0, 0.0, 0), (0.0, 1000.0, 1)] {
-        let region = Region {
-            start_mm,
-            end_mm,
-            surface,
-        };
-        scene.regions.push(region).ok()?;
-    }
-    Some(scene)
 }

@@ -192,11 +192,20 @@ fn the_stroke_reaches_all_of_a_grid() {
 /// The position is the integral of the speed, which is constant within a block.
 #[test]
 fn a_block_begins_where_the_speed_of_the_one_before_ends() {
-    for block in 0..1600 {
-        let (now, next) = (Stroke::at(block, 5000), Stroke::at(block + 1, 5000));
-        let expected = now.begin_mm + f64::from(now.speed_mm_s) * 0.002;
-        assert!((next.begin_mm - expected).abs() < 1e-9, "{block}");
-        let last = now.begin_mm + f64::from(now.speed_mm_s) * 0.0018;
-        assert!((now.end_mm - last).abs() < 1e-9, "{block}");
+    // At a rate that no stylus plays, too, a block is ten samples.
+    for (rate, samples) in [(5000, 10.0), (10_000, 20.0), (1000, 10.0), (44_100, 10.0)] {
+        for block in 0..1600 {
+            let (now, next) = (Stroke::at(block, rate), Stroke::at(block + 1, rate));
+            let after =
+                |samples: f64| now.begin_mm + f64::from(now.speed_mm_s) * samples / f64::from(rate);
+            assert!(
+                (next.begin_mm - after(samples)).abs() < 1e-9,
+                "{rate} Hz, {block}"
+            );
+            assert!(
+                (now.end_mm - after(samples - 1.0)).abs() < 1e-9,
+                "{rate} Hz, {block}"
+            );
+        }
     }
 }

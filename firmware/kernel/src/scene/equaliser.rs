@@ -20,7 +20,7 @@ use model_format::OutputSample;
 use model_format::scene::Biquad;
 use model_format::scene::limits::{MAX_RESPONSE_SECTIONS, MAX_SECTIONS};
 
-use crate::fixed::{high_word_toward_zero, saturate, shift_toward_zero};
+use crate::fixed::{high_word_toward_zero, is_full_scale, saturate, shift_toward_zero};
 
 /// Binary digits after the point that internal signals have fewer than the output.
 const HEADROOM_BITS: u32 = 5;
@@ -75,7 +75,8 @@ impl Section {
         }
     }
 
-    /// Passes one sample through the section. The flag is true if its state or its output is at full scale.
+    /// Passes one sample through the section. The flag is true if its state or its output is at full scale, and not
+    /// for f1 or g2 alone, whose check would take time in each tick.
     #[inline(always)]
     fn process(&self, backward: &mut [i32; 2], input: i32) -> (i32, bool) {
         let [one, two] = self.rotations;
@@ -85,18 +86,9 @@ impl Section {
         let [v0, v1, v2] = self.taps.map(i64::from);
         let sum = v0 * i64::from(f0) + v1 * i64::from(g1) + v2 * i64::from(g2);
         let (output, saturated) = saturate(shift_toward_zero(sum, TAP_FRACTION_BITS));
-        let full = saturated | at_full_scale(f0) | at_full_scale(g1);
+        let full = saturated | is_full_scale(f0) | is_full_scale(g1);
         (output, full)
     }
-}
-
-#[inline(always)]
-#[expect(
-    clippy::needless_bitwise_bool,
-    reason = "a lazy operator may become a branch, whose path would depend on the data"
-)]
-fn at_full_scale(signal: i32) -> bool {
-    (signal == i32::MAX) | (signal == i32::MIN)
 }
 
 /// The rotation whose sine is `sin`, in steps of 2⁻³¹ and below 2³¹: cos² + sin² ≤ 2⁶² in the integers.

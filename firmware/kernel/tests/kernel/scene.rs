@@ -378,7 +378,7 @@ fn stick_slip_has_the_period_of_the_path() {
     let bytes = library(&[]);
     let scene = sticking();
     let (mut modulated, mut plain) = (player(&bytes, &scene, 2), player(&bytes, &single(2), 2));
-    let mut energies = vec![(0.0, 0.0); 250];
+    let mut energies = [(0.0, 0.0); 25];
     for n in 0..20_000usize {
         let interaction = at(n as f32 * 0.04, motion(20.0, 0.9));
         let energy = |samples: Vec<f64>| samples.iter().map(|x| x * x).sum::<f64>();
@@ -391,7 +391,7 @@ fn stick_slip_has_the_period_of_the_path() {
         energies[n % 25].0 += one;
         energies[n % 25].1 += other;
     }
-    let shares: Vec<f64> = energies[..25].iter().map(|(one, all)| one / all).collect();
+    let shares: Vec<f64> = energies.iter().map(|(one, all)| one / all).collect();
     let (low, high) = shares.iter().fold((1.0f64, 0.0f64), |(low, high), &share| {
         (low.min(share), high.max(share))
     });

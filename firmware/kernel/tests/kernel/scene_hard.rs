@@ -4,8 +4,8 @@ use model_format::SAMPLE_RATE_HZ;
 use model_format::scene::{Scene, StickSlip, Surface};
 use proptest::collection::vec;
 use proptest::prelude::*;
+use stylus_kernel::Motion;
 use stylus_kernel::scene::{Interaction, SLOTS};
-use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::motion;
 use crate::scenes::{
@@ -217,5 +217,4 @@ fn jumps_between_sixteen_surfaces_are_followed_within_three_blocks() {
         assert!(peak(&last) > 0.0);
     }
     assert_eq!(player.saturations(), 0);
-    assert_eq!(UPDATE_INTERVAL_SAMPLES, 10);
 }

@@ -24,6 +24,7 @@ pub const BLOCK_SAMPLES: usize = 64;
 pub const BLOCK_BYTES: usize = 25;
 
 /// Magnitudes of the codes as fractions of the block's level, in steps of 2⁻¹⁴: (5^((2k + 1)/7) - 1)/4 within a step.
+/// The second would be rounded to 4068. These four numbers, not the formula, are the format.
 pub const BLOCK_MAGNITUDES: [i32; 4] = [1059, 4069, 8835, 16_384];
 
 /// Squares of [`BLOCK_MAGNITUDES`], in steps of 2⁻²⁸.

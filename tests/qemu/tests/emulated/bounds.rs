@@ -9,15 +9,16 @@ use kernel_vectors::{Libraries, report};
 use model_format::limits::{
     DECODE_INSTRUCTIONS, DECODE_INSTRUCTIONS_PER_BYTE, DECODE_INSTRUCTIONS_PER_SCENE,
     DECODE_INSTRUCTIONS_PER_TEXTURE, MAX_AXIS_LEN, MAX_CODEBOOKS, MAX_EXCITATION_BYTES,
-    MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES, MAX_MODULATION_ENTRIES, MAX_NAME_BYTES,
-    MAX_ORDER, MAX_TEXTURES, MIN_MODULATION_ENTRIES, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
+    MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES, MAX_MODULATION_ENTRIES, MAX_MOMENT_SAMPLES,
+    MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES, MAX_WANDERS, MIN_MODULATION_ENTRIES,
+    PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
 };
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
-    ModulationSpec, NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec,
-    TextureSpec, encode_with_scenes,
+    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec,
+    LinesSpec, ModulationSpec, NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec,
+    TextureSpec, Wander, encode_with_scenes,
 };
 use tasks::guest::Processor;
 use tasks::qemu;
@@ -33,13 +34,13 @@ const SEED: u64 = 14;
 /// Largest size of every library but the last, bytes. The work per byte does not depend on the library's size.
 const DRAWN_BYTES: usize = 48 * 1024;
 
-/// Number of samples per codebook. Four codebooks and one byte for each of 4096 nodes use nearly all bytes that an
-/// excitation may have.
-const CODEBOOK_SAMPLES: usize =
+/// Number of codes per codebook, in bytes. Four codebooks and one byte for each of 4096 nodes use nearly all bytes that
+/// an excitation may have.
+const CODEBOOK_BYTES: usize =
     (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
 
 /// Number of properties of a recipe.
-const PROPERTIES: usize = 20;
+const PROPERTIES: usize = 22;
 
 /// Lowest and highest value of each property.
 const RANGES: [(u32, u32); PROPERTIES] = [
@@ -63,6 +64,8 @@ const RANGES: [(u32, u32); PROPERTIES] = [
     (0, MAX_CODEBOOKS as u32),          // Codebooks of the first texture.
     (0, MAX_MODULATION_ENTRIES as u32), // Entries of its level track.
     (0, MAX_LINES as u32),              // Lines.
+    (0, MAX_WANDERS as u32),            // Wanders, at most as many as lines.
+    (0, 1),                             // Whether codebooks are of moments (no level track).
 ];
 
 /// The properties of a hostile library.
@@ -139,7 +142,7 @@ impl Recipe {
             };
         let node = 16 + coefficients + 4 * lines;
         let with_grid = with_grid.min(textures);
-        let parts = self.0[17] as usize * CODEBOOK_SAMPLES + self.0[18] as usize;
+        let parts = self.0[17] as usize * CODEBOOK_BYTES + self.0[18] as usize;
         with_grid * speeds * forces * node + (textures - with_grid) * node + parts
     }
 
@@ -201,33 +204,52 @@ impl Recipe {
     }
 
     fn lines(&self, nodes: usize) -> Option<LinesSpec> {
+        let [.., lines, wanders, _] = self.0;
+        let wanders = wanders.min(lines);
         let line = |at: u32| LineSpec {
             wavelength_mm: 1.0 + at as f32,
             phase: 7,
             amplitudes: vec![0.1; nodes],
-            ..LineSpec::default()
+            // The last lines have the wanders, so that the search for a wander's line is longest.
+            wander: (lines - at <= wanders).then(|| (at + wanders - lines) as u8),
         };
-        let lines: Vec<_> = (0..self.0[19]).map(line).collect();
-        (!lines.is_empty()).then_some(LinesSpec::from(lines))
+        let wander = Wander {
+            rms_mm: 0.1,
+            correlation_mm: 1.0,
+            clock_mm_s: 90.0,
+        };
+        (lines > 0).then(|| LinesSpec {
+            lines: (0..lines).map(line).collect(),
+            wanders: vec![wander; wanders as usize],
+        })
     }
 
     /// Codebooks and level track of a texture with `nodes` nodes. There are at most as many codebooks as nodes.
     fn parts(&self, nodes: u32) -> PartsSpec {
         let codebooks = self.0[17].min(nodes);
+        let has_moments = self.0[21] == 1 && codebooks > 0;
+        let codes = if has_moments {
+            // Each code is the highest magnitude, and the level of each block is 0.
+            let block = [&[-1; BLOCK_BYTES - 1][..], &[0]].concat();
+            block.repeat(CODEBOOK_BYTES / BLOCK_BYTES)
+        } else {
+            vec![-127; CODEBOOK_BYTES]
+        };
         let excitation = (codebooks > 0).then(|| ExcitationSpec {
             codebooks: (0..codebooks)
                 .map(|_| CodebookSpec {
                     peak: 1.0,
-                    codes: vec![-127; CODEBOOK_SAMPLES],
+                    codes: codes.clone(),
                 })
                 .collect(),
             of_nodes: (0..nodes)
                 .map(|node| (node % codebooks) as u8 + 1)
                 .collect(),
-            moment_samples: None,
+            moment_samples: has_moments.then_some(MAX_MOMENT_SAMPLES),
         });
         let entries = self.0[18];
-        let modulation = (entries as usize >= MIN_MODULATION_ENTRIES).then(|| ModulationSpec {
+        let has_track = !has_moments && entries as usize >= MIN_MODULATION_ENTRIES;
+        let modulation = has_track.then(|| ModulationSpec {
             step_samples: 100,
             entries: (0..entries)
                 .map(|at| if at.is_multiple_of(2) { 1 } else { -1 })
@@ -250,6 +272,8 @@ impl Recipe {
             stick_slips,
             sections,
             regions,
+            _,
+            _,
             _,
             _,
             _,
