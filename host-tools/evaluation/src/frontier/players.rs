@@ -148,7 +148,8 @@ impl Predictors {
     }
 }
 
-/// Returns `predictor` rounded to `bits` bits. Its own exponent determines the step; the codes have the common exponent.
+/// Returns `predictor` rounded to `bits` bits. Its own exponent determines the step; the codes have the common
+/// exponent.
 fn rounded(predictor: &[f64], bits: u32) -> Vec<f64> {
     let step = 2f64.powi(exponent_of(predictor, bits) + 1 - bits as i32);
     let taps = predictor.iter();

@@ -35,6 +35,9 @@ const RECORD: Limit = Limit {
 /// The options and the recordings of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FitRecord {
+    /// Version of the program that made the fit; empty if the record is older.
+    #[serde(default)]
+    pub version: String,
     /// Hash of the library's bytes, in hexadecimal digits.
     pub library: String,
     /// Options of the fit.
@@ -146,6 +149,7 @@ impl FitRecord {
     ) -> Self {
         let trials = set.trials.iter().zip(contents);
         Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
             library: content_hash(bytes),
             options: options.clone(),
             excitations: Vec::new(),

@@ -293,7 +293,7 @@ const OPTIONAL: [&str; 7] = [
 ];
 
 /// Columns for the user's own remarks, which are not read.
-const REMARKS: [&str; 4] = ["note", "notes", "comment", "take"];
+const REMARKS: [&str; 6] = ["note", "notes", "comment", "remark", "remarks", "take"];
 
 /// Returns the value of the `text` of a true-or-false column `name`; `None` if it is empty.
 fn truth(name: &str, text: Option<&str>) -> std::result::Result<Option<bool>, String> {
@@ -327,9 +327,10 @@ fn time_unit(text: Option<&str>) -> std::result::Result<Option<TimeUnit>, String
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
         let expected = format!(
-            "the columns of a list are {}, {}",
+            "the columns of a list are {}, {}; {} are not used",
             REQUIRED.join(", "),
-            OPTIONAL.join(", ")
+            OPTIONAL.join(", "),
+            REMARKS.join(", ")
         );
         let mut columns = HashMap::new();
         for name in REQUIRED {

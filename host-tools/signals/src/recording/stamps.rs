@@ -557,7 +557,8 @@ pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result
     let steps = Steps::of(times);
     if steps.usual_s <= 0.0 && times[times.len() - 1] > times[0] {
         let problem = format!(
-            "most values of {column} repeat the one before, so they have too few digits: give --sample-rate in their place"
+            "most values of {column} repeat the one before, so they have too few digits: give --sample-rate in their \
+             place"
         );
         return Err(Error::file(path, problem));
     }

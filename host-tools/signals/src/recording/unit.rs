@@ -102,14 +102,21 @@ fn named(plain: &str) -> Option<Unit> {
     })
 }
 
-/// Parses the acceleration of a sample of 1, m/s²: a number, or a unit of acceleration.
+/// Parses the acceleration of a sample of 1, m/s²: a number, a unit of acceleration, or a number of them.
 ///
 /// # Errors
 /// What the text must be, in words.
 pub fn scale(text: &str) -> Result<f64, String> {
-    match (positive(text), Unit::parse(text)) {
-        (Ok(number), _) => Ok(number),
-        (Err(_), Some(Unit::Acceleration(m_s2))) => Ok(m_s2),
+    // As people state a full scale: `5 g`.
+    let (number, unit) = text.split_at(text.find(char::is_alphabetic).unwrap_or(text.len()));
+    let number = if number.is_empty() {
+        Ok(1.0)
+    } else {
+        positive(number.trim())
+    };
+    match (positive(text), number, Unit::parse(unit)) {
+        (Ok(number), ..) => Ok(number),
+        (Err(_), Ok(number), Some(Unit::Acceleration(m_s2))) => Ok(number * m_s2),
         _ => Err(
             "must be a number above zero, m/s² per sample of 1, or a unit such as g, mg, mm/s^2 or g/256 (256 counts \
              per g) or g/0.3 (300 mV/g, samples in V)"
@@ -187,8 +194,8 @@ impl Stated {
             }
             (None, None) => match self.unscaled? {
                 Unit::Voltage(_) => Some(format!(
-                    "the header says {units}, and the sensor's sensitivity is missing: for 100 mV/g, give --scale g/0.1 \
-                     if samples are in V"
+                    "the header says {units}, and the sensor's sensitivity is missing: for 100 mV/g, give --scale \
+                     g/0.1 if samples are in V"
                 )),
                 // As a vibrometer writes it.
                 Unit::Other if plain(units).ends_with("m/s") => Some(format!(
@@ -522,6 +529,8 @@ mod tests {
             ("g", G),
             ("mm/s^2", 1e-3),
             ("g/4096", G / 4096.0),
+            ("5 g", 5.0 * G),
+            ("0.5m/s²", 0.5),
         ] {
             assert_eq!(scale(text), Ok(m_s2));
         }

@@ -58,8 +58,8 @@ impl Strokes {
         Ok((fit, bytes, record))
     }
 
-    /// Returns the texture's name: as given, or that of the first file if the files' names differ only at the end, as in
-    /// `stroke-1` and `stroke-2`.
+    /// Returns the texture's name: as given, or that of the first file if the files' names differ only at the end, as
+    /// in `stroke-1` and `stroke-2`.
     fn name(&self, files: &[PathBuf]) -> Result<String> {
         let (None, Some(first)) = (&self.texture, files.first()) else {
             return Ok(self.texture.clone().unwrap_or_default());
