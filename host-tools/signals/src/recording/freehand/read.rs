@@ -375,17 +375,13 @@ mod tests {
             (1, 0)
         );
         // A tracker that jumps by 100 mm for one sample.
+        let rows = (0..2000).map(|n| {
+            let mm = if n == 1000 { 200.0 } else { 0.1 * f64::from(n) };
+            format!("{n},{mm},1,{}\n", n % 7)
+        });
         let jump = format!(
             "time_ms,position_mm,force_n,ax\n{}",
-            (0..2000)
-                .map(|n| {
-                    format!(
-                        "{n},{},1,{}\n",
-                        if n == 1000 { 200.0 } else { 0.1 * f64::from(n) },
-                        n % 7
-                    )
-                })
-                .collect::<String>()
+            rows.collect::<String>()
         );
         std::fs::write(&path, jump).unwrap();
         let jumped = read(&path, None, None).unwrap();
