@@ -175,8 +175,8 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
-/// `scale_m_s2`. In place of the speed, there may be [positions](positions::columns). If the scale is not given, they
-/// are in the unit of the header, or m/s². If accelerations are named, other columns are left out.
+/// `scale_m_s2`. In place of the speed, there may be positions, such as `x_mm` and `y_mm`. If the scale is not given,
+/// they are in the unit of the header, or m/s². If accelerations are named, other columns are left out.
 ///
 /// A column of times, such as `time_s` or `time_ms`, is necessary unless `rate_hz` is given. Comments begin with `#`; a
 /// comment at the top that begins with SIMULATED marks the file as simulated.
