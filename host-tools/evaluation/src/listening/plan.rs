@@ -113,7 +113,9 @@ pub struct Plan {
     /// Names of the pairs and parts that are left out because no texture has the part that they need, such as when all
     /// play only Gaussian noise.
     pub left_out: Vec<String>,
-    /// Names of pairs, and the surfaces that they are not heard on.
+    /// Surfaces of which too little is held out for two excerpts.
+    pub too_short: Vec<String>,
+    /// Names of pairs, and the other surfaces that these are not heard on.
     pub without: Vec<(String, Vec<String>)>,
     /// The data that were held out, in words.
     pub held_out: String,
@@ -141,11 +143,17 @@ impl Plan {
         });
         let without = self.without.iter().map(|(name, surfaces)| {
             format!(
-                "{name}: without {}: too little is held out, or the texture plays only Gaussian noise{remedy}",
+                "{name}: without surfaces that are silent or play only Gaussian noise ({}){remedy}",
                 listed("", surfaces)
             )
         });
         let mut notes: Vec<String> = left_out.chain(without).collect();
+        if !self.too_short.is_empty() {
+            let surfaces = listed("", &self.too_short);
+            notes.push(format!(
+                "left out, because too little is held out: {surfaces}"
+            ));
+        }
         if self.excerpt_s.0 < excerpt_s - 0.01 {
             notes.push(format!(
                 "sounds take {:.1} s and more, not {excerpt_s} s: held-out recordings do not hold more",
@@ -198,6 +206,7 @@ pub fn plan<'a>(
         options,
         order: in_turns(set, &mut generator),
         sounds: Sounds::default(),
+        too_short: Vec::new(),
         without: Vec::new(),
         generator,
     };
@@ -218,6 +227,7 @@ pub fn plan<'a>(
     let Planner {
         fitted,
         sounds,
+        too_short,
         without,
         ..
     } = planner;
@@ -231,6 +241,7 @@ pub fn plan<'a>(
         task,
         sounds: sounds.all().to_vec(),
         left_out,
+        too_short,
         without,
         held_out: fitted.1.held_out,
         simulated: fitted.1.simulated,
@@ -279,7 +290,9 @@ struct Planner<'a> {
     /// Surfaces at a speed and force, as the indices of their takes in the set.
     order: Vec<Vec<usize>>,
     sounds: Sounds,
-    /// Names of pairs, and the surfaces that they are not heard on.
+    /// As in [`Plan`].
+    too_short: Vec<String>,
+    /// As in [`Plan`].
     without: Vec<(String, Vec<String>)>,
     generator: Pcg64,
 }
@@ -297,7 +310,12 @@ impl Planner<'_> {
         let mut heard: Vec<Vec<Heard>> = Vec::new();
         for surface in self.order.iter().take(most) {
             let read = surface.iter().take(takes).map(|n| self.heard(*n));
-            heard.push(read.filter_map(Result::transpose).collect::<Result<_>>()?);
+            let own: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
+            if own.is_empty() {
+                self.too_short.push(self.surface(surface[0]));
+            } else {
+                heard.push(own);
+            }
         }
         let is_able = |pair: &Pair| !able(&heard, pair.kinds()).is_empty();
         let (pairs, others): (Vec<Pair>, Vec<Pair>) =
@@ -310,11 +328,9 @@ impl Planner<'_> {
         }
         let left_out = others.into_iter().map(Pair::name).collect();
         for pair in &pairs {
-            let there: Vec<usize> = able(&heard, pair.kinds()).iter().map(|one| one.0).collect();
-            let missing = (0..heard.len()).filter(|surface| !there.contains(surface));
-            let names: Vec<String> = missing
-                .map(|one| self.surface(self.order[one][0]))
-                .collect();
+            let is_missing = |takes: &&Vec<Heard>| !takes.iter().any(|take| take.has(pair.kinds()));
+            let missing = heard.iter().filter(is_missing);
+            let names: Vec<String> = missing.map(|takes| takes[0].surface.clone()).collect();
             self.without
                 .extend((!names.is_empty()).then(|| (pair.name(), names)));
         }
