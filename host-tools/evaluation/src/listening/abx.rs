@@ -98,7 +98,7 @@ mod tests {
         let mut sounds = Sounds::default();
         let takes = |surface: usize| {
             let take = |n| Heard::made(&format!("felt, {surface} mm/s, 1 N"), 3 * surface + n);
-            (0..1 + 2 * (surface % 2)).map(take).collect()
+            (0..=2 * (surface % 2)).map(take).collect()
         };
         let heard: Vec<Vec<Heard>> = (0..surfaces).map(takes).collect();
         let planned = trials(pairs, &heard, count, &mut sounds, &mut generator);
