@@ -1,7 +1,9 @@
 //! Liveliness through the command: textures with an excitation and a level of their own, which are written by hand,
 //! compared with recordings made by the same rule.
 
-use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, wav};
+use crate::support::{
+    Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, text, wav,
+};
 use host_tools::dsp::sums::rms;
 use model_format::{
     CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec, encode,
@@ -199,6 +201,23 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
         assert!(gaussian > 3.0 * synthesis, "{measure}: {gaussian}");
     }
     assert!(number("synthesis", "kurtosis_octaves") < 0.15);
+    // Takes of other trials change nothing for one that has none: lines are sought in the blocks of all.
+    bench.succeed("simulate-rig --rig rig.toml --out takes --seed 2");
+    let list = text(&bench.read("takes/trials.csv"));
+    let (few, _) = list.trim_end().rsplit_once('\n').unwrap();
+    bench.write("takes/trials.csv", few);
+    let output = bench.run("evaluate set --library weave.lib --takes takes --json t.json");
+    holds(
+        &text(&output.stderr),
+        &["1 of 8 trials are judged without --takes"],
+    );
+    let last = |of: &Value| {
+        let mut last = of["trials"].as_array().unwrap().last().cloned().unwrap();
+        // This is relative to the trials around it, which takes judge.
+        last["loudest_5_ms"].take();
+        last
+    };
+    assert_eq!(last(&bench.report("t.json")), last(&evaluation));
     bench.succeed("fit set --lines none --out noise.lib");
     let bytes = bench.read("noise.lib");
     let library = Library::decode(&bytes).unwrap();

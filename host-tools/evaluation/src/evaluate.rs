@@ -357,7 +357,7 @@ fn noise_in_words(
 
 /// Evaluates every trial of `set` with its judge in `judges`. Calls `progress` after each trial.
 ///
-/// For trials judged by blocks, a model is fitted again to the blocks between, with the options of `record`. Trials
+/// For trials judged by blocks, the library is fitted again to the blocks between, with the options of `record`. Trials
 /// judged by other recordings are played from `library` as it is. The result does not depend on the number of threads.
 ///
 /// # Errors
@@ -499,21 +499,15 @@ impl Evaluation {
     }
 }
 
-/// Fits the trials that are judged by blocks to the blocks between. Returns a library for each of their textures, and
-/// the durations of the shortest and the longest block, s.
+/// If blocks judge any trial, fits all trials that the fit of `record` used to the blocks between. Returns a library for
+/// each of their textures, and the durations of the shortest and the longest block, s.
 fn refit(
     set: &RecordingSet,
     judges: &[Judge],
     record: Option<&FitRecord>,
     options: &Options,
 ) -> Result<(Refitted, (f64, f64))> {
-    let pairs = set.trials.iter().zip(judges);
-    let trials = pairs.filter(|(_, judge)| **judge == Judge::Blocks);
-    let part = RecordingSet {
-        trials: trials.map(|(trial, _)| trial.clone()).collect(),
-        is_listed: set.is_listed,
-    };
-    if part.trials.is_empty() {
+    if !judges.contains(&Judge::Blocks) {
         return Ok((Vec::new(), (0.0, 0.0)));
     }
     let Some(record) = record else {
@@ -521,6 +515,19 @@ fn refit(
             "blocks of a recording judge a fit whose options are known; none are".into(),
         ));
     };
+    let mut part = RecordingSet {
+        trials: Vec::new(),
+        is_listed: set.is_listed,
+    };
+    for (trial, judge) in set.trials.iter().zip(judges) {
+        let is_fitted = match judge {
+            Judge::Blocks => true,
+            // Takes judge these trials, but a texture's lines and codebooks are found in all of its trials together.
+            Judge::OtherTake(_) => record.used(trial)?,
+            Judge::Unseen | Judge::Nothing => false,
+        };
+        part.trials.extend(is_fitted.then(|| trial.clone()));
+    }
     let fit_options = fit::Options {
         conditioning: options.conditioning,
         // A strict fit has the same models. It only refuses findings of triage and samples without a scale, which were

@@ -369,14 +369,23 @@ fn trials_of(trials: usize, excerpt_s: f64) -> PyResult<listening::Options> {
     })
 }
 
+/// The rows of saved answers, all files after each other, each as pairs of a column's name and a value.
+#[pyfunction]
+#[pyo3(name = "_read_answers")]
+pub fn read_answers(py: Python<'_>, paths: Several<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
+    let files = Answers::read_all(&paths.0).map_err(raised)?;
+    plain(
+        py,
+        &files.iter().flat_map(Answers::rows).collect::<Vec<_>>(),
+    )
+}
+
 /// Scores saved answers of listening tests, those of all files together, as `stylus compare --score` does.
 ///
 /// Returns a dictionary per pair, and one for all: `pair`, `files`, `trials`, `correct`, `proportion`, `interval`
 /// (exact, 95 %), `chance`, `is_told_apart`, `simulated`.
 #[pyfunction]
 pub fn score(py: Python<'_>, answers: Several<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
-    let read = answers.0.iter().map(|path| Answers::read(path));
-    let scores = read.collect::<Result<Vec<_>>>();
-    let scores = scores.and_then(|answers| listening::score(&answers));
+    let scores = Answers::read_all(&answers.0).and_then(|answers| listening::score(&answers));
     plain(py, &scores.map_err(raised)?)
 }

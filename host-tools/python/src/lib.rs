@@ -51,7 +51,7 @@ mod native {
     #[pymodule_export]
     use crate::device::{Device, devices};
     #[pymodule_export]
-    use crate::evaluating::{compare, evaluate, page, score};
+    use crate::evaluating::{compare, evaluate, page, read_answers, score};
     #[pymodule_export]
     use crate::fitting::{fit, fit_strokes};
     #[pymodule_export]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import stylus_haptics as sh
 from stylus_haptics import psychophysics
 from stylus_haptics.psychophysics import MODELS
 
@@ -117,9 +118,26 @@ def test_files_of_a_page_are_read_with_numbers_and_others_are_refused(tmp_path):
     assert (found.pair, found.right, found.trials) == ("r-g", 3, 4)
     with pytest.raises(ValueError, match="--design staircase"):
         psychophysics.thresholds(psychophysics.read([place]))
-    place.write_text("file,texture\na.wav,felt\n")
-    with pytest.raises(ValueError, match="answers.csv"):
-        psychophysics.read(place)
+    saved = place.read_text()
+    # As a German spreadsheet saves it, and in the data of an experiment with other trials.
+    german = "\n".join(";".join(row).replace(".", ",") for row in csv.reader(saved.splitlines()))
+    place.write_text(german + "\n")
+    (again,) = psychophysics.sensitivities(psychophysics.read(place))
+    assert again == found and psychophysics.read(place)[0]["seconds"] == 2.5
+    place.write_text(saved + ",rub" + "," * (len(header) - 2) + "\n")
+    assert len(psychophysics.read(place)) == 4
+    (scored,) = sh.score([place])
+    assert (scored["correct"], scored["trials"]) == (found.right, found.trials)
+    for refused, word in ((saved.replace("A,1", "A,0", 1), "changed"), ("file,texture\na.wav,felt\n", "listener")):
+        place.write_text(refused)
+        for read in (psychophysics.read, sh.score):
+            with pytest.raises(sh.StylusError, match=f"answers.csv.*{word}"):
+                read([place])
+    place.write_text(saved)
+    copy = tmp_path / "copy.csv"
+    copy.write_text(saved)
+    with pytest.raises(sh.StylusError, match="copy.csv.*answers.csv"):
+        psychophysics.read([place, copy])
 
 
 def test_the_example_finds_what_its_listeners_were_made_with(capsys):

@@ -78,8 +78,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.score.is_empty() {
-        let files = arguments.score.iter().map(|path| Answers::read(path));
-        return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
+        return print(&scores(&score(&Answers::read_all(&arguments.score)?)?));
     }
     check(arguments)?;
     let out = arguments.out.as_deref();

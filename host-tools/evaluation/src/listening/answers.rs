@@ -28,21 +28,33 @@ const LONGEST_TEXT: usize = 256;
 /// Largest number of pairs of kinds: many times as many as there are.
 const MOST_PAIRS: usize = 64;
 
+/// Form of a column.
+#[derive(Clone, Copy)]
+enum Form {
+    Text,
+    Count,
+    Number,
+}
+
+/// A field of a row.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Field {
+    /// A count.
+    Count(u32),
+    /// A number.
+    Number(f64),
+    /// Any text.
+    Text(String),
+}
+
 /// A row of a file of answers.
 #[derive(Clone, Debug, PartialEq)]
 struct Answered {
-    listener: String,
-    trial: u32,
-    pair: String,
-    a: String,
-    b: String,
-    x: String,
-    answer: String,
-    correct: u32,
-    replays: u32,
-    seconds: f64,
-    page: String,
-    origin: String,
+    /// Fields of the design's columns.
+    own: Vec<(&'static str, Field)>,
+    /// Fields of further columns, with their names.
+    further: Vec<(String, Field)>,
 }
 
 /// The answers of one file.
@@ -76,17 +88,16 @@ pub struct Score {
 }
 
 impl Answers {
-    /// Reads a file that a page has saved.
+    /// Reads a file that a page has saved. Rows with an empty design, such as those of other trials of an experiment, are
+    /// left out.
     ///
     /// # Errors
-    /// A file that cannot be read, has no answers or those of another design; a row that is invalid or contradicts
-    /// itself; or a trial that occurs twice.
+    /// A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial that occurs
+    /// twice.
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
-        // Files of other designs lack columns, but an error about these would not name the reason.
-        refuse_other_designs(&table, header.column("design")?)?;
-        let columns = Columns::of(&header)?;
+        let design = header.column("design")?;
         let mut rows: Vec<Answered> = Vec::new();
         let mut seen = BTreeSet::new();
         let mut lines = table.rows_below_header()?;
@@ -94,12 +105,18 @@ impl Answers {
             .next_row()
             .map_err(|failure| not_saved(path, failure))?
         {
-            let row = columns.answer(&line)?;
+            // Earlier pages asked about A, B and X only, and named no design.
+            let design = design.map_or("abx", |column| line.text(column));
+            if design.is_empty() {
+                continue;
+            }
+            let row = Answered::of(design, &header, &line)?;
             row.check().map_err(|problem| line.error(problem))?;
-            if !seen.insert((row.page.clone(), row.listener.clone(), row.trial)) {
+            let trial = row.count("trial");
+            let asked = (row.text("page").to_owned(), row.text("listener").to_owned());
+            if !seen.insert((asked, trial)) {
                 return Err(line.error(format!(
-                    "trial {} of this page and listener is there twice; give each listener's file once",
-                    row.trial
+                    "trial {trial} of this page and listener is there twice; give each listener's file once"
                 )));
             }
             rows.push(row);
@@ -112,107 +129,190 @@ impl Answers {
             rows,
         })
     }
+
+    /// Reads the files of several listeners.
+    ///
+    /// # Errors
+    /// Those of [`Self::read`], or two files with the same answers.
+    pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Self>> {
+        let mut files: Vec<Self> = Vec::new();
+        for path in paths {
+            let file = Self::read(path)?;
+            // Two listeners who gave the same answers differ in their times.
+            let own = |file: &Self| {
+                file.rows
+                    .iter()
+                    .map(|row| row.own.clone())
+                    .collect::<Vec<_>>()
+            };
+            if let Some(other) = files.iter().find(|other| own(other) == own(&file)) {
+                let other = other.path.display();
+                let problem = format!("has the answers of {other}; give each listener's file once");
+                return Err(Error::file(path, problem));
+            }
+            files.push(file);
+        }
+        Ok(files)
+    }
+
+    /// The rows, each as its fields and the names of their columns.
+    pub fn rows(&self) -> impl Iterator<Item = Vec<(&str, &Field)>> {
+        self.rows.iter().map(|row| {
+            let own = row.own.iter().map(|(name, field)| (*name, field));
+            let further = row.further.iter();
+            own.chain(further.map(|(name, field)| (name.as_str(), field)))
+                .collect()
+        })
+    }
 }
 
 /// Remedy for a file that does not hold answers.
 const FROM_A_PAGE: &str = "give a file that the page of `stylus compare` saved";
 
-/// Names of the columns, in the order of [`Answered`]'s fields.
-const NAMES: [&str; 12] = [
-    "listener", "trial", "pair", "a", "b", "x", "answer", "correct", "replays", "seconds", "page",
-    "origin",
+/// Columns of all designs, with their forms.
+const OF_ALL: [(&str, Form); 6] = [
+    ("listener", Form::Text),
+    ("trial", Form::Count),
+    ("replays", Form::Count),
+    ("seconds", Form::Number),
+    ("page", Form::Text),
+    ("origin", Form::Text),
 ];
 
-/// Refuses ratings and staircases, because a proportion of right answers does not score them.
-fn refuse_other_designs(table: &CsvTable, design: Option<usize>) -> Result<()> {
-    let mut rows = table.rows_below_header()?;
-    let (Some(column), Ok(Some(row))) = (design, rows.next_row()) else {
-        return Ok(());
-    };
-    match row.text(column) {
-        "abx" => Ok(()),
-        other => Err(Error::file(
-            table.path(),
-            format!(
-                "holds answers of the design '{other}', and --score counts those of 'abx'; analyse it by the Python \
-                 package: `examples/analyse_listening.py`"
-            ),
-        )),
-    }
-}
-
-/// Indices of the columns of [`NAMES`].
-struct Columns([usize; NAMES.len()]);
-
-impl Columns {
-    fn of(header: &Header<'_>) -> Result<Self> {
-        let mut columns = [0; NAMES.len()];
-        for (column, name) in columns.iter_mut().zip(NAMES) {
-            *column = header.needed(name, FROM_A_PAGE)?;
-        }
-        Ok(Self(columns))
-    }
-
-    fn answer(&self, line: &Row<'_, '_>) -> Result<Answered> {
-        let text = |field: usize| match line.text(self.0[field]) {
-            text if text.len() <= LONGEST_TEXT => Ok(text.to_owned()),
-            text => Err(line.error(format!(
-                "{} has {} bytes, and a page saves at most {LONGEST_TEXT}; {FROM_A_PAGE}",
-                NAMES[field],
-                text.len()
-            ))),
-        };
-        let count = |field: usize| {
-            let (text, name) = (line.text(self.0[field]), NAMES[field]);
-            text.parse().map_err(|_| {
-                line.error(format!(
-                    "{name} is '{text}', which is no count; {FROM_A_PAGE}"
-                ))
-            })
-        };
-        Ok(Answered {
-            listener: text(0)?,
-            trial: count(1)?,
-            pair: text(2)?,
-            a: text(3)?,
-            b: text(4)?,
-            x: text(5)?,
-            answer: text(6)?,
-            correct: count(7)?,
-            replays: count(8)?,
-            seconds: line.finite(self.0[9], NAMES[9])?,
-            page: text(10)?,
-            origin: text(11)?,
-        })
-    }
+/// Returns the columns that only `design` has; `None` if there is no such design.
+fn columns_of(design: &str) -> Option<&'static [(&'static str, Form)]> {
+    use Form::{Count, Number, Text};
+    Some(match design {
+        "abx" => &[
+            ("pair", Text),
+            ("a", Text),
+            ("b", Text),
+            ("x", Text),
+            ("answer", Text),
+            ("correct", Count),
+        ],
+        "similarity" => &[
+            ("block", Count),
+            ("position", Count),
+            ("pair", Text),
+            ("a", Text),
+            ("b", Text),
+            ("same", Count),
+            ("rating", Number),
+        ],
+        "staircase" => &[
+            ("part", Text),
+            ("step", Count),
+            ("strength", Number),
+            ("unit", Text),
+            ("a", Text),
+            ("b", Text),
+            ("x", Text),
+            ("answer", Text),
+            ("correct", Count),
+            ("reversal", Count),
+        ],
+        _ => return None,
+    })
 }
 
 impl Answered {
+    fn of(design: &str, header: &Header<'_>, line: &Row<'_, '_>) -> Result<Self> {
+        let Some(columns) = columns_of(design) else {
+            let design = bounded("design", design).map_err(|problem| line.error(problem))?;
+            return Err(line.error(format!(
+                "the design is '{design}', which no page has; {FROM_A_PAGE}"
+            )));
+        };
+        let mut own = vec![("design", Field::Text(design.to_owned()))];
+        let mut known = vec![header.column("design")?];
+        for &(name, form) in OF_ALL.iter().chain(columns) {
+            let column = header.needed(name, FROM_A_PAGE)?;
+            let text = line.text(column);
+            let field = match form {
+                Form::Text => {
+                    Field::Text(bounded(name, text).map_err(|problem| line.error(problem))?)
+                }
+                Form::Number => Field::Number(line.finite(column, name)?),
+                Form::Count => Field::Count(text.parse().map_err(|_| {
+                    line.error(format!(
+                        "{name} is '{text}', which is no count; {FROM_A_PAGE}"
+                    ))
+                })?),
+            };
+            own.push((name, field));
+            known.push(Some(column));
+        }
+        let further = header.names().enumerate();
+        let further = further.filter(|(column, _)| !known.contains(&Some(*column)));
+        let further = further.map(|(column, name)| {
+            let text = line.text(column).to_owned();
+            (name.to_owned(), Field::Text(text))
+        });
+        Ok(Self {
+            further: further.collect(),
+            own,
+        })
+    }
+
+    fn field(&self, name: &str) -> Option<&Field> {
+        let mut own = self.own.iter();
+        own.find(|field| field.0 == name).map(|field| &field.1)
+    }
+
+    /// The text in a column; empty if the design lacks the column.
+    fn text(&self, name: &str) -> &str {
+        match self.field(name) {
+            Some(Field::Text(text)) => text,
+            _ => "",
+        }
+    }
+
+    /// The count in a column; 0 if the design lacks the column.
+    fn count(&self, name: &str) -> u32 {
+        match self.field(name) {
+            Some(Field::Count(count)) => *count,
+            _ => 0,
+        }
+    }
+
     /// Returns what is wrong with the row.
     fn check(&self) -> std::result::Result<(), String> {
-        let chosen = match self.answer.as_str() {
-            "A" => &self.a,
-            "B" => &self.b,
+        let [design, a, b, x, answer] = ["design", "a", "b", "x", "answer"].map(|of| self.text(of));
+        if design == "similarity" {
+            return Ok(());
+        }
+        let chosen = match answer {
+            "A" => a,
+            "B" => b,
             other => return Err(format!("the answer is '{other}'; it must be A or B")),
         };
-        let is_right = *chosen == self.x;
-        if self.a == self.b || (self.x != self.a && self.x != self.b) {
+        let is_right = chosen == x;
+        if a == b || (x != a && x != b) {
             return Err(format!(
-                "X is '{}', A '{}' and B '{}'; X must be one of two that differ",
-                self.x, self.a, self.b
+                "X is '{x}', A '{a}' and B '{b}'; X must be one of two that differ"
             ));
         }
-        if u32::from(is_right) != self.correct {
+        let correct = self.count("correct");
+        if u32::from(is_right) != correct {
             return Err(format!(
-                "'correct' is {}, but the answer {} to X = '{}' is {}; the file was changed",
-                self.correct,
-                self.answer,
-                self.x,
+                "'correct' is {correct}, but the answer {answer} to X = '{x}' is {}; the file was changed",
                 if is_right { "right" } else { "wrong" }
             ));
         }
         Ok(())
     }
+}
+
+/// Returns the text of a field, or the problem that it is longer than a page saves.
+fn bounded(name: &str, text: &str) -> std::result::Result<String, String> {
+    if text.len() <= LONGEST_TEXT {
+        return Ok(text.to_owned());
+    }
+    Err(format!(
+        "{name} has {} bytes, and a page saves at most {LONGEST_TEXT}; {FROM_A_PAGE}",
+        text.len()
+    ))
 }
 
 /// Adds the remedy to the error of a line that no page saved.
@@ -229,17 +329,16 @@ fn not_saved(path: &Path, failure: Error) -> Error {
 /// several.
 ///
 /// # Errors
-/// Two files with the same answers, or more pairs than a page can have.
+/// Ratings and staircases, which no proportion of right answers scores, or more pairs than a page can have.
 pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
-    for (index, file) in files.iter().enumerate() {
-        // Two listeners who gave the same answers differ in their times.
-        let same = |other: &&Answers| other.rows == file.rows;
-        if let Some(other) = files[..index].iter().find(same) {
+    for file in files {
+        let mut designs = file.rows.iter().map(|row| row.text("design"));
+        if let Some(other) = designs.find(|design| *design != "abx") {
             return Err(Error::file(
                 &file.path,
                 format!(
-                    "has the answers of {}; give each listener's file once",
-                    other.path.display()
+                    "holds answers of the design '{other}', and --score counts those of 'abx'; analyse it by the \
+                     Python package: `examples/analyse_listening.py`"
                 ),
             ));
         }
@@ -247,18 +346,19 @@ pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
     let mut pairs: Vec<&str> = Vec::new();
     for (file, row) in (files.iter()).flat_map(|file| file.rows.iter().map(move |row| (file, row)))
     {
-        if pairs.contains(&row.pair.as_str()) {
+        let pair = row.text("pair");
+        if pairs.contains(&pair) {
             continue;
         }
         if pairs.len() == MOST_PAIRS {
             let problem = format!("has more than {MOST_PAIRS} pairs of kinds; {FROM_A_PAGE}");
             return Err(Error::file(&file.path, problem));
         }
-        pairs.push(&row.pair);
+        pairs.push(pair);
     }
     let mut scores: Vec<Score> = pairs
         .iter()
-        .map(|&pair| Score::of(files, pair, |row| row.pair == pair))
+        .map(|&pair| Score::of(files, pair, |row| row.text("pair") == pair))
         .collect();
     if pairs.len() > 1 {
         scores.push(Score::of(files, "all", |_| true));
@@ -273,7 +373,7 @@ impl Score {
             .flat_map(|file| file.rows.iter().filter(|row| is_of(row)))
             .collect();
         let trials = rows.len() as u32;
-        let correct = rows.iter().map(|row| row.correct).sum();
+        let correct = rows.iter().map(|row| row.count("correct")).sum();
         let interval = clopper_pearson(correct, trials, CONFIDENCE);
         let with = |file: &&Answers| file.rows.iter().any(&is_of);
         Self {
@@ -285,7 +385,7 @@ impl Score {
             interval,
             chance: CHANCE,
             is_told_apart: interval.0 > CHANCE,
-            simulated: rows.iter().any(|row| row.origin == "SIMULATED"),
+            simulated: rows.iter().any(|row| row.text("origin") == "SIMULATED"),
         }
     }
 }
@@ -379,21 +479,106 @@ mod tests {
             let path = file(folder.path(), "bad.csv", &[good(), bad]);
             holds(&Answers::read(&path).unwrap_err(), &["line 3", word]);
         }
-        let other = format!("design,{HEADER}similarity,{}", good());
+        let other = format!("design,{HEADER}triangle,{}", good());
         let path = folder.path().join("other.csv");
         std::fs::write(&path, other).unwrap();
-        let words = ["other.csv", "'similarity'", "'abx'", "analyse_listening.py"];
-        holds(&Answers::read(&path).unwrap_err(), &words);
+        holds(
+            &Answers::read(&path).unwrap_err(),
+            &["line 2", "'triangle'"],
+        );
         let empty = file(folder.path(), "empty.csv", &[]);
         holds(&Answers::read(&empty).unwrap_err(), &["no answers"]);
     }
 
     #[test]
-    fn one_file_does_not_count_twice() {
+    fn one_file_does_not_count_twice_also_after_a_spreadsheet_saved_it_again() {
         let folder = tempfile::tempdir().unwrap();
         let rows = [row(1, "recording-gaussian", "recording", "A", 1)];
-        let files = ["one.csv", "copy.csv"]
-            .map(|name| Answers::read(&file(folder.path(), name, &rows)).unwrap());
-        holds(&score(&files).unwrap_err(), &["copy.csv", "one.csv"]);
+        let one = file(folder.path(), "one.csv", &rows);
+        let copy = folder.path().join("copy.csv");
+        let saved = std::fs::read_to_string(&one).unwrap();
+        let german = saved.replace("\"felt, 1 N\"", "felt").replace(',', ";");
+        std::fs::write(&copy, german.replace("2.5", "2,5")).unwrap();
+        let twice = Answers::read_all(&[one, copy]);
+        holds(&twice.unwrap_err(), &["copy.csv", "one.csv"]);
+    }
+
+    #[test]
+    fn answers_of_all_designs_are_read_and_only_those_of_abx_are_scored() {
+        let folder = tempfile::tempdir().unwrap();
+        let written = |design: &str, names: &str, values: &str| {
+            let path = folder.path().join(format!("{design}.csv"));
+            let text = format!(
+                "design,listener,trial,{names},replays,seconds,surface,page,origin\n\
+                 {design},1,1,{values},0,2.5,felt,p1,recorded\n"
+            );
+            std::fs::write(&path, text).unwrap();
+            Answers::read(&path)
+        };
+        let ratings = written(
+            "similarity",
+            "block,position,pair,a,b,same,rating",
+            "1,1,recording-fitted,fitted,recording,0,62.5",
+        )
+        .unwrap();
+        let rows: Vec<_> = ratings.rows().collect();
+        assert!(rows[0].contains(&("rating", &Field::Number(62.5))));
+        assert!(rows[0].contains(&("surface", &Field::Text("felt".into()))));
+        let words = [
+            "similarity.csv",
+            "'similarity'",
+            "'abx'",
+            "analyse_listening.py",
+        ];
+        holds(&score(&[ratings]).unwrap_err(), &words);
+        let names = "part,step,strength,unit,a,b,x,answer,correct,reversal";
+        let step = "level,17,8,dB,reference,changed,changed";
+        let stairs = written("staircase", names, &format!("{step},B,1,0")).unwrap();
+        holds(&score(&[stairs]).unwrap_err(), &["'staircase'"]);
+        let changed = written("staircase", names, &format!("{step},A,1,0"));
+        holds(&changed.unwrap_err(), &["line 2", "changed"]);
+    }
+
+    #[test]
+    fn of_an_experiments_data_the_rows_of_a_listening_test_count() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("experiment.csv");
+        // As jsPsych writes it: every field is quoted, and a trial has no value in the columns of others.
+        let quoted = |fields: &[&str]| format!("\"{}\"\r\n", fields.join("\",\""));
+        let names = "trial_type,texture,motion_csv,rt,design,listener,trial,pair,a,b,x,answer,correct,replays,seconds,\
+                     surface,page,origin,is_last";
+        let motion = "time_s,speed_mm_s\n0,100\n0.002,101\n";
+        let rub = [&["stylus-rub", "felt", motion, "900"][..], &[""; 15]].concat();
+        let answer = |trial: &'static str, answer, correct| {
+            let own = [
+                "stylus-compare",
+                "",
+                "",
+                "2500",
+                "abx",
+                "1",
+                trial,
+                "r-g",
+                "r",
+                "g",
+                "r",
+            ];
+            let rest = [
+                answer,
+                correct,
+                "0",
+                "2.5",
+                "felt, 100 mm/s, 1 N",
+                "p1",
+                "recorded",
+                "false",
+            ];
+            [&own[..], &rest].concat()
+        };
+        let names: Vec<&str> = names.split(',').collect();
+        let rows = [names, rub, answer("1", "A", "1"), answer("2", "B", "0")];
+        std::fs::write(&path, rows.map(|row| quoted(&row)).concat()).unwrap();
+        let scores = score(&[Answers::read(&path).unwrap()]).unwrap();
+        assert_eq!((scores[0].trials, scores[0].correct), (2, 1));
     }
 }

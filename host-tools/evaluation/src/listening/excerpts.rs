@@ -3,21 +3,34 @@
 use std::f64::consts::PI;
 
 use model_format::SAMPLE_RATE_HZ;
+use rand::seq::IndexedRandom;
+use rand_pcg::Pcg64;
 
 use super::kinds::Kind;
+
+/// Number of sounds of a trial, of which no two may be from the same window of one noise.
+pub(super) const WINDOWS: usize = 3;
+
+/// An excerpt of a signal.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Excerpt {
+    /// Number of the window in time from which it is.
+    pub window: usize,
+    pub samples: Vec<f64>,
+}
 
 /// Excerpts of a trial of the set, by kind. `fitted` is empty if the fitted texture plays only Gaussian noise and no
 /// other library is compared.
 pub(super) struct Heard {
     pub surface: String,
-    pub recording: Vec<Vec<f64>>,
-    pub gaussian: Vec<Vec<f64>>,
-    pub fitted: Vec<Vec<f64>>,
-    pub before: Vec<Vec<f64>>,
+    pub recording: Vec<Excerpt>,
+    pub gaussian: Vec<Excerpt>,
+    pub fitted: Vec<Excerpt>,
+    pub before: Vec<Excerpt>,
 }
 
 impl Heard {
-    pub fn of(&self, kind: Kind) -> &[Vec<f64>] {
+    fn of(&self, kind: Kind) -> &[Excerpt] {
         match kind {
             Kind::Recording => &self.recording,
             Kind::Gaussian => &self.gaussian,
@@ -26,10 +39,43 @@ impl Heard {
         }
     }
 
-    /// Returns whether a trial of these kinds is possible: each kind needs two excerpts.
+    /// Returns whether a trial of these kinds is possible: each kind needs two excerpts, and kinds that share a noise
+    /// need three.
     pub fn has(&self, kinds: [Kind; 2]) -> bool {
-        kinds.iter().all(|kind| self.of(*kind).len() >= 2)
+        let has_recording = kinds.contains(&Kind::Recording);
+        let least = if has_recording { 2 } else { WINDOWS };
+        kinds.iter().all(|kind| self.of(*kind).len() >= least)
     }
+
+    /// Draws an excerpt of each of `kinds`, which are of a pair that this [has](Self::has). Returns their indices.
+    ///
+    /// All synthetic kinds are played with one seed. In the same window they have the same noise, by which a listener
+    /// could recognise X. So no two excerpts are from the same window of the recording, or of the syntheses.
+    pub fn drawn<const N: usize>(
+        &self,
+        kinds: [Kind; N],
+        sounds: &mut Sounds,
+        generator: &mut Pcg64,
+    ) -> [usize; N] {
+        let mut taken = Vec::new();
+        kinds.map(|kind| {
+            let source = |excerpt: &Excerpt| (kind == Kind::Recording, excerpt.window);
+            let own = self.of(kind).iter();
+            let free: Vec<&Excerpt> = own.filter(|one| !taken.contains(&source(one))).collect();
+            let drawn = free.choose(generator).expect("a trial has fewer sounds");
+            taken.push(source(drawn));
+            sounds.index_of(&drawn.samples)
+        })
+    }
+}
+
+/// Returns the surfaces that have a take with excerpts of `kinds`: the index of each in `heard`, and these takes.
+pub(super) fn able(heard: &[Vec<Heard>], kinds: [Kind; 2]) -> Vec<(usize, Vec<&Heard>)> {
+    let surfaces = heard.iter().enumerate().map(|(surface, takes)| {
+        let takes = takes.iter().filter(|take| take.has(kinds));
+        (surface, takes.collect::<Vec<_>>())
+    });
+    surfaces.filter(|(_, takes)| !takes.is_empty()).collect()
 }
 
 /// The sounds of a page, each kept once.
@@ -73,9 +119,10 @@ pub(super) fn samples(blocks: &[Vec<f64>], seconds: f64) -> Option<usize> {
 
 /// Cuts a signal in blocks into adjacent excerpts of `samples` samples. Each has an RMS of 1 about its mean before its
 /// ends are faded. Silent excerpts are left out.
-pub(super) fn excerpts(blocks: &[&[f64]], samples: usize) -> Vec<Vec<f64>> {
+pub(super) fn excerpts(blocks: &[&[f64]], samples: usize) -> Vec<Excerpt> {
     let parts = blocks.iter().flat_map(|block| block.chunks_exact(samples));
-    parts.filter_map(levelled).collect()
+    let excerpt = |(window, part)| levelled(part).map(|samples| Excerpt { window, samples });
+    parts.enumerate().filter_map(excerpt).collect()
 }
 
 fn levelled(part: &[f64]) -> Option<Vec<f64>> {
@@ -104,14 +151,17 @@ mod tests {
     use super::*;
 
     impl Heard {
-        /// Three excerpts of each kind, of two samples: the kind and their number.
-        pub fn made() -> Self {
+        /// Three excerpts of each kind, of three samples: the kind, their window, and the number `take`.
+        pub fn made(surface: &str, take: usize) -> Self {
             let of = |kind: usize| {
-                let excerpt = |n: usize| vec![kind as f64, n as f64];
+                let excerpt = |window: usize| Excerpt {
+                    window,
+                    samples: [kind, window, take].map(|number| number as f64).into(),
+                };
                 (0..3).map(excerpt).collect::<Vec<_>>()
             };
             Self {
-                surface: "denim, 120 mm/s, 1 N".into(),
+                surface: surface.into(),
                 recording: of(0),
                 gaussian: of(1),
                 fitted: of(2),
@@ -146,13 +196,25 @@ mod tests {
         for signal in [loud, soft] {
             let found = excerpts(&[&signal], 5000);
             assert_eq!(found.len(), 2);
-            for excerpt in found {
+            for Excerpt {
+                samples: excerpt, ..
+            } in found
+            {
                 let middle = &excerpt[100..4900];
                 let rms = crate::dsp::sums::rms(middle);
                 assert!((rms - 1.0).abs() < 0.01, "{rms}");
                 assert!(excerpt[0].abs() < 1e-3 && excerpt[4999].abs() < 1e-3);
             }
         }
-        assert_eq!(excerpts(&[&vec![3.0; 5000]], 1000), Vec::<Vec<f64>>::new());
+        assert_eq!(excerpts(&[&vec![3.0; 5000]], 1000), []);
+    }
+
+    #[test]
+    fn a_silent_window_moves_no_other_to_its_place() {
+        let mut signal: Vec<f64> = (0..4000).map(|n| (f64::from(n) * 0.3).sin()).collect();
+        signal[1000..2000].fill(0.0);
+        let found = excerpts(&[&signal], 1000);
+        let windows: Vec<usize> = found.iter().map(|one| one.window).collect();
+        assert_eq!(windows, [0, 2, 3]);
     }
 }

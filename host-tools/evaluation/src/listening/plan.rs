@@ -6,18 +6,21 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use super::abx::{Trial, trial};
-use super::excerpts::{Heard, SHORTEST_EXCERPT_S, Sounds, excerpts, samples};
+use super::abx::{Trial, trials};
+use super::excerpts::{
+    Excerpt, Heard, SHORTEST_EXCERPT_S, Sounds, WINDOWS, able, excerpts, samples,
+};
 use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
 use crate::evaluate::{self, Evaluation};
 use crate::fit::record::FitRecord;
-use crate::held_out::{Judge, JudgeKind};
+use crate::held_out::{Judge, JudgeKind, is_same};
 use crate::liveliness::slices;
 use crate::played::Played;
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
+use crate::support::nearest::listed;
 
 /// Question to a listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -110,6 +113,10 @@ pub struct Plan {
     /// Names of the pairs and parts that are left out because no texture has the part that they need, such as when all
     /// play only Gaussian noise.
     pub left_out: Vec<String>,
+    /// Surfaces of which too little is held out for two excerpts.
+    pub too_short: Vec<String>,
+    /// Names of pairs, and the other surfaces that these are not heard on.
+    pub without: Vec<(String, Vec<String>)>,
     /// The data that were held out, in words.
     pub held_out: String,
     /// True if any recording of the test is simulated.
@@ -119,12 +126,13 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Returns notes on what was requested and is not in the test: excerpts as long as `excerpt_s`, pairs and parts.
+    /// Returns notes on what was requested and is not in the test: excerpts as long as `excerpt_s`, pairs, parts, and
+    /// surfaces of pairs.
     pub fn notes(&self, excerpt_s: f64, has_takes: bool) -> Vec<String> {
         let remedy = if has_takes {
             ""
         } else {
-            ": what is held out by blocks is fitted without codebooks and tracks, and other takes judge them"
+            ": blocks are fitted to half of each recording, and --takes plays the library as it is"
         };
         let reason = match self.task {
             Task::Staircase(_) => "has it",
@@ -133,7 +141,19 @@ impl Plan {
         let left_out = self.left_out.iter().map(|name| {
             format!("{name}: left out, because no texture that is heard {reason}{remedy}")
         });
-        let mut notes: Vec<String> = left_out.collect();
+        let without = self.without.iter().map(|(name, surfaces)| {
+            format!(
+                "{name}: without surfaces that are silent or play only Gaussian noise ({}){remedy}",
+                listed("", surfaces)
+            )
+        });
+        let mut notes: Vec<String> = left_out.chain(without).collect();
+        if !self.too_short.is_empty() {
+            let surfaces = listed("", &self.too_short);
+            notes.push(format!(
+                "left out, because too little is held out: {surfaces}"
+            ));
+        }
         if self.excerpt_s.0 < excerpt_s - 0.01 {
             notes.push(format!(
                 "sounds take {:.1} s and more, not {excerpt_s} s: held-out recordings do not hold more",
@@ -153,8 +173,8 @@ pub struct Compared<'a> {
     pub record: Option<&'a FitRecord>,
 }
 
-/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. Trials
-/// of the set are taken from each texture in turn, in random order.
+/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. Surfaces
+/// at a speed and force are taken from each texture in turn, in random order.
 ///
 /// # Errors
 /// Those of [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording
@@ -167,6 +187,12 @@ pub fn plan<'a>(
     evaluate: &evaluate::Options,
     options: &Options,
 ) -> Result<Plan> {
+    // Each of a trial's sounds takes a window of its own. A little more, so that no rounding takes the last one.
+    let least_s = WINDOWS as f64 * options.excerpt_s + 0.01;
+    let evaluate = &evaluate::Options {
+        synthesis_s: evaluate.synthesis_s.max(least_s),
+        ..*evaluate
+    };
     let prepared = |of: Compared<'a>| -> Result<_> {
         let evaluation = evaluate::prepare(set, of.library, judges.to_vec(), of.record, evaluate)?;
         Ok((of.library, evaluation))
@@ -180,6 +206,8 @@ pub fn plan<'a>(
         options,
         order: in_turns(set, &mut generator),
         sounds: Sounds::default(),
+        too_short: Vec::new(),
+        without: Vec::new(),
         generator,
     };
     if judges
@@ -196,7 +224,13 @@ pub fn plan<'a>(
         Design::Staircase => planner.staircases()?,
         Design::Abx | Design::Similarity => planner.pairs()?,
     };
-    let Planner { fitted, sounds, .. } = planner;
+    let Planner {
+        fitted,
+        sounds,
+        too_short,
+        without,
+        ..
+    } = planner;
     let seconds = |samples: usize| samples as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
     let lengths = || sounds.all().iter().map(Vec::len);
     Ok(Plan {
@@ -207,15 +241,18 @@ pub fn plan<'a>(
         task,
         sounds: sounds.all().to_vec(),
         left_out,
+        too_short,
+        without,
         held_out: fitted.1.held_out,
         simulated: fitted.1.simulated,
         seed: options.seed,
     })
 }
 
-/// Returns the indices of the set's trials, shuffled within each texture, with textures in turn.
-fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<usize> {
-    let mut of_textures: Vec<Vec<usize>> = set
+/// Returns the set's surfaces at a speed and force, shuffled within each texture, with textures in turn. Each is given by
+/// the indices of its takes.
+fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<Vec<usize>> {
+    let mut of_textures: Vec<Vec<Vec<usize>>> = set
         .textures()
         .into_iter()
         .map(|name| {
@@ -223,14 +260,23 @@ fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<usize> {
             let own = trials.filter(|(_, trial)| trial.texture == name);
             let mut own: Vec<usize> = own.map(|(index, _)| index).collect();
             own.shuffle(generator);
-            own
+            let mut surfaces: Vec<Vec<usize>> = Vec::new();
+            for index in own {
+                let is_of =
+                    |takes: &&mut Vec<usize>| is_same(&set.trials[takes[0]], &set.trials[index]);
+                match surfaces.iter_mut().find(is_of) {
+                    Some(takes) => takes.push(index),
+                    None => surfaces.push(vec![index]),
+                }
+            }
+            surfaces
         })
         .collect();
     of_textures.shuffle(generator);
     let longest = of_textures.iter().map(Vec::len).max().unwrap_or(0);
     (0..longest)
         .flat_map(|turn| of_textures.iter().filter_map(move |own| own.get(turn)))
-        .copied()
+        .cloned()
         .collect()
 }
 
@@ -241,9 +287,13 @@ struct Planner<'a> {
     before: Option<(&'a Library<'a>, Evaluation)>,
     evaluate: &'a evaluate::Options,
     options: &'a Options,
-    /// Indices of the set's trials.
-    order: Vec<usize>,
+    /// Surfaces at a speed and force, as the indices of their takes in the set.
+    order: Vec<Vec<usize>>,
     sounds: Sounds,
+    /// As in [`Plan`].
+    too_short: Vec<String>,
+    /// As in [`Plan`].
+    without: Vec<(String, Vec<String>)>,
     generator: Pcg64,
 }
 
@@ -251,14 +301,23 @@ impl Planner<'_> {
     /// Plans the trials of pairs of kinds. Also returns the names of the pairs whose kinds no texture has.
     fn pairs(&mut self) -> Result<(Task, Vec<String>)> {
         let options = self.options;
-        let read = self
-            .order
-            .iter()
-            // A pair's trials would not reach further recordings.
-            .take(options.trials)
-            .map(|n| self.heard(*n));
-        let heard: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
-        let is_able = |pair: &Pair| heard.iter().any(|heard| heard.has(pair.kinds()));
+        // Trials would not reach further surfaces, or further takes. All ratings of a block are of one surface.
+        let most = match options.design {
+            Design::Similarity => options.trials,
+            Design::Abx | Design::Staircase => options.trials * options.pairs.len(),
+        };
+        let takes = most.div_ceil(self.order.len().max(1));
+        let mut heard: Vec<Vec<Heard>> = Vec::new();
+        for surface in self.order.iter().take(most) {
+            let read = surface.iter().take(takes).map(|n| self.heard(*n));
+            let own: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
+            if own.is_empty() {
+                self.too_short.push(self.surface(surface[0]));
+            } else {
+                heard.push(own);
+            }
+        }
+        let is_able = |pair: &Pair| !able(&heard, pair.kinds()).is_empty();
         let (pairs, others): (Vec<Pair>, Vec<Pair>) =
             options.pairs.iter().partition(|p| is_able(p));
         if pairs.is_empty() {
@@ -268,20 +327,19 @@ impl Planner<'_> {
             )));
         }
         let left_out = others.into_iter().map(Pair::name).collect();
+        for pair in &pairs {
+            let is_missing = |takes: &&Vec<Heard>| !takes.iter().any(|take| take.has(pair.kinds()));
+            let missing = heard.iter().filter(is_missing);
+            let names: Vec<String> = missing.map(|takes| takes[0].surface.clone()).collect();
+            self.without
+                .extend((!names.is_empty()).then(|| (pair.name(), names)));
+        }
         let (sounds, generator) = (&mut self.sounds, &mut self.generator);
         if options.design == Design::Similarity {
             let ratings = ratings(&pairs, &heard, options.trials, sounds, generator);
             return Ok((Task::Similarity(ratings), left_out));
         }
-        let mut trials = Vec::new();
-        for &pair in &pairs {
-            let able: Vec<&Heard> = heard.iter().filter(|h| h.has(pair.kinds())).collect();
-            for number in 0..options.trials {
-                // Surfaces take turns, so that each is heard as often as the others, give or take one.
-                trials.push(trial(pair, able[number % able.len()], sounds, generator));
-            }
-        }
-        trials.shuffle(generator);
+        let trials = trials(&pairs, &heard, options.trials, sounds, generator);
         Ok((Task::Abx { trials }, left_out))
     }
 
@@ -291,11 +349,11 @@ impl Planner<'_> {
         let options = self.options;
         let mut left_out = options.parts.clone();
         let mut tracks: Vec<Track> = Vec::new();
-        for place in 0..self.order.len() {
+        for index in self.order.concat() {
             if left_out.is_empty() {
                 break;
             }
-            let strands = self.strands(self.order[place])?;
+            let strands = self.strands(index)?;
             let (sounds, generator) = (&mut self.sounds, &mut self.generator);
             left_out.retain(|&part| {
                 let (seconds, trials) = (options.excerpt_s, options.trials);
@@ -307,8 +365,8 @@ impl Planner<'_> {
         }
         if tracks.is_empty() {
             return Err(Error::Request(
-                "no texture has a part of --parts, or all are too short; what is held out by blocks is fitted without \
-                 codebooks and tracks, and --takes plays the library as it is"
+                "no texture has a part of --parts, or all are too short; blocks are fitted to half of each recording, \
+                 and --takes plays the library as it is"
                     .into(),
             ));
         }
@@ -361,7 +419,7 @@ impl Planner<'_> {
             .filter(|version| version.played == Played::Gaussian)
             .map(|version| excerpts(&[&version.synthesised], samples))
             .next();
-        let (gaussian, mut fitted) = match gaussian {
+        let (gaussian, mut fitted): (_, Vec<Excerpt>) = match gaussian {
             Some(gaussian) => (gaussian, played),
             None => (played, Vec::new()),
         };

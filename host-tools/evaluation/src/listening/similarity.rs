@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use super::excerpts::{Heard, Sounds};
+use super::excerpts::{Heard, Sounds, able};
 use super::kinds::{Kind, Pair};
 
 /// One rating: two different excerpts and their kinds. The pair's name has the kinds in the pair's order, whichever of
@@ -39,11 +39,11 @@ fn conditions(pairs: &[Pair]) -> Vec<[Kind; 2]> {
     conditions
 }
 
-/// Plans the ratings of `blocks` blocks. A and B change places from one block to the next. Which is A in the first
-/// block is random for each condition.
+/// Plans the ratings of `blocks` blocks, each on the next of the surfaces in `heard`, which have several takes. A and B
+/// change places from one block to the next. Which is A in the first block is random for each condition.
 pub(super) fn ratings(
     pairs: &[Pair],
-    heard: &[Heard],
+    heard: &[Vec<Heard>],
     blocks: usize,
     sounds: &mut Sounds,
     generator: &mut Pcg64,
@@ -55,25 +55,19 @@ pub(super) fn ratings(
     let mut trials = Vec::new();
     for block in 0..blocks {
         for (&kinds, coin) in conditions.iter().zip(&coins) {
-            let able: Vec<&Heard> = heard.iter().filter(|heard| heard.has(kinds)).collect();
-            let heard = able[block % able.len()];
+            let able = able(heard, kinds);
+            let (_, takes) = &able[block % able.len()];
+            let heard = takes[block / able.len() % takes.len()];
             let [mut a, mut b] = kinds;
             if *coin == (block % 2 == 0) {
                 std::mem::swap(&mut a, &mut b);
             }
-            let of_a = generator.random_range(0..heard.of(a).len());
-            // Of one kind, B is any excerpt but that of A.
-            let of_b = if a == b {
-                (of_a + generator.random_range(1..heard.of(a).len())) % heard.of(a).len()
-            } else {
-                generator.random_range(0..heard.of(b).len())
-            };
             trials.push(Rating {
                 pair: kinds.map(Kind::name).join("-"),
                 a,
                 b,
                 surface: heard.surface.clone(),
-                sounds: [(a, of_a), (b, of_b)].map(|(kind, n)| sounds.index_of(&heard.of(kind)[n])),
+                sounds: heard.drawn([a, b], sounds, generator),
             });
         }
     }
@@ -133,9 +127,10 @@ mod tests {
     #[test]
     fn a_and_b_are_two_excerpts_of_their_kinds_and_change_places_from_block_to_block() {
         use rand::SeedableRng;
-        let (heard, mut sounds) = (Heard::made(), Sounds::default());
+        let takes = vec![Heard::made("denim, 120 mm/s, 1 N", 0)];
+        let mut sounds = Sounds::default();
         let mut generator = Pcg64::seed_from_u64(4);
-        let rated = ratings(&Pair::USUAL, &[heard], 8, &mut sounds, &mut generator);
+        let rated = ratings(&Pair::USUAL, &[takes], 8, &mut sounds, &mut generator);
         let names = ["recording-recording", "gaussian-gaussian", "fitted-fitted"].map(String::from);
         assert_eq!(rated.trials.len(), 8 * 6);
         for block in rated.trials.chunks(6) {
@@ -144,7 +139,10 @@ mod tests {
             }
         }
         for (index, rating) in rated.trials.iter().enumerate() {
-            assert_ne!(rating.sounds[0], rating.sounds[1]);
+            let of = [(rating.a, rating.sounds[0]), (rating.b, rating.sounds[1])];
+            // All kinds but recordings share a noise.
+            let [a, b] = of.map(|(kind, n)| (kind == Kind::Recording, sounds.all()[n][1] as usize));
+            assert_ne!(a, b);
             for (kind, sound) in [rating.a, rating.b].into_iter().zip(rating.sounds) {
                 assert_eq!(sounds.all()[sound][0] as usize, kind as usize);
             }

@@ -10,7 +10,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use super::excerpts::{SHORTEST_EXCERPT_S, Sounds, excerpts};
+use super::excerpts::{SHORTEST_EXCERPT_S, Sounds, WINDOWS, excerpts};
 use crate::dsp::sums::mean_square;
 
 /// A part of a texture whose strength is varied.
@@ -61,10 +61,6 @@ impl Part {
 
 /// Number of strengths of a grid.
 const STRENGTHS: i32 = 17;
-
-/// Number of windows in time into which the signals are cut. A, B and X are from three different windows, so that no
-/// two have the same waveform.
-const WINDOWS: usize = 3;
 
 /// Rule of a staircase. It ends after `reversals` reversals. A step covers two strengths until the `coarse_reversals`
 /// are over. The threshold is the geometric mean of the strengths at the last `averaged_reversals` reversals.
@@ -168,7 +164,8 @@ impl Strands {
         if (samples as f64) < SHORTEST_EXCERPT_S * rate_hz {
             return None;
         }
-        let mut heard = excerpts(&[&signal[..WINDOWS * samples]], samples);
+        let heard = excerpts(&[&signal[..WINDOWS * samples]], samples).into_iter();
+        let mut heard: Vec<Vec<f64>> = heard.map(|one| one.samples).collect();
         // All excerpts have an RMS of 1 here, so that this gain is the whole difference.
         if part == Part::Level {
             let gain = 10f64.powf(strength / 20.0);

@@ -17,7 +17,6 @@ the proportion (Clopper and Pearson, 1934) becomes that of d'.
 
 from __future__ import annotations
 
-import csv
 import math
 import warnings
 from dataclasses import dataclass, field
@@ -25,6 +24,8 @@ from pathlib import Path
 from typing import Any, Callable, Iterable, Sequence
 
 import numpy as np
+
+from . import _native
 
 Row = dict[str, Any]
 
@@ -37,24 +38,14 @@ TWO_DOWN_ONE_UP = math.sqrt(0.5)
 #: Most strengths of a staircase's grid: many times those of a page.
 MOST_STEPS = 1000
 
-_NUMBERS = {
-    "listener": int, "trial": int, "block": int, "position": int, "same": int, "rating": float, "step": int,
-    "strength": float, "correct": int, "reversal": int, "replays": int, "seconds": float,
-}  # fmt: skip
-
 
 def read(paths: str | Path | Iterable[str | Path]) -> list[Row]:
-    """The rows of saved answers, with numbers where columns have them, all files after each other."""
-    rows: list[Row] = []
-    for path in [paths] if isinstance(paths, (str, Path)) else paths:
-        with open(path, newline="", encoding="utf-8") as file:
-            for row in csv.DictReader(file):
-                if "page" not in row or "seconds" not in row:
-                    raise ValueError(f"{path}: not answers; give a file that the page of `stylus compare` saved")
-                rows.append({name: _NUMBERS.get(name, str)(value) for name, value in row.items()})
-                # Files of before had neither, and one listener each.
-                rows[-1].setdefault("design", "abx")
-                rows[-1].setdefault("listener", str(path))
+    """The rows of saved answers, with numbers where columns have them, all files after each other. Files are read and
+    checked as by ``score``; rows without a design are left out."""
+    given = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    rows = [dict(row) for row in _native._read_answers(given)]
+    for row in rows:
+        row["listener"] = int(row["listener"]) if row["listener"].isdecimal() else row["listener"]
     return rows
 
 

@@ -148,6 +148,8 @@ mod tests {
             sounds: (1..4).map(sound).collect(),
             excerpt_s: (0.1, 0.1),
             left_out: Vec::new(),
+            too_short: Vec::new(),
+            without: Vec::new(),
             held_out: "held out".into(),
             simulated,
             seed: 7,
