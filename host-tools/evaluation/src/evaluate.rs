@@ -499,8 +499,8 @@ impl Evaluation {
     }
 }
 
-/// If blocks judge any trial, fits all trials that the fit of `record` used to the blocks between. Returns a library for
-/// each of their textures, and the durations of the shortest and the longest block, s.
+/// If blocks judge any trial, fits all trials that the fit of `record` used to the blocks between. Returns a library
+/// for each of their textures, and the durations of the shortest and the longest block, s.
 fn refit(
     set: &RecordingSet,
     judges: &[Judge],

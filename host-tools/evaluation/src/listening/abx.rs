@@ -25,8 +25,8 @@ pub struct Trial {
     pub sounds: [usize; 3],
 }
 
-/// Plans `count` trials of each pair, in random order. `heard` has the takes of each surface at a speed and force. Within
-/// a pair, and then among all trials, each of these is heard as often as the others, give or take one.
+/// Plans `count` trials of each pair, in random order. `heard` has the takes of each surface at a speed and force.
+/// Within a pair, and then among all trials, each of these is heard as often as the others, give or take one.
 pub(super) fn trials(
     pairs: &[Pair],
     heard: &[Vec<Heard>],

@@ -173,8 +173,8 @@ pub struct Compared<'a> {
     pub record: Option<&'a FitRecord>,
 }
 
-/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. Surfaces
-/// at a speed and force are taken from each texture in turn, in random order.
+/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`.
+/// Surfaces at a speed and force are taken from each texture in turn, in random order.
 ///
 /// # Errors
 /// Those of [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording
@@ -249,8 +249,8 @@ pub fn plan<'a>(
     })
 }
 
-/// Returns the set's surfaces at a speed and force, shuffled within each texture, with textures in turn. Each is given by
-/// the indices of its takes.
+/// Returns the set's surfaces at a speed and force, shuffled within each texture, with textures in turn. Each is given
+/// by the indices of its takes.
 fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<Vec<usize>> {
     let mut of_textures: Vec<Vec<Vec<usize>>> = set
         .textures()

@@ -214,7 +214,7 @@ fn calibrate(world: &mut World) {
     });
     world.device.run_for(50 * MS);
     let at_rest = measured(world);
-    assert_eq!(at_rest.faults(true), Vec::<String>::new());
+    assert_eq!(at_rest.faults(&(0..4)), Vec::<String>::new());
     let change = at_rest.force_zero();
     world.settings = world.device.set(change.setting, change.value);
     // With the new zero, the force at rest must read zero.
