@@ -111,8 +111,8 @@ impl<R: NorFlash> Updates<R> {
         self.store.record().asks()
     }
 
-    /// Returns true if the running image is the new one. If nothing has been exchanged yet, the update is only
-    /// committed.
+    /// Returns true if the running image is the new one and is not yet confirmed. Before the exchange, an update is
+    /// committed, but not on trial.
     pub(crate) fn is_on_trial(&self) -> bool {
         self.is_pending() && self.store.record().steps() > 0
     }

@@ -104,7 +104,7 @@ impl ReadBack {
         ADC2.cr().modify(|w| w.set_adstart(true));
     }
 
-    /// Waits for the word of the conversion that was ordered.
+    /// Waits for the end of the conversion that was ordered, and returns its code.
     ///
     /// # Errors
     /// The conversion does not end in time.

@@ -208,8 +208,9 @@ impl Parameters {
         }
     }
 
-    /// Returns another specimen of the same design, in another grip and mounted at another angle. `seed` determines it.
-    /// The faults stay the same. No value leaves the range that [`Self::check`] allows.
+    /// Returns another specimen of the same design, in another grip if a hand holds it, and with the accelerometer at
+    /// another angle. `seed` determines it. The faults stay the same. No value leaves the range that [`Self::check`]
+    /// allows.
     #[must_use]
     pub fn varied(&self, seed: u64) -> Self {
         let mut chance = Chance(seed);

@@ -1,4 +1,4 @@
-//! The newest motion, from any number of threads to that of the filler.
+//! Hands the newest motion from any number of threads to the one thread that fills buffers.
 //!
 //! Neither side waits. A writer draws a ticket, writes the slot of that ticket, and seals it with a checksum over the
 //! ticket and the words. A reader looks for the newest ticket whose slot holds its seal. So a motion is never a mixture

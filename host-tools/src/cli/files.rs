@@ -154,7 +154,7 @@ impl RenderedFile {
         self.overwrite.file(&self.out)
     }
 
-    /// Renders `rendering` of `source` into the file, and prints a description of the file.
+    /// Writes `rendering` to the file, and prints what the file holds; `source` names what was rendered.
     ///
     /// # Errors
     /// Settings, a plant or a rendering are refused, or the file cannot be written.

@@ -210,7 +210,8 @@ topics! {
     | RecordBlockTopic | RecordBlock | "stylus/record/block" |
 }
 
-/// Hash of all paths and types of this protocol. Two programs with the same hash understand all messages of each other.
+/// Hash of all paths and types of this protocol. Two programs with the same hash can decode each other's messages. That
+/// they mean the same by them needs the same [`PROTOCOL_VERSION`], too.
 pub const SCHEMA_HASH: u64 = schema_hash();
 
 /// FNV-1a over the keys, in the order of the tables. postcard-rpc's own entries come first in its lists. They are left

@@ -14,7 +14,7 @@ use crate::{AdcCode, Volt};
 pub enum Setting {
     /// ADC code of the force sensor without force.
     ForceZero,
-    /// Force per voltage above that of [`Self::ForceZero`], N/V.
+    /// Force per volt above the voltage at [`Self::ForceZero`], N/V.
     ForcePerVolt,
     /// Path per count of the encoder, mm.
     PathPerCount,
@@ -24,11 +24,11 @@ pub enum Setting {
     AccelerationZeroY,
     /// ADC code of the accelerometer's Z axis without acceleration.
     AccelerationZeroZ,
-    /// Acceleration of axis X per voltage above that of [`Self::AccelerationZeroX`], m/s² per V.
+    /// Acceleration of axis X per volt above the voltage at [`Self::AccelerationZeroX`], m/s² per V.
     AccelerationPerVoltX,
-    /// Acceleration of axis Y per voltage above that of [`Self::AccelerationZeroY`], m/s² per V.
+    /// Acceleration of axis Y per volt above the voltage at [`Self::AccelerationZeroY`], m/s² per V.
     AccelerationPerVoltY,
-    /// Acceleration of axis Z per voltage above that of [`Self::AccelerationZeroZ`], m/s² per V.
+    /// Acceleration of axis Z per volt above the voltage at [`Self::AccelerationZeroZ`], m/s² per V.
     AccelerationPerVoltZ,
     /// Voltage at the DAC per acceleration, V per m/s².
     OutputGain,

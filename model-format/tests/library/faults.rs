@@ -1,4 +1,5 @@
-//! Bytes with exactly one fault, for every kind of fault. The message names the fault's place and numbers.
+//! Faults of a library's bytes, mostly one at a time, in prefix, headers, axes and nodes, and what the encoder refuses.
+//! The message names the fault's place, and the numbers if there are any.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINES, MAX_OUTPUT_POWER};
 use model_format::{

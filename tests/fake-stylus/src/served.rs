@@ -320,7 +320,8 @@ fn accepted(listener: &TcpListener, shared: &Mutex<Inner>) -> Option<Connection>
     Some(Connection::new(stream))
 }
 
-/// Copies the test's scene to the device and the device's counts to the test. Returns false if the device must end.
+/// Gives the device what the test has set (hand, board, samples to lose or tear), and gives the test the device's place
+/// and its number of test codes. Returns false if the device must end.
 fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut inner = lock(shared);
     let mut control = control.borrow_mut();

@@ -419,7 +419,7 @@ fn contact_has_a_hysteresis() {
     }
 }
 
-/// A finger that comes down at any time between two updates, with a force that rises for some milliseconds.
+/// The tool comes down at each of the ten samples between two updates, and its force rises for 6 ms.
 #[test]
 fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
     let bytes = library(&[]);

@@ -91,8 +91,9 @@ impl Answers {
     /// Reads a file that a page has saved. Rows with an empty design, such as those of other trials of an experiment,
     /// are left out.
     ///
-    /// # Errors A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial
-    /// that occurs twice.
+    /// # Errors
+    /// A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial that occurs
+    /// twice.
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;

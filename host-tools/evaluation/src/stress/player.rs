@@ -26,7 +26,7 @@ pub trait Player {
     fn is_at_full_scale(&self) -> bool;
     /// Sets every signal of the state to full scale with a random sign.
     fn glitch(&mut self, noise: &mut Excitation);
-    /// Returns whether the filter falls silent without an excitation, also while it moves.
+    /// Returns whether the filter is sure to fall silent without an excitation, also while the motion changes.
     fn settles(&self) -> bool {
         true
     }

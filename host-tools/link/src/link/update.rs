@@ -135,7 +135,8 @@ pub fn update(
     })
 }
 
-/// Checks by the device's `trial` that the image with the header `wanted` runs after the update.
+/// Checks by `trial`, the device's report after the restart, that an image with the version in the header `wanted`
+/// runs.
 ///
 /// # Errors
 /// Another image that runs, or an update that was rolled back.

@@ -71,8 +71,8 @@ pub(super) fn highest_roughness_term(roughness: &Roughness, circumference_mm: f6
     (circumference_mm / roughness.shortest_mm).floor()
 }
 
-/// Returns the number of terms of a jitter's phase. Its Gaussian spectrum exp(-q²ℓ²/2) falls to 4e-6 of its maximum at
-/// qℓ = 5.
+/// Returns the number of terms of a jitter's phase. Its power spectrum is exp(-q²ℓ²/2), with q = 2πn / circumference
+/// and the correlation length ℓ. It is cut off at qℓ = 5, where it is 4e-6 of its maximum.
 fn jitter_terms(jitter: &Jitter, circumference_mm: f64) -> f64 {
     (5.0 * circumference_mm / (TAU * jitter.correlation_mm)).ceil()
 }

@@ -74,7 +74,8 @@ fn ends(wanted: &Ending) {
     assert!(off.expect("it goes off").at_ns <= moved.at_ns, "{name}");
 }
 
-/// Injects the first fault of each kind, and the faults of the streams of codes. A long run injects all faults.
+/// Injects, of the faults that end by the given reason, the first of each kind, and those of the DMA streams that move
+/// codes to the DAC. A long run injects all of them.
 fn each_kind(reason: ResetReason) {
     for (at, ending) in ENDING.iter().enumerate() {
         let is_first = ENDING[..at].iter().all(|other| other.kind != ending.kind);

@@ -13,7 +13,8 @@ use crate::probe::{MILLISECOND_NS, TICK_NS, ask, ready, words};
 
 const BANK_2: u32 = 0x0810_0000;
 const ERASED: u32 = u32::MAX;
-/// Length of the image's report of a fault: `!`, the status of bank 2, the address of the failed read.
+/// Length of the image's report of a fault: `!`, the status of bank 2, and the number of the unreadable flash word in
+/// its bank.
 const FAULT_BYTES: usize = 1 + 4 + 4;
 
 fn with(flash: Contents) -> Options {

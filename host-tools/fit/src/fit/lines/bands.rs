@@ -140,7 +140,8 @@ impl WholeSpectrum {
         }
     }
 
-    /// Returns the logarithm of an upper bound on the probability that noise has so steady an envelope.
+    /// Returns the natural logarithm of an upper bound on the probability that noise has an envelope as steady as this
+    /// one.
     fn ln_chance(&self, [low, high]: [usize; 2]) -> f64 {
         let powers = || self.bins[low..=high].iter().map(Complex::norm_sqr);
         let (sum, squares) = powers().fold((0.0, 0.0), |(a, b), p| (a + p, b + p * p));
@@ -200,8 +201,8 @@ impl Envelope {
     }
 }
 
-/// Chernoff's bound on the logarithm of a probability: that the logarithm of the ratio of the arithmetic to the
-/// geometric mean of `count` exponential values is at most `ln_ratio`.
+/// Natural logarithm of Chernoff's upper bound on a probability: that ln(arithmetic mean / geometric mean) of `count`
+/// independent exponential values is at most `ln_ratio`.
 fn ln_bound(count: f64, ln_ratio: f64) -> f64 {
     let bound = |ln_s: f64| {
         let s = ln_s.exp();

@@ -54,7 +54,8 @@ impl Device {
         }
     }
 
-    /// Stores the response that was proposed over this link, or removes the stored one, and reads it back.
+    /// Stores the response that was proposed over this link, or removes the stored one, and checks this by reading the
+    /// state back.
     ///
     /// # Errors
     /// A refusal, a lost link or a missing answer, or another response read back.

@@ -206,10 +206,11 @@ impl Step {
         }
     }
 
-    /// Returns the doubled upper halves of sums, truncated toward zero and saturated.
+    /// Returns twice the words of `high`, the upper halves of sums, as `high_word_toward_zero` and a saturating
+    /// doubling do.
     ///
-    /// Truncation adds one to negative values, so that all values below -2³⁰ - 1 saturate. 2·2³⁰ - 1 is the positive
-    /// full scale. A comparison that is true yields -1.
+    /// Negative words get 1 added first, so those below -2³⁰ - 1 saturate. Words from 2³⁰ on are held at 2³⁰. The
+    /// comparison that finds them yields -1, which makes 2·2³⁰ - 1, the positive full scale.
     #[inline(always)]
     fn doubled_toward_zero(self, high: __m256i) -> __m256i {
         let avx2 = self.simd.avx2;
