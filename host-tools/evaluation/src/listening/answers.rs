@@ -92,8 +92,8 @@ impl Answers {
     /// are left out.
     ///
     /// # Errors
-    /// A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial that occurs
-    /// twice.
+    /// A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial that
+    /// occurs twice.
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
