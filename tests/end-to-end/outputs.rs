@@ -171,13 +171,14 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
 }
 
 /// Commands that write a file, for whose name `{}` stands. Each has all options that read something.
-const READERS: [&str; 13] = [
+const READERS: [&str; 14] = [
     "fit set --parts parts --out {}",
     "render good.lib --texture silk --motion stroke.csv --plant plant.toml --out {}",
     "export good.lib --texture silk --motion stroke.csv --format wav --out {}",
     "scene compile scene.toml --library good.lib --out {}",
     "scene render scene.toml --library good.lib --motion stroke.csv --plant plant.toml --out {}",
     "import-hatt models cork.xml --out {}",
+    "join good.lib cork.lib --out {}",
     "page good.lib --recordings set --plant plant.toml --out {}",
     "compare set --library good.lib --takes other --before cork.lib --out {}",
     "evaluate set --library good.lib --takes other --json {}",

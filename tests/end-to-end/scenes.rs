@@ -220,13 +220,11 @@ fn what_a_scene_lacks_or_has_too_many_of_is_said_where_it_should_be() {
         text + &format!("[[surface]]\nname = \"s{n}\"\ntexture = \"silk\"\n")
     });
     let silk = "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n";
-    let response = format!("{silk}[equaliser]\nresponse = \"coil.csv\"\n");
     let rate = silk.replacen('\n', "\nsample_rate_hz = 4000\n", 1);
     for (text, line, problem) in [
         (surfaces.as_str(), 50, "surface[17]: a scene has at most 16"),
         ("name = \"x\"\n", 1, "no surface"),
         (&format!("{silk}\n[equaliser]\n"), 5, "needs sections"),
-        (&response, 5, "calibrate --response"),
         ("name = \"x\"\n[[surface]\n", 2, ""),
         (&rate, 4, "5000 Hz and the scene for 4000 Hz"),
     ] {

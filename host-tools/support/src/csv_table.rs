@@ -432,11 +432,12 @@ fn shown(field: &str) -> Cow<'_, str> {
 
 /// Returns whether a column's name is `known`, which is in lower case with `_` between its words and unit. Capital
 /// letters and other signs between them are accepted, because people write tables by hand: `Speed (mm/s)` is
-/// `speed_mm_s`.
+/// `speed_mm_s`, and `Normal force (N)` is `force_n`.
 pub fn is_named(name: &str, known: &str) -> bool {
     let lower = name.to_lowercase().replace('²', "2").replace('^', "");
     let words = lower.split(|sign: char| !sign.is_alphanumeric());
-    words.filter(|word| !word.is_empty()).eq(known.split('_'))
+    let words = words.filter(|word| !["", "normal", "tangential"].contains(word));
+    words.eq(known.split('_'))
 }
 
 /// Names of a table's columns.

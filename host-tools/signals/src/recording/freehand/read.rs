@@ -9,8 +9,8 @@ use super::positions::{self, PositionColumn};
 use crate::recording::axes::LeftOut;
 use crate::recording::stamps::even_rate;
 use crate::recording::time_unit::{TimeColumn, TimeUnit};
-use crate::recording::unit;
 use crate::recording::{MAX_CHANNELS, MAX_FRAMES, RECORDING, rate_fault};
+use crate::recording::{lvm, unit};
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE, comment};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
@@ -187,6 +187,10 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Result<Freehand> {
     // Only regular files are accepted, because a recording is read again to determine its kind.
     TABLE.open(path)?;
+    if lvm::is_lvm(path)? {
+        let problem = "is a LabVIEW file, and a free hand's recording is CSV: export it as .csv";
+        return Err(Error::file(path, problem));
+    }
     let table = CsvTable::read(path, TABLE)?;
     let header = table.header()?;
     let names: Vec<&str> = header.names().collect();
@@ -360,7 +364,7 @@ mod tests {
         let rows: String = rows.collect();
         std::fs::write(
             &path,
-            format!("Time (s),Pos X (mm),y_m,Force (N),ax,gyro\n{rows}"),
+            format!("Time (s),Pos X (mm),y_m,Normal Force (N),ax,gyro\n{rows}"),
         )
         .unwrap();
         let of_positions = read(&path, None, None).unwrap();
