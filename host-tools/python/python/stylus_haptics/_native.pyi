@@ -31,6 +31,7 @@ __all__ = [
     "StylusError",
     "StylusWarning",
     "__version__",
+    "_read_answers",
     "_write_wav",
     "compare",
     "compile_scene",
