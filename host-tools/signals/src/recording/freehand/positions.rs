@@ -133,7 +133,9 @@ fn slopes(axis: &[f64], half: usize, rate_hz: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::sums::rms;
     use core::f64::consts::TAU;
+    use test_helpers::noise;
 
     #[test]
     fn positions_are_known_by_their_names_and_units() {
@@ -160,21 +162,15 @@ mod tests {
 
     #[test]
     fn speeds_of_a_slow_noisy_tracker_are_those_of_the_hand() {
-        let mut state = 1u64;
-        let mut noise_mm = || {
-            let mut uniform = || {
-                state = state
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1);
-                (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-            };
-            // The sum of twelve has a variance of 1.
-            0.02 * (0..12).map(|_| uniform()).sum::<f64>()
-        };
         let length = 60_000;
         // At 240 Hz, each position is held for about 42 samples.
-        let updates: Vec<[f64; 2]> = (0..=length / 42)
-            .map(|update| stroke(42 * update).map(|axis| axis + noise_mm()))
+        let count = length / 42 + 1;
+        let off = [1, 2].map(|seed| noise(seed, count));
+        let updates: Vec<[f64; 2]> = (0..count)
+            .map(|update| {
+                let [x, y] = stroke(42 * update);
+                [x + 0.02 * off[0][update], y + 0.02 * off[1][update]]
+            })
             .collect();
         let axes = [0, 1].map(|axis| (0..length).map(|n| updates[n / 42][axis]).collect());
         let speeds = speed_mm_s(&axes, 10_000.0);
@@ -185,8 +181,7 @@ mod tests {
             speeds[n] - truth
         });
         let errors: Vec<f64> = errors.collect();
-        let rms =
-            (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
+        let rms = rms(&errors);
         // 176 mm/s at most. The bound is twice the derived 1.1 mm/s per axis.
         assert!(rms < 2.3, "{rms}");
     }

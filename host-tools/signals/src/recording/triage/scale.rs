@@ -61,7 +61,7 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
         };
         let unit = match &alike[..] {
             [] if has_scale => {
-                "; an offset of the sensor, such as half its supply, does no harm".to_owned()
+                ", unless it is an offset of the sensor, such as half its supply".to_owned()
             }
             [] => String::new(),
             units => format!(", as in {}", units.join(" or ")),
