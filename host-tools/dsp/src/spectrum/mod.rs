@@ -4,13 +4,11 @@
 //! Signals are real, evenly sampled at `rate_hz` and finite. The spectrum of a random signal (bands, log-spectral
 //! distance) is Welch's estimate. The paper's cost is defined by the DFT of one whole recording.
 
-mod agreement;
 mod bands;
 mod cost;
 mod power;
 mod subtraction;
 
-pub use agreement::{Agreement, agreement};
 pub use bands::{
     AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, band_centre_hz, band_edges_hz, band_errors_db,
     band_errors_within_db, band_powers, distance_of_spectra_db,
