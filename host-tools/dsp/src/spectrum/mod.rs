@@ -10,8 +10,9 @@ mod power;
 mod subtraction;
 
 pub use bands::{
-    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, band_centre_hz, band_edges_hz, band_errors_db,
-    band_errors_within_db, band_powers, distance_of_spectra_db,
+    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, THIRD_OCTAVE_RATIO, band_centre_hz,
+    band_edges_hz, band_errors_db, band_errors_within_db, band_powers, distance_of_spectra_db,
+    third_octave_hz,
 };
 pub use cost::{
     DEFAULT_SMOOTHING_WIDTH_HZ, cost_of_blocks, dft_amplitude, expected_cost_of_blocks,
@@ -26,10 +27,6 @@ mod test_signals {
     use std::f64::consts::TAU;
 
     pub const RATE_HZ: f64 = 5000.0;
-
-    pub fn noise(len: usize, seed: u64) -> Vec<f64> {
-        test_helpers::noise(seed, len)
-    }
 
     pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {
         signal.iter().map(|value| factor * value).collect()
