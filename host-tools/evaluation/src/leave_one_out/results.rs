@@ -11,7 +11,7 @@ use crate::summary;
 use crate::table::Table;
 
 /// A row of the table: how the removed node was predicted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Row {
     /// Not predicted: the node's own model, which is the best that the structure and the order can reach.
     Own,
