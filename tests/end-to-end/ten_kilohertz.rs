@@ -102,7 +102,6 @@ fn a_fit_at_ten_kilohertz_refuses_what_it_cannot_keep_by_name() {
     bench.refuse_each(
         "fit set --out fast.lib --model-rate 10000 | 0.wav | 5000 Hz
         fit set --out fast.lib --model-rate 8000 | 8000 Hz
-        fit set --out fast.lib --model-rate 10000 --densify | --densify
         fit set --out fast.lib --model-rate 10000 --excitation residual | --excitation
         fit set --out fast.lib --model-rate 10000 --modulation track | --modulation",
     );

@@ -5,14 +5,12 @@ use std::f64::consts::{EULER_GAMMA, FRAC_PI_2};
 use std::rc::Rc;
 
 use crate::fourier::{self, Complex};
+use crate::spectrum::THIRD_OCTAVE_RATIO;
 use crate::sums::{energy, sum};
 
 /// Longest taper of an end, samples: 0.1 s at the models' sample rate. Longer tapers do not leak less in the bands of a
 /// texture, and lose more of a short recording.
 const TAPER_SAMPLES: usize = 500;
-
-/// Ratio of the edges of a third octave: base ten of IEC 61260-1.
-const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_3;
 
 /// Least and largest exponent of frequency in the decay of the power spectrum above the recorded band: the decay beyond
 /// one pair of poles and beyond four pairs.
@@ -82,7 +80,10 @@ impl Autocorrelation {
             }
         }
         if let Some(hz) = above_hz {
-            let (first, edge) = (bin_of(hz / THIRD_OCTAVE), bin_of(hz).min(self.power.len()));
+            let (first, edge) = (
+                bin_of(hz / THIRD_OCTAVE_RATIO),
+                bin_of(hz).min(self.power.len()),
+            );
             if first + LEAST_BINS <= edge {
                 let (level, fall) = edge_of_noise(&self.power[first..edge], first);
                 let at = |bin: usize| level * (edge as f64 / bin as f64).powf(fall);

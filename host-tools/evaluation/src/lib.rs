@@ -8,7 +8,6 @@ use stylus_fit::{fit, scene, texture};
 use stylus_signals::{playing, recording, rig};
 use {stylus_dsp as dsp, stylus_support as support};
 
-mod classifier;
 pub mod evaluate;
 pub mod frontier;
 pub mod held_out;

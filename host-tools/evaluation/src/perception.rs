@@ -20,8 +20,8 @@ use serde::Serialize;
 
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::spectrum::{
-    AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, band_edges_hz, band_errors_within_db,
-    longest_segment,
+    AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, THIRD_OCTAVE_RATIO, band_edges_hz,
+    band_errors_within_db, longest_segment,
 };
 use crate::fit::carried_hz;
 
@@ -135,7 +135,7 @@ impl ScoringRange {
         if segment < 2 {
             return None;
         }
-        let resolved_hz = RESOLUTION_STEPS * rate_hz / segment as f64 / (10f64.powf(0.1) - 1.0);
+        let resolved_hz = RESOLUTION_STEPS * rate_hz / segment as f64 / (THIRD_OCTAVE_RATIO - 1.0);
         let (lowest_hz, highest_hz) = (band_edges_hz(0).0, band_edges_hz(BAND_COUNT - 1).1);
         let own_hz = carried_hz(source_rate_hz).unwrap_or(rate_hz / 2.0);
         let range = Self {

@@ -477,8 +477,8 @@ fn removed_node_tables(page: &mut Page, test: &LeaveOneOut) {
              compared with its recording. Models are of order {}. A prediction that cannot be played (an unstable \
              mean) counts with C = 100 %. σ² error is the mean difference of the excitation's variance; the paper \
              names no unit, here it is (m/s²)². The paper does not say either how its spectra are smoothed; here C is \
-             of amplitudes smoothed by a {}. The last rows are what fitting a denser grid puts there, and the node's \
-             own model, which was fitted to what it is compared with (in-sample, not a measure of fidelity).",
+             of amplitudes smoothed by a {}. The last row is the node's own model, which was fitted to what \
+             it is compared with (in-sample, not a measure of fidelity).",
             test.removed.len(),
             test.order,
             test.smoothing

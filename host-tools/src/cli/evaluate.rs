@@ -7,14 +7,13 @@ use host_tools::evaluation::evaluate;
 use host_tools::evaluation::evaluate::Evaluation;
 use host_tools::evaluation::held_out::{Chosen, Judge, chosen};
 use host_tools::evaluation::leave_one_out;
-use host_tools::evaluation::leave_one_out::{Given, LeaveOneOut, Prepared, Row};
+use host_tools::evaluation::leave_one_out::{LeaveOneOut, Prepared};
 use host_tools::evaluation::played::Played;
 use host_tools::evaluation::strokes::{Stroke, along_strokes};
 use host_tools::evaluation::summary::{LIVELINESS_EXPLANATION, explanation};
 use host_tools::evaluation::verdict;
 use host_tools::fit::Order;
 use host_tools::fit::conditioning::Conditioning;
-use host_tools::fit::densify::Direction;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::recording::freehand::{self, Freehand};
@@ -41,19 +40,11 @@ pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
     /// Library to evaluate
-    #[arg(long, value_name = "LIB", required_unless_present_any = ["leave_one_out", "leave_out"])]
+    #[arg(long, value_name = "LIB", required_unless_present = "leave_one_out")]
     library: Option<PathBuf>,
     /// Also remove each inner node in turn, predict it from its neighbours, and evaluate the prediction
     #[arg(long)]
     leave_one_out: bool,
-    /// Leave out each inner speed, or force, with all its trials, predict them along that axis by every method, and
-    /// judge each by the recording
-    #[arg(long, value_enum, value_name = "AXIS", conflicts_with_all = ["library", "leave_one_out"])]
-    leave_out: Option<Axis>,
-    /// With --leave-out: another program's sounds, in m/s², as WAV files in a folder, each named as the recording that
-    /// it predicts; may be given several times
-    #[arg(long, value_name = "NAME=DIR", requires = "leave_out")]
-    method: Vec<Given>,
     /// Other takes of the same trials, as a folder or a list, to judge the library in place of the inputs
     #[arg(long, value_name = "DIR", requires = "library")]
     takes: Option<PathBuf>,
@@ -64,13 +55,13 @@ pub struct Arguments {
         value_name = "CSV",
         num_args = 1..,
         requires = "library",
-        conflicts_with_all = ["takes", "leave_one_out", "leave_out", "report", "played", "smoothing", "synthesis"]
+        conflicts_with_all = ["takes", "leave_one_out", "report", "played", "smoothing", "synthesis"]
     )]
     strokes: Vec<PathBuf>,
     /// With --strokes: texture of the library that was stroked, if it has several
     #[arg(long, value_name = "NAME", requires = "strokes")]
     texture: Option<String>,
-    /// With --leave-one-out and --leave-out: order of the models, 0 to 400, 'auto' or 'bic'
+    /// With --leave-one-out: order of the models, 0 to 400, 'auto' or 'bic'
     #[arg(long, conflicts_with = "strokes", default_value = "400")]
     order: Order,
     /// Folder for a report: one page with tables, pictures and sounds, and the pictures as files
@@ -98,15 +89,6 @@ pub struct Arguments {
     seed: u64,
 }
 
-/// The axis of which a value is left out.
-#[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum)]
-enum Axis {
-    /// All trials of one speed
-    Speed,
-    /// All trials of one force
-    Force,
-}
-
 /// The numbers of the evaluation and of the removed-node test.
 #[derive(Serialize)]
 struct Numbers<'a> {
@@ -131,38 +113,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return evaluate_library(arguments, path, set);
     }
     let options = removal_options(arguments);
-    if arguments.leave_out.is_some() {
-        return benchmark(arguments, &set, &options);
-    }
-    let test = removed_node_test(&set, &Row::all(), &options)?;
+    let test = removed_node_test(&set, &options)?;
     write_numbers(arguments, None, Some(&test))?;
     print(&removed_nodes(&test))
-}
-
-fn benchmark(
-    arguments: &Arguments,
-    set: &RecordingSet,
-    options: &leave_one_out::Options,
-) -> Result<()> {
-    let rows = Row::benchmark(&arguments.method);
-    let test = removed_node_test(set, &rows, options)?;
-    if let Some(json) = &arguments.json {
-        atomic_file::write(json, to_json(&test).as_bytes())?;
-    }
-    let table = shown(&test.benchmark_table());
-    print(&folded_text(&format!(
-        "{}, each predicted from those of the next lower and higher value; models of order {}\n",
-        counted(test.removed.len(), "trial"),
-        test.order
-    )))?;
-    print(&format!("{table}\n"))?;
-    print(&folded_text(&format!(
-        "log-power MAE: mean |difference of log10 of the power densities|; GFC: correlation of the amplitude spectra; \
-         both in segments of 0.2 s, 20 to 1000 Hz; |band|: mean error of third octaves; LSD: 30 to 1000 Hz; C: \
-         equation (6); area: of a classifier of windows of 250 ms, 0.5 if it does not tell them apart; not playable: \
-         unstable or too loud, C = 100 %, and left out of the other means{}",
-        origin(test.simulated)
-    )))
 }
 
 /// Returns the texture called `name`; without a name, the only one.
@@ -248,10 +201,6 @@ fn removal_options(arguments: &Arguments) -> leave_one_out::Options {
         smoothing_hz: arguments.smoothing,
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
-        left_out: arguments.leave_out.map(|axis| match axis {
-            Axis::Speed => Direction::Speed,
-            Axis::Force => Direction::Force,
-        }),
     }
 }
 
@@ -276,7 +225,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;
     let test = asked
-        .then(|| removed_node_test(&set, &Row::all(), &removal))
+        .then(|| removed_node_test(&set, &removal))
         .transpose()?;
     // Written before anything is printed, so that a reader that closes the output early does not cost the numbers.
     write_numbers(arguments, Some(&evaluation), test.as_ref())?;
@@ -341,14 +290,10 @@ pub fn evaluate_set(
 }
 
 /// Runs the removed-node test with a progress bar.
-fn removed_node_test(
-    set: &RecordingSet,
-    rows: &[Row],
-    options: &leave_one_out::Options,
-) -> Result<LeaveOneOut> {
+fn removed_node_test(set: &RecordingSet, options: &leave_one_out::Options) -> Result<LeaveOneOut> {
     let prepared = Prepared::new(set, options)?;
     let bar = progress::bar(prepared.count() as u64, "removing nodes");
-    let test = prepared.run(rows, options, || bar.inc(1))?;
+    let test = prepared.run(options, || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(test)
 }

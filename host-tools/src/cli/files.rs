@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use clap::{ArgMatches, Command};
-use host_tools::evaluation::leave_one_out::Given;
 use host_tools::fit::inputs::{Input, files_behind};
 use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
 use host_tools::playing::render::{Rendering, WavFormat, write_wav};
@@ -108,9 +107,6 @@ pub fn remember_inputs(command: &Command, matches: &ArgMatches) {
                 path: path.clone(),
                 is_unlisted: id == UNLISTED,
             }));
-        } else if kind.type_id() == TypeId::of::<Given>() {
-            let given = matches.get_many::<Given>(id).into_iter().flatten();
-            all.extend(given.map(|given| Input::from(given.folder.clone())));
         }
     }
     // Each process runs one command.

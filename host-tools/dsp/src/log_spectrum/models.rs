@@ -1,7 +1,5 @@
 //! Conversions between models and spectra.
 
-use model_format::limits;
-
 use super::{BINS, LogSpectrum};
 use crate::fourier::{self, Complex};
 use crate::linear_prediction::{Prediction, corrected, error_share, step_up};
@@ -22,7 +20,7 @@ impl LogSpectrum {
     }
 
     /// Returns the autocorrelation from lag 0 to `max_lag`.
-    pub fn autocorrelation(&self, max_lag: usize) -> Vec<f64> {
+    fn autocorrelation(&self, max_lag: usize) -> Vec<f64> {
         let length = 2 * (self.values().len() - 1);
         let power: Vec<f64> = self.values().iter().map(|log| log.exp()).collect();
         let mut lags = fourier::of_power(&power, length);
@@ -31,38 +29,13 @@ impl LogSpectrum {
         lags
     }
 
-    /// Returns the linear predictors for this spectrum, of every order up to `max_order`.
-    pub fn prediction(&self, max_order: usize) -> Prediction {
-        Prediction::levinson_durbin(&corrected(self.autocorrelation(max_order)), max_order)
-    }
-
     /// Returns the model of this spectrum that has the order `order` and the spectrum's power.
     pub fn model(&self, order: usize) -> Model {
-        Model::new(self.prediction(order).reflection, self.power())
-    }
-
-    /// Returns the model of the lowest of eleven orders, 15 to 400, that cannot be distinguished from this spectrum by
-    /// touch: every third-octave band from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at
-    /// most 5 %. If no order below `most` meets this, the model has the order `most`, or the format's highest order.
-    pub fn economical_model(&self, tolerance_db: f64, most: usize) -> Model {
-        const ORDERS: [usize; 11] = [15, 25, 40, 60, 80, 110, 150, 200, 260, 330, 400];
-        const MAX_COST: f64 = 0.05;
-        let full = self.model(most.min(limits::MAX_ORDER));
-        for order in ORDERS.into_iter().filter(|&order| order < most) {
-            // The recursion's first coefficients are the model of the lower order.
-            let model = Model {
-                reflection: full.reflection[..order.min(full.reflection.len())].to_vec(),
-                ..full.clone()
-            };
-            let spectrum = Self::of_model(&model);
-            let near = |error: &Option<f64>| error.is_none_or(|e| e.abs() <= tolerance_db);
-            if self.band_errors_db(&spectrum).iter().all(near)
-                && self.cost(&spectrum, 20.0) <= MAX_COST
-            {
-                return model;
-            }
-        }
-        full
+        let lags = corrected(self.autocorrelation(order));
+        Model::new(
+            Prediction::levinson_durbin(&lags, order).reflection,
+            self.power(),
+        )
     }
 }
 
@@ -125,16 +98,5 @@ mod tests {
                 prop_assert!((density.ln() - log).abs() < 1e-12 * log.abs().max(1.0));
             }
         }
-    }
-
-    #[test]
-    fn an_economical_model_of_a_model_is_no_larger_than_it_need_be() {
-        let spectrum = LogSpectrum::of_model(&Model::new(vec![-0.9, 0.7, -0.2, 0.3], 2.0));
-        let order_of = |most: usize| spectrum.economical_model(0.5, most).reflection.len();
-        assert_eq!(order_of(limits::MAX_ORDER), 15);
-        assert_eq!([0, 3, 14, 15, 16].map(order_of), [0, 3, 14, 15, 15]);
-        let flat = spectrum.band_errors_db(&spectrum);
-        assert!(flat.iter().all(|error| error.unwrap().abs() < 1e-9));
-        assert!(spectrum.cost(&spectrum, 20.0) <= 0.0);
     }
 }

@@ -14,6 +14,8 @@ pub use measured::{Band, Bandwidths, Line, Measured, Spectra};
 pub use multisine::Multisine;
 pub use resonance::{Fit, Resonance};
 
+use crate::spectrum::third_octave_hz;
+
 /// Sample rate of waveforms and recordings, Hz.
 pub const RATE_HZ: f64 = 5000.0;
 
@@ -26,14 +28,17 @@ pub const STEP_HZ: f64 = RATE_HZ / PERIOD as f64;
 /// Number of third-octave bands from 10 Hz to 1 kHz.
 pub const BANDS: usize = 21;
 
+/// Position of the band at 10 Hz on the scale of [`third_octave_hz`].
+const LOWEST_BAND: f64 = -3.0;
+
 /// Returns the centre frequency of a third-octave band, Hz: 10 · 10^(band/10), as in IEC 61260-1.
 pub fn band_centre_hz(band: usize) -> f64 {
-    10f64.powf(1.0 + band as f64 / 10.0)
+    third_octave_hz(LOWEST_BAND + band as f64)
 }
 
 /// Returns the lower and upper edge of a third-octave band, Hz.
 pub fn band_edges_hz(band: usize) -> [f64; 2] {
-    [-0.05, 0.05].map(|half| band_centre_hz(band) * 10f64.powf(half))
+    [-0.5, 0.5].map(|half| third_octave_hz(LOWEST_BAND + band as f64 + half))
 }
 
 /// Converts a ratio of amplitudes to dB.

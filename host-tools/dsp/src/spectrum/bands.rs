@@ -18,10 +18,13 @@ pub const BAND_LABELS_HZ: [&str; BAND_COUNT] = [
 /// Third octave in base ten (IEC 61260-1), as a difference of decimal logarithms of frequency.
 const THIRD_OCTAVE: f64 = 0.1;
 
+/// Ratio of the edges of a third octave: 10^(1/10), base ten of IEC 61260-1.
+pub const THIRD_OCTAVE_RATIO: f64 = 1.258_925_411_794_167_3;
+
 /// Returns the exact centre frequency of band `band`, the index into [`BAND_LABELS_HZ`], in Hz: 1000 · 10^(k/10),
 /// k = -17 ... 0, base ten of IEC 61260-1.
 pub fn band_centre_hz(band: usize) -> f64 {
-    frequency_on_band_scale_hz(band as f64)
+    third_octave_hz(band as f64)
 }
 
 /// Returns the lower and upper edge of band `band`, in Hz: its exact centre · 10^(∓1/20). Each band ends where the next
@@ -29,13 +32,12 @@ pub fn band_centre_hz(band: usize) -> f64 {
 pub fn band_edges_hz(band: usize) -> (f64, f64) {
     // Halves are exact in binary, so that the common edge of two bands is the same number for both.
     let band = band as f64;
-    (
-        frequency_on_band_scale_hz(band - 0.5),
-        frequency_on_band_scale_hz(band + 0.5),
-    )
+    (third_octave_hz(band - 0.5), third_octave_hz(band + 0.5))
 }
 
-fn frequency_on_band_scale_hz(band: f64) -> f64 {
+/// Returns the frequency at a position on the scale of third octaves, Hz. Whole numbers are the exact centres of bands,
+/// 0 that at 20 Hz and 17 that at 1 kHz; halves are their edges.
+pub fn third_octave_hz(band: f64) -> f64 {
     1000.0 * 10f64.powf((band - (BAND_COUNT - 1) as f64) * THIRD_OCTAVE)
 }
 
@@ -129,19 +131,19 @@ fn third_octave_windows(low_hz: f64, high_hz: f64) -> Vec<(f64, f64)> {
         return vec![(low_hz, high_hz)];
     }
     let steps = (room / THIRD_OCTAVE * WINDOWS_PER_THIRD_OCTAVE).ceil();
-    let width = 10f64.powf(THIRD_OCTAVE);
     (0..=steps as u32)
         .map(|step| {
             let low = low_hz * 10f64.powf(room * f64::from(step) / steps);
-            (low, low * width)
+            (low, low * THIRD_OCTAVE_RATIO)
         })
         .collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{RATE_HZ, close, noise, scaled, sine};
+    use super::super::test_signals::{RATE_HZ, close, scaled, sine};
     use super::*;
+    use test_helpers::noise;
 
     #[test]
     fn bands_are_contiguous_and_carry_the_standards_labels() {
@@ -179,7 +181,7 @@ mod tests {
 
     #[test]
     fn white_noise_has_power_in_proportion_to_a_bands_width() {
-        let powers = band_powers(&scaled(&noise(500_000, 5), 2.0), RATE_HZ);
+        let powers = band_powers(&scaled(&noise(5, 500_000), 2.0), RATE_HZ);
         for (band, power) in powers.iter().enumerate() {
             let (low, high) = band_edges_hz(band);
             let expected = 4.0 * (high - low) / (RATE_HZ / 2.0);
@@ -197,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_band_is_in_error_by_the_gain_of_the_synthesis() {
-        let signal = noise(10_000, 6);
+        let signal = noise(6, 10_000);
         let errors = band_errors_db(&signal, &scaled(&signal, 2.0), RATE_HZ);
         assert!(
             errors
@@ -223,7 +225,7 @@ mod tests {
 
     #[test]
     fn log_spectral_distance_is_a_distance_of_levels() {
-        let (a, b) = (noise(25_000, 7), noise(25_000, 8));
+        let (a, b) = (noise(7, 25_000), noise(8, 25_000));
         let distance = |a: &[f64], b: &[f64]| distance_db(a, b, 30.0, 1000.0).unwrap();
         assert_eq!(distance(&a, &a).to_bits(), 0.0f64.to_bits());
         assert!(close(distance(&a, &b), distance(&b, &a), 1e-12));
@@ -235,7 +237,7 @@ mod tests {
 
     #[test]
     fn log_spectral_distance_hears_nothing_outside_its_range() {
-        let a = noise(25_000, 9);
+        let a = noise(9, 25_000);
         let tone = sine(25_000, 1500.0, 30.0);
         let with_tone: Vec<f64> = a.iter().zip(&tone).map(|(a, tone)| a + tone).collect();
         let within = distance_db(&a, &with_tone, 30.0, 1000.0).unwrap();
@@ -245,7 +247,7 @@ mod tests {
 
     #[test]
     fn log_spectral_distance_without_a_range_or_power_is_none() {
-        let a = noise(5000, 10);
+        let a = noise(10, 5000);
         for (low_hz, high_hz) in [
             (100.0, 100.0),
             (200.0, 100.0),

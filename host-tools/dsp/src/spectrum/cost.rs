@@ -166,14 +166,15 @@ pub fn expected_cost_of_blocks(count: usize, len: usize, rate_hz: f64, width_hz:
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{RATE_HZ, close, noise, scaled};
+    use super::super::test_signals::{RATE_HZ, close, scaled};
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::noise;
 
     proptest! {
         #[test]
         fn a_dft_keeps_the_energy_at_any_length(len in 1usize..600, seed: u64) {
-            let signal = noise(len, seed);
+            let signal = noise(seed, len);
             let amplitude = dft_amplitude(&signal);
             prop_assert_eq!(amplitude.len(), len / 2 + 1);
             // Every bin except those at 0 Hz and at half the sample rate represents itself and its mirror image.
@@ -220,7 +221,7 @@ mod tests {
         fn a_scaled_copy_costs_what_it_is_scaled_by(
             len in 2usize..600, seed: u64, change in -3.0..3.0f64, width_hz in 0.0..200.0f64,
         ) {
-            let signal = noise(len, seed);
+            let signal = noise(seed, len);
             let cost = spectral_cost(&signal, &scaled(&signal, 1.0 + change), RATE_HZ, width_hz).unwrap();
             prop_assert!((cost - change.abs().min((2.0 + change).abs())).abs() < 1e-9);
         }
@@ -231,14 +232,14 @@ mod tests {
     fn noise_in_blocks_costs_what_statistics_expect_and_nothing_outside_the_range_counts() {
         let mut mean = 0.0;
         for pair in 0..20 {
-            let (a, b) = (noise(10_000, 900 + pair), noise(10_000, 950 + pair));
+            let (a, b) = (noise(900 + pair, 10_000), noise(950 + pair, 10_000));
             let (a, b): (Vec<&[f64]>, Vec<&[f64]>) =
                 (a.chunks(2500).collect(), b.chunks(2500).collect());
             mean += cost_of_blocks(&a, &b, RATE_HZ, 20.0, (2.0, 2500.0)).unwrap() / 20.0;
         }
         let expected = expected_cost_of_blocks(4, 2500, RATE_HZ, 20.0);
         assert!(close(mean, expected, 0.05), "{mean}, expected {expected}");
-        let a = noise(10_000, 7);
+        let a = noise(7, 10_000);
         let tone = super::super::test_signals::sine(10_000, 1500.0, 30.0);
         let with_tone: Vec<f64> = a.iter().zip(&tone).map(|(a, tone)| a + tone).collect();
         let below = |high_hz| cost_of_blocks(&[&a], &[&with_tone], RATE_HZ, 20.0, (0.0, high_hz));
@@ -247,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_cost_that_does_not_exist_is_none() {
-        let signal = noise(1000, 1);
+        let signal = noise(1, 1000);
         assert_eq!(spectral_cost(&[0.0; 1000], &signal, RATE_HZ, 20.0), None);
         assert_eq!(spectral_cost(&[], &signal, RATE_HZ, 20.0), None);
         assert_eq!(spectral_cost(&signal, &[], RATE_HZ, 20.0), None);

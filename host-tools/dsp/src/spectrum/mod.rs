@@ -4,16 +4,15 @@
 //! Signals are real, evenly sampled at `rate_hz` and finite. The spectrum of a random signal (bands, log-spectral
 //! distance) is Welch's estimate. The paper's cost is defined by the DFT of one whole recording.
 
-mod agreement;
 mod bands;
 mod cost;
 mod power;
 mod subtraction;
 
-pub use agreement::{Agreement, agreement};
 pub use bands::{
-    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, band_centre_hz, band_edges_hz, band_errors_db,
-    band_errors_within_db, band_powers, distance_of_spectra_db,
+    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, THIRD_OCTAVE_RATIO, band_centre_hz,
+    band_edges_hz, band_errors_db, band_errors_within_db, band_powers, distance_of_spectra_db,
+    third_octave_hz,
 };
 pub use cost::{
     DEFAULT_SMOOTHING_WIDTH_HZ, cost_of_blocks, dft_amplitude, expected_cost_of_blocks,
@@ -28,10 +27,6 @@ mod test_signals {
     use std::f64::consts::TAU;
 
     pub const RATE_HZ: f64 = 5000.0;
-
-    pub fn noise(len: usize, seed: u64) -> Vec<f64> {
-        test_helpers::noise(seed, len)
-    }
 
     pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {
         signal.iter().map(|value| factor * value).collect()

@@ -239,14 +239,15 @@ impl PowerSpectrum {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{RATE_HZ, close, noise};
+    use super::super::test_signals::{RATE_HZ, close};
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::noise;
 
     proptest! {
         #[test]
         fn the_welch_density_of_one_segment_keeps_the_windowed_energy(len in 2usize..600, seed: u64) {
-            let signal = noise(len, seed);
+            let signal = noise(seed, len);
             let hann = |n: usize| 0.5 - 0.5 * (TAU * n as f64 / len as f64).cos();
             let (mut energy, mut window_energy) = (0.0, 0.0);
             for (n, x) in signal.iter().enumerate() {
@@ -259,7 +260,7 @@ mod tests {
 
         #[test]
         fn the_estimate_of_blocks_of_one_segment_is_the_mean_of_theirs(seed: u64, count in 1usize..5) {
-            let blocks: Vec<Vec<f64>> = (0..count as u64).map(|n| noise(400, seed ^ n)).collect();
+            let blocks: Vec<Vec<f64>> = (0..count as u64).map(|n| noise(seed ^ n, 400)).collect();
             let blocks: Vec<&[f64]> = blocks.iter().map(Vec::as_slice).collect();
             let power = |blocks: &[&[f64]]| PowerSpectrum::of_blocks(blocks, 400, RATE_HZ).power_between(100.0, 900.0);
             let mean = blocks.iter().map(|block| power(&[block])).sum::<f64>() / count as f64;
@@ -270,7 +271,7 @@ mod tests {
         fn power_is_the_sum_over_any_division_of_the_frequencies(
             len in 100usize..600, seed: u64, mut cuts in prop::collection::vec(0.0..2500.0f64, 1..20),
         ) {
-            let spectrum = PowerSpectrum::welch(&noise(len, seed), RATE_HZ);
+            let spectrum = PowerSpectrum::welch(&noise(seed, len), RATE_HZ);
             cuts.extend([0.0, 2500.0]);
             cuts.sort_by(f64::total_cmp);
             let sum: f64 = cuts.windows(2).map(|cut| spectrum.power_between(cut[0], cut[1])).sum();
@@ -287,7 +288,7 @@ mod tests {
         ] {
             let (mut squares, mut expected) = (0.0, 0.0);
             for seed in 0..600 {
-                let signal = noise(5000, seed);
+                let signal = noise(seed, 5000);
                 let blocks: Vec<&[f64]> = signal.chunks(1250).collect();
                 let spectrum = PowerSpectrum::of_blocks(&blocks, segment, RATE_HZ);
                 let power = spectrum.power_between(low_hz, high_hz) / ((high_hz - low_hz) / 2500.0);

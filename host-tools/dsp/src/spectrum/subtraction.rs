@@ -92,9 +92,10 @@ fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectr
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{RATE_HZ, noise, scaled, sine};
+    use super::super::test_signals::{RATE_HZ, scaled, sine};
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::noise;
 
     const SEGMENT: usize = 1000;
 
@@ -117,13 +118,13 @@ mod tests {
             before = x + pole * before;
             before
         };
-        noise(100_000, seed).into_iter().map(step).collect()
+        noise(seed, 100_000).into_iter().map(step).collect()
     }
 
     proptest! {
         #[test]
         fn noise_of_no_power_changes_nothing(len in 0usize..3000, seed: u64) {
-            let signal = noise(len, seed);
+            let signal = noise(seed, len);
             let silence = spectrum(&vec![0.0; SEGMENT]);
             prop_assert_eq!(&without_noise(&signal, &spectrum(&signal), &silence, RATE_HZ), &signal);
         }
@@ -133,7 +134,7 @@ mod tests {
             seed in 0u64..1000, level in -3.0..3.0f64, pole in -0.99..0.99f64,
         ) {
             let signal = coloured(seed, pole);
-            let other = scaled(&noise(20_000, seed + 1), 10f64.powf(level));
+            let other = scaled(&noise(seed + 1, 20_000), 10f64.powf(level));
             let rest = without_noise(&signal, &spectrum(&signal), &spectrum(&other), RATE_HZ);
             let power = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>();
             prop_assert!(rest.iter().all(|x| x.is_finite()));
@@ -164,8 +165,8 @@ mod tests {
     /// Weak noise added to a strong signal whose beginning and end do not match.
     #[test]
     fn what_is_left_is_no_louder_at_the_ends_than_elsewhere() {
-        let (strong, weak) = (sine(20_000, 120.3, 1.0), scaled(&noise(20_000, 1), 0.003));
-        let known = spectrum(&scaled(&noise(20_000, 2), 0.003));
+        let (strong, weak) = (sine(20_000, 120.3, 1.0), scaled(&noise(1, 20_000), 0.003));
+        let known = spectrum(&scaled(&noise(2, 20_000), 0.003));
         let heard = sum(&strong, &weak);
         let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);
         // Only the noise: the third difference removes the tone.
@@ -183,10 +184,10 @@ mod tests {
     /// A tone that is far stronger than the signal is reduced to the level of its neighbourhood.
     #[test]
     fn a_tone_of_the_noise_is_neither_left_as_a_line_nor_as_a_gap() {
-        let (own, tone) = (noise(100_000, 1), sine(100_000, 733.3, 0.4));
+        let (own, tone) = (noise(1, 100_000), sine(100_000, 733.3, 0.4));
         let heard = sum(&own, &tone);
         let known = spectrum(&sum(
-            &scaled(&noise(100_000, 2), 0.01),
+            &scaled(&noise(2, 100_000), 0.01),
             &sine(100_000, 733.3, 0.4),
         ));
         let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);

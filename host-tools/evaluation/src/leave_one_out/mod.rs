@@ -9,9 +9,6 @@
 //!
 //! A prediction that the device could not play (an unstable mean, or one that is too loud) counts with C = 1, the score
 //! of silence.
-//!
-//! All nodes at the removed node's speed, or at its force, can be left out too. The node is then predicted along that
-//! axis only, and sounds of other programs can be compared with the predictions. This serves as a benchmark.
 
 mod play;
 mod prepared;
@@ -21,12 +18,11 @@ mod run;
 use crate::dsp::spectrum;
 use crate::fit::Order;
 use crate::fit::conditioning::Conditioning;
-use crate::fit::densify::Direction;
 
 pub use play::Judged;
 pub use prepared::Prepared;
 pub use results::{
-    Given, LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise,
+    LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise,
 };
 
 /// Options of the test.
@@ -42,8 +38,6 @@ pub struct Options {
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise, the same for every method.
     pub seed: u64,
-    /// Axis on which all nodes with the removed node's value are removed, too; none to remove only that node.
-    pub left_out: Option<Direction>,
 }
 
 impl Default for Options {
@@ -54,7 +48,6 @@ impl Default for Options {
             smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 5.0,
             seed: 1,
-            left_out: None,
         }
     }
 }

@@ -6,9 +6,8 @@ use serde::Serialize;
 use super::Options;
 use crate::support::error::Result;
 
-use crate::classifier::Windows;
 use crate::dsp::model::Model;
-use crate::dsp::spectrum::{self, BAND_COUNT, agreement};
+use crate::dsp::spectrum::{self, BAND_COUNT};
 use crate::evaluate::WARM_UP_S;
 use crate::perception::ScoringRange;
 use crate::playing::motion::MotionPath;
@@ -29,13 +28,6 @@ pub struct Judged {
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
     pub log_spectral_distance_db: Option<f64>,
-    /// Mean magnitude of the difference of log10 of the power densities.
-    pub log_power_mae: Option<f64>,
-    /// Goodness-of-fit coefficient of the amplitudes.
-    pub fit_coefficient: Option<f64>,
-    /// Windows of recording and synthesis for the classifier, which judges all places together.
-    #[serde(skip)]
-    pub(super) windows: Option<Windows>,
 }
 
 impl Judged {
@@ -45,9 +37,6 @@ impl Judged {
             cost: 1.0,
             band_errors_db: [None; BAND_COUNT],
             log_spectral_distance_db: None,
-            log_power_mae: None,
-            fit_coefficient: None,
-            windows: None,
         }
     }
 }
@@ -111,7 +100,6 @@ pub(super) fn judge(
         |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
     let (a, b) = (of_blocks(recorded), of_blocks(synthesised));
     let (low_hz, high_hz) = range.distance_hz();
-    let agreement = agreement(recorded, synthesised, rate_hz, range.band_edges_hz());
     Some(Judged {
         cost: spectrum::cost_of_blocks(
             &[recorded],
@@ -122,9 +110,5 @@ pub(super) fn judge(
         )?,
         band_errors_db: spectrum::band_errors_within_db(&a, &b, range.band_edges_hz()),
         log_spectral_distance_db: spectrum::distance_of_spectra_db(&a, &b, low_hz, high_hz),
-        log_power_mae: agreement.map(|found| found.log_power_mae),
-        fit_coefficient: agreement.map(|found| found.fit_coefficient),
-        windows: (options.left_out)
-            .and_then(|_| Windows::of(recorded, synthesised, rate_hz, range.band_edges_hz().1)),
     })
 }

@@ -1,22 +1,20 @@
-//! A set that is prepared for the removed-node test: its models, its signals and its spectra.
+//! A set that is prepared for the removed-node test: its models and its signals.
 
 use model_format::SAMPLE_RATE_HZ;
 
 use crate::dsp::model::Model;
 use crate::fit::blocks::Part;
-use crate::fit::densify::{Direction, ECONOMY_DB, highest_order};
 use crate::fit::lines::Lines;
-use crate::fit::{self, FittedTexture, Recorded, Recordings};
+use crate::fit::{self, FittedTexture, Recorded};
 use crate::perception::ScoringRange;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::domain::Neighbour;
 use crate::texture::grid::{Grid, is_recorded};
-use crate::texture::recorded_spectra::{RecordedSpectra, TwoWays, recorded_spectra};
 
 use super::Options;
 
-/// A set that is prepared for the test: its models, its signals and its spectra.
+/// A set that is prepared for the test: its models and its signals.
 pub struct Prepared<'a> {
     pub(super) set: &'a RecordingSet,
     pub(super) signals: Vec<Vec<f64>>,
@@ -24,14 +22,11 @@ pub struct Prepared<'a> {
     pub(super) ranges: Vec<Option<ScoringRange>>,
     pub(super) textures: Vec<PreparedTexture>,
     pub(super) simulated: bool,
-    left_out: Option<Direction>,
 }
 
 pub(super) struct PreparedTexture {
     pub(super) name: String,
     pub(super) grid: Grid,
-    pub(super) field: RecordedSpectra,
-    pub(super) ways: TwoWays,
 }
 
 /// A node to be removed: the trial it is compared with, its texture and its place.
@@ -64,22 +59,11 @@ impl<'a> Prepared<'a> {
         };
         let recordings = fit::read(set, &fit_options, Part::Whole, usize::MAX, &|_| ())?;
         let fit = fit::models(set, &recordings, &fit_options)?;
-        let prepared = |(texture, own): (FittedTexture, &Recordings<'_>)| {
-            let trials = own.trials.iter().map(|own| (own.trial, own.samples()));
-            let field = recorded_spectra(&texture.grid, &trials.collect::<Vec<_>>());
-            PreparedTexture {
-                ways: TwoWays::of(&field),
-                name: texture.name,
-                grid: texture.grid,
-                field,
-            }
+        let prepared = |texture: FittedTexture| PreparedTexture {
+            name: texture.name,
+            grid: texture.grid,
         };
-        let textures = fit
-            .textures
-            .into_iter()
-            .zip(&recordings)
-            .map(prepared)
-            .collect();
+        let textures = fit.textures.into_iter().map(prepared).collect();
         let mut trials: Vec<Recorded<'_>> =
             recordings.into_iter().flat_map(|own| own.trials).collect();
         // Recordings were read texture by texture. Targets find them by their places in the set.
@@ -95,7 +79,6 @@ impl<'a> Prepared<'a> {
             signals,
             ranges,
             textures,
-            left_out: options.left_out,
             simulated: set.is_simulated(),
         };
         if prepared.targets().is_empty() {
@@ -118,7 +101,7 @@ impl<'a> Prepared<'a> {
         trials
             .filter_map(|(index, trial)| {
                 let texture = self.textures.iter().position(|t| t.name == trial.texture)?;
-                let place = self.textures[texture].place(trial, self.left_out)?;
+                let place = self.textures[texture].place(trial)?;
                 // A recording on which nothing can be judged is not used.
                 self.ranges[index].as_ref()?;
                 let neighbours = self.neighbours(texture, place);
@@ -135,25 +118,7 @@ impl<'a> Prepared<'a> {
 impl Prepared<'_> {
     /// Returns the neighbours from which the node of `texture` at `place` is predicted, with their weights.
     pub(super) fn neighbours(&self, texture: usize, place: (usize, usize)) -> Vec<Neighbour<'_>> {
-        self.textures[texture].neighbours(place, self.left_out)
-    }
-
-    /// Returns the trial of `texture` at the neighbour of `place` with the largest weight. Retrieval plays its
-    /// recording.
-    pub(super) fn nearest(&self, texture: usize, place: (usize, usize)) -> Option<usize> {
-        let neighbours = self.neighbours(texture, place);
-        let nearest = neighbours
-            .iter()
-            .max_by(|a, b| a.weight.total_cmp(&b.weight))?;
-        let own = &self.textures[texture];
-        let is_its = |trial: &Trial| {
-            trial.texture == own.name
-                && own
-                    .at(trial)
-                    // By address, because two nodes may have equal models.
-                    .is_some_and(|place| std::ptr::eq(own.model(place), nearest.model))
-        };
-        self.set.trials.iter().position(is_its)
+        self.textures[texture].neighbours(place)
     }
 }
 
@@ -163,15 +128,12 @@ impl PreparedTexture {
     }
 
     /// Returns the place of a trial's node, if it is an inner node.
-    fn place(&self, trial: &Trial, left_out: Option<Direction>) -> Option<(usize, usize)> {
+    fn place(&self, trial: &Trial) -> Option<(usize, usize)> {
         let (speed, force) = self.at(trial)?;
         let is_inner =
             |axis: &[f32], index: usize| axis.len() <= 2 || (index > 0 && index + 1 < axis.len());
-        // A node that is left out along one axis needs no neighbours along the other axis.
-        let along_speed =
-            left_out == Some(Direction::Force) || is_inner(&self.grid.speeds_mm_s, speed);
-        let along_force =
-            left_out == Some(Direction::Speed) || is_inner(&self.grid.forces_n, force);
+        let along_speed = is_inner(&self.grid.speeds_mm_s, speed);
+        let along_force = is_inner(&self.grid.forces_n, force);
         (along_speed && along_force && self.sounds((speed, force))).then_some((speed, force))
     }
 
@@ -186,15 +148,14 @@ impl PreparedTexture {
 
     /// Returns whether a node was recorded and is not silent.
     fn sounds(&self, place: (usize, usize)) -> bool {
-        is_recorded(self.model(place).flags) && self.field.spectrum(place).is_some()
+        is_recorded(self.model(place).flags)
     }
 
     /// Returns the neighbours from which the node at `place` is predicted.
-    fn neighbours(&self, place: (usize, usize), left_out: Option<Direction>) -> Vec<Neighbour<'_>> {
-        let directions = [Direction::Speed, Direction::Force].into_iter();
-        let directions = directions.filter(|along| left_out.is_none_or(|axis| axis == *along));
-        let pairs = directions.filter_map(|along| self.pair_along(along, place));
-        let pairs: Vec<[Neighbour<'_>; 2]> = pairs.collect();
+    fn neighbours(&self, (speed, force): (usize, usize)) -> Vec<Neighbour<'_>> {
+        let along_speed = self.pair(speed, &self.grid.speeds_mm_s, |at| (at, force));
+        let along_force = self.pair(force, &self.grid.forces_n, |at| (speed, at));
+        let pairs: Vec<[Neighbour<'_>; 2]> = along_speed.into_iter().chain(along_force).collect();
         let share = 1.0 / pairs.len().max(1) as f64;
         let mut neighbours: Vec<Neighbour<'_>> = pairs.into_iter().flatten().collect();
         neighbours.iter_mut().for_each(|n| n.weight *= share);
@@ -218,19 +179,5 @@ impl PreparedTexture {
             model: self.model(place(index)),
         };
         Some([neighbour(before, 1.0 - share), neighbour(after, share)])
-    }
-
-    /// Returns the nodes before and after `place` along an axis, if neither is silent.
-    fn pair_along(&self, along: Direction, place: (usize, usize)) -> Option<[Neighbour<'_>; 2]> {
-        match along {
-            Direction::Speed => self.pair(place.0, &self.grid.speeds_mm_s, |s| (s, place.1)),
-            Direction::Force => self.pair(place.1, &self.grid.forces_n, |f| (place.0, f)),
-        }
-    }
-
-    /// Returns the model that a densified grid would have at `place`.
-    pub(super) fn densified(&self, place: (usize, usize)) -> Option<Model> {
-        let spectrum = self.field.without(place, &self.ways)?;
-        Some(spectrum.economical_model(ECONOMY_DB, highest_order(&self.grid)))
     }
 }

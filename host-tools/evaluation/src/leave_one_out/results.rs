@@ -1,22 +1,13 @@
 //! Results of the removed-node test: a row per prediction method, and an outcome per removed node and row. Their
 //! summary is the paper's Table I.
 
-use std::path::PathBuf;
-use std::str::FromStr;
-use std::sync::Arc;
-
 use serde::Serialize;
 
 use crate::texture::domain::Method;
 
 use super::play::Judged;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::fit::conditioning::Conditioning;
-use crate::fit::densify::Direction;
-use crate::fit::whole_signal;
-use crate::recording::Trial;
 use crate::summary;
-use crate::support::error::Result;
 use crate::table::Table;
 
 /// A row of the table: how the removed node was predicted.
@@ -26,76 +17,13 @@ pub enum Row {
     Own,
     /// Interpolated between the neighbours by this method.
     Interpolated(Method),
-    /// Filled like a node of `fit --densify`: a model is fitted to interpolated log-spectra, with surface and tool
-    /// separated as far as this helps the texture.
-    Densified,
-    /// The nearest neighbour's recording itself: retrieval.
-    Nearest,
-    /// Predicted by another program.
-    Given(Arc<Given>),
-}
-
-/// Sounds of another program. They are WAV files with the names of the recordings that judge them, in a folder, or in
-/// subfolders like those of the recordings.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Given {
-    /// Name for tables.
-    pub name: String,
-    /// Folder of the files.
-    pub folder: PathBuf,
-}
-
-impl Given {
-    /// Returns the sound that replaces `trial`, reduced like recordings, m/s² at the models' rate.
-    ///
-    /// # Errors
-    /// A file that does not exist or cannot be read.
-    pub(super) fn samples(&self, trial: &Trial, conditioning: Conditioning) -> Result<Vec<f64>> {
-        let name = trial.file.with_extension("wav");
-        // A list names files relative to its own folder. So the longest end of the path that exists below this folder
-        // is used.
-        let parts: Vec<_> = name.components().collect();
-        let ends = (0..parts.len()).map(|first| parts[first..].iter().collect::<PathBuf>());
-        let below: Vec<PathBuf> = ends
-            .filter(|end| end.is_relative())
-            .map(|end| self.folder.join(end))
-            .collect();
-        // If there is no such file, the error names the place in the folder itself.
-        let file = below.iter().find(|file| file.is_file()).or(below.last());
-        let file = file.unwrap_or(&self.folder);
-        let played = Trial::of(file, &trial.texture, trial.speed_mm_s, trial.force_n);
-        Ok(whole_signal(&played, conditioning)?.samples)
-    }
-}
-
-impl FromStr for Given {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text.split_once('=') {
-            Some((name, folder)) if !name.is_empty() && !folder.is_empty() => Ok(Self {
-                name: name.to_owned(),
-                folder: folder.into(),
-            }),
-            _ => Err("give NAME=DIR".to_owned()),
-        }
-    }
 }
 
 impl Row {
     /// The rows of the removed-node test, in the table's order.
     pub fn all() -> Vec<Self> {
-        let methods = Method::ALL.map(Self::Interpolated);
-        [&methods[..], &[Self::Densified, Self::Own]].concat()
-    }
-
-    /// Returns the rows of a benchmark: those that do not use what is left out, and the `given` ones.
-    pub fn benchmark(given: &[Given]) -> Vec<Self> {
         let methods = Method::ALL.map(Self::Interpolated).into_iter();
-        let given = given
-            .iter()
-            .map(|given| Self::Given(Arc::new(given.clone())));
-        methods.chain([Self::Nearest]).chain(given).collect()
+        methods.chain([Self::Own]).collect()
     }
 
     /// Returns a name for tables.
@@ -103,18 +31,12 @@ impl Row {
         match self {
             Self::Own => "(not removed: its own model; in-sample)".into(),
             Self::Interpolated(method) => method.name(),
-            Self::Densified => "densified: f/v, surface and tool apart".into(),
-            Self::Nearest => "the nearest recording itself".into(),
-            Self::Given(given) => given.name.clone(),
         }
     }
 }
 
 impl Serialize for Row {
-    fn serialize<S: serde::Serializer>(
-        &self,
-        serializer: S,
-    ) -> std::result::Result<S::Ok, S::Error> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(&self.name())
     }
 }
@@ -161,16 +83,8 @@ pub struct LeaveOneOut {
     pub order: String,
     /// True if any recording of the test is simulated.
     pub simulated: bool,
-    /// Axis on which all nodes with the removed node's value were left out; none if only that node was.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub left_out: Option<Direction>,
     /// Methods of predicting a node.
     pub rows: Vec<Row>,
-    /// Area under the ROC curve of a classifier of windows for each row of a benchmark, over the predictions that could
-    /// be played. It is 0.5 if the classifier cannot distinguish them from the recordings. None without two seconds of
-    /// windows.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub areas: Vec<Option<f64>>,
     /// Every removed node, in the order of the set.
     pub removed: Vec<Removed>,
 }
@@ -229,40 +143,6 @@ impl LeaveOneOut {
         Table::new(
             "Table I of the paper, and the same test here",
             headings,
-            rows,
-        )
-    }
-
-    /// The benchmark: a row per method, over all nodes that were left out.
-    pub fn benchmark_table(&self) -> Table {
-        let rows = self.rows.iter().zip(&self.areas).filter_map(|(row, area)| {
-            let all = summarise(self, row, None)?;
-            Some(vec![
-                row.name(),
-                format!("{:.3}", all.log_power_mae),
-                format!("{:.3}", all.fit_coefficient),
-                format!("{:.2}", all.mean_band_error_db),
-                format!("{:.1}", 100.0 * all.bands_within_jnd),
-                format!("{:.2}", all.mean_log_spectral_distance_db),
-                format!("{:.1}", 100.0 * all.mean_cost),
-                area.map_or("-".to_owned(), |area| format!("{area:.2}")),
-                all.unplayable.to_string(),
-            ])
-        });
-        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
-        Table::new(
-            "What is left out, by each method",
-            vec![
-                "method",
-                "log-power MAE",
-                "GFC",
-                "|band|, dB",
-                &within,
-                "LSD, dB",
-                "C, %",
-                "AUC",
-                "not playable",
-            ],
             rows,
         )
     }
@@ -344,10 +224,6 @@ pub struct Summary {
     pub bands_within_jnd: f64,
     /// Mean log-spectral distance from 30 to 1000 Hz, dB, over the playable predictions.
     pub mean_log_spectral_distance_db: f64,
-    /// Mean of the log-power MAE over the playable predictions.
-    pub log_power_mae: f64,
-    /// Mean goodness-of-fit coefficient over the playable predictions.
-    pub fit_coefficient: f64,
 }
 
 /// Summarises `row` over the nodes of `texture`, or over all nodes. Returns `None` if the test does not have this row.
@@ -372,8 +248,6 @@ pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option
     let mean_of =
         |of: fn(&Outcome) -> Option<f64>| mean(played().filter_map(|outcome| of(outcome)));
     Some(Summary {
-        log_power_mae: mean_of(|outcome| outcome.judged.log_power_mae),
-        fit_coefficient: mean_of(|outcome| outcome.judged.fit_coefficient),
         nodes: outcomes.len(),
         unplayable: outcomes.len() - played().count(),
         mean_cost,
@@ -407,9 +281,7 @@ mod tests {
             smoothing: String::new(),
             order: String::new(),
             simulated,
-            left_out: None,
             rows: Vec::new(),
-            areas: Vec::new(),
             removed: textures.iter().map(removed).collect(),
         }
     }
@@ -427,13 +299,13 @@ mod tests {
             }
         };
         let mut test = test_of(&["felt", "felt"], true);
-        test.rows = vec![Row::Own, Row::Nearest];
+        test.rows = vec![Row::Own, Row::Interpolated(Method::DEVICE)];
         for node in &mut test.removed {
             node.bands = 8;
             node.outcomes = vec![outcome(true, 8), outcome(true, 8)];
         }
         test.removed[1].outcomes[1] = outcome(false, 0);
-        let within = [&Row::Own, &Row::Nearest]
+        let within = [&Row::Own, &Row::Interpolated(Method::DEVICE)]
             .map(|row| summarise(&test, row, None).unwrap().bands_within_jnd);
         assert_eq!(within, [1.0, 0.5]);
     }

@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use crate::classifier;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
 use crate::fit::Order;
@@ -16,33 +15,21 @@ use super::prepared::{Prepared, PreparedTexture, Target};
 use super::results::{LeaveOneOut, Outcome, Removed, Row};
 
 impl Prepared<'_> {
-    /// Removes every inner node and predicts it by each of `rows`. Calls `progress` after each node.
+    /// Removes every inner node and predicts it by each method. Calls `progress` after each node.
     ///
     /// The result does not depend on the number of threads.
     ///
     /// # Errors
     /// A request that the kernel's renderer refuses.
-    pub fn run(
-        &self,
-        rows: &[Row],
-        options: &Options,
-        progress: impl Fn() + Sync,
-    ) -> Result<LeaveOneOut> {
+    pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<LeaveOneOut> {
+        let rows = Row::all();
         let targets = self.targets().into_par_iter();
         let removed = targets.map(|target| {
-            let outcome = self.remove(target, rows, options);
+            let outcome = self.remove(target, &rows, options);
             progress();
             outcome
         });
         let removed: Vec<Removed> = removed.collect::<Result<_>>()?;
-        let windows = |row: usize| {
-            let outcomes = removed.iter().map(move |node| &node.outcomes[row]);
-            outcomes.filter_map(|outcome| outcome.judged.windows.as_ref())
-        };
-        // Windows are kept only for a benchmark.
-        let judged = options.left_out.map_or(0, |_| rows.len());
-        let areas = (0..judged).into_par_iter();
-        let areas = areas.map(|row| classifier::area(windows(row))).collect();
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
@@ -50,10 +37,8 @@ impl Prepared<'_> {
                 Order::Bayesian => "chosen for each node (BIC)".into(),
                 Order::Fixed(order) => order.to_string(),
             },
-            left_out: options.left_out,
             simulated: self.simulated,
-            rows: rows.to_vec(),
-            areas,
+            rows,
             removed,
         })
     }
@@ -79,7 +64,6 @@ impl Prepared<'_> {
 enum Timbre {
     Own,
     Interpolated(Domain),
-    Densified,
 }
 
 /// A node that is being removed.
@@ -112,7 +96,6 @@ impl<'p, 's> Removal<'p, 's> {
         let (texture, place) = (self.texture(), self.target.place);
         match timbre {
             Timbre::Own => Some(texture.model(place).clone()),
-            Timbre::Densified => texture.densified(place),
             Timbre::Interpolated(domain) => {
                 // Any level would do, because the voice is scaled to the power of each row.
                 let level = Level::Power;
@@ -126,9 +109,7 @@ impl<'p, 's> Removal<'p, 's> {
     fn voice(&mut self, row: &Row) -> Result<Option<(usize, f64)>> {
         let timbre = match row {
             Row::Own => Timbre::Own,
-            Row::Densified => Timbre::Densified,
             Row::Interpolated(method) => Timbre::Interpolated(method.domain),
-            Row::Nearest | Row::Given(_) => return Ok(None),
         };
         let known = self.voices.iter().position(|(known, _)| *known == timbre);
         let at = known.unwrap_or(self.voices.len());
@@ -149,27 +130,10 @@ impl<'p, 's> Removal<'p, 's> {
         }))
     }
 
-    /// The samples of a row that plays no model.
-    fn played(&self, row: &Row) -> Result<Option<Vec<f64>>> {
-        let trial = &self.prepared.set.trials[self.target.trial];
-        match row {
-            Row::Nearest => {
-                let Target { texture, place, .. } = self.target;
-                let nearest = self.prepared.nearest(texture, place);
-                Ok(nearest.map(|trial| self.prepared.signals[trial].clone()))
-            }
-            Row::Given(given) => Ok(Some(given.samples(trial, self.options.conditioning)?)),
-            _ => Ok(None),
-        }
-    }
-
     fn outcome(&mut self, row: &Row) -> Result<Outcome> {
         let voice = self.voice(row)?;
         let voice = voice.and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));
-        let played = match voice {
-            Some((voice, power)) => voice.at_power(power),
-            None => self.played(row)?,
-        };
+        let played = voice.and_then(|(voice, power)| voice.at_power(power));
         let recorded = &self.prepared.signals[self.target.trial];
         let range = self.prepared.ranges[self.target.trial].as_ref();
         let judged = played

@@ -29,14 +29,13 @@
 //! trials of the texture, by the whole of step 1, if lines or the rig's noise were removed, and otherwise the used
 //! trials, cut as before. Trials and nodes are computed in parallel, textures in turn.
 //!
-//! [`Fit::library`] encodes the result. The command snaps speeds and forces before step 1, adds nodes after step 5 if
-//! `--densify` asks for it, for which it reads the recordings again, and writes a [`record`] of the fit beside the
-//! library.
+//! [`Fit::library`] encodes the result. The command snaps speeds and forces before step 1, and writes a [`record`] of
+//! the fit beside the library.
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
 //! ([`parts`]) write the results of step 1 to files; a last run merges them, and reads the recordings again for step 5.
-//! [`densify`] adds nodes to a grid. A fit to a free hand ([`fit_strokes`]) makes trials of its strokes, without
-//! noise and lines, and sets the nodes' levels before and after step 5.
+//! A fit to a free hand ([`fit_strokes`]) makes trials of its strokes, without noise and lines, and sets the nodes'
+//! levels before and after step 5.
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file, except that
 //! `parts` and `record` write their own.
@@ -46,7 +45,6 @@ use crate::support::error::Result;
 
 pub mod blocks;
 pub mod conditioning;
-pub mod densify;
 mod estimate;
 pub mod excitation;
 mod fitted;

@@ -12,6 +12,7 @@ use super::options::Order;
 use crate::dsp::autocorrelation::PaddedSpectrum;
 use crate::dsp::log_spectrum::{FINE_BINS, density_of_model};
 use crate::dsp::model::Model;
+use crate::dsp::spectrum::band_edges_hz;
 use crate::dsp::sums::rms;
 use crate::recording::resample;
 
@@ -73,10 +74,10 @@ fn recorded_at(rate_hz: u32, signal: Vec<f64>) -> Vec<f64> {
 fn off_db(model: &Model, resonances: &[(f64, f64)], to_hz: f64) -> f64 {
     let (found, truth) = (density_of_model(model, FINE_BINS), density(resonances));
     let step_hz = f64::from(SAMPLE_RATE_HZ) / (2 * (FINE_BINS - 1)) as f64;
-    let edges = (13..).map(|band| 10f64.powf((f64::from(band) - 0.5) / 10.0));
-    let edges = edges.take_while(|low| low * 10f64.powf(0.1) <= to_hz);
-    let powers = edges.map(|low| {
-        let bins = (low / step_hz) as usize..(low * 10f64.powf(0.1) / step_hz) as usize;
+    let edges = (0..).map(band_edges_hz);
+    let edges = edges.take_while(|&(_, high)| high <= to_hz);
+    let powers = edges.map(|(low, high)| {
+        let bins = (low / step_hz) as usize..(high / step_hz) as usize;
         [&found, &truth].map(|density| density[bins.clone()].iter().sum::<f64>())
     });
     let powers: Vec<[f64; 2]> = powers.collect();

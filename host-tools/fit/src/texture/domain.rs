@@ -55,7 +55,7 @@ impl Method {
     ];
 
     /// Returns the device's own method for a lattice with this law: θ for the shape, and the law for the level.
-    pub const fn of_device(law: LevelLaw) -> Self {
+    const fn of_device(law: LevelLaw) -> Self {
         let level = match law {
             LevelLaw::Power => Level::Power,
             LevelLaw::Amplitude => Level::Amplitude,

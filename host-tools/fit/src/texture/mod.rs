@@ -6,8 +6,6 @@
 pub mod domain;
 pub mod grid;
 pub mod library;
-pub mod parts;
 pub mod quantise;
-pub mod recorded_spectra;
 pub mod summary;
 pub mod theta;

@@ -4,7 +4,7 @@
 //! later stages. *Compact* textures have 24 bits in fewer of the first stages, and one byte per stage after the 32nd,
 //! with a range per node. Compact θ takes little more than half of the bytes at order 400.
 
-use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, limits};
+use model_format::{CodeSpec, NodeSpec, limits};
 use rayon::prelude::*;
 
 use crate::dsp::model::Model;
@@ -53,13 +53,6 @@ fn is_unfelt(error: Option<ModelError>) -> bool {
     error.is_none_or(|error| error.share_of(LARGEST_ERROR) <= 1.0)
 }
 
-/// Returns whether all of `models`, which are at 5 kHz, may be stored with compact θ.
-pub(crate) fn all_allow_compact(models: &[&Model]) -> bool {
-    models
-        .par_iter()
-        .all(|model| is_unfelt(compacted(model, SAMPLE_RATE_HZ).1))
-}
-
 /// Returns whether a model is not silent and has stages that compact θ stores in one byte.
 fn is_long(model: &Model) -> bool {
     !model.is_silent() && model.reflection.len() > limits::MAX_FINE_STAGES
@@ -90,7 +83,7 @@ pub fn bytes_per_node(theta: StoredTheta, order: usize, highest_order: usize) ->
 
 #[cfg(test)]
 mod tests {
-    use model_format::{Library, TextureSpec, encode};
+    use model_format::{Library, SAMPLE_RATE_HZ, TextureSpec, encode};
     use proptest::prelude::*;
 
     use super::*;
@@ -195,10 +188,6 @@ mod tests {
                 for error in errors(&grid, &nodes) {
                     prop_assert!(error.share_of(LARGEST_ERROR) <= 1.0);
                 }
-            }
-            if grid.models.iter().any(is_long) {
-                let models: Vec<&Model> = grid.models.iter().collect();
-                prop_assert_eq!(all_allow_compact(&models), tails);
             }
             let orders: Vec<usize> = nodes.iter().map(|node| node.codes.thetas().count()).collect();
             let highest = orders.iter().copied().max().unwrap_or(0);

@@ -16,7 +16,7 @@ use std::path::Path;
 use model_format::Texture;
 use serde_json::Value;
 
-use crate::dsp::spectrum::PowerSpectrum;
+use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ, PowerSpectrum, third_octave_hz};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, Rendering};
 use crate::recording::resample;
@@ -159,12 +159,12 @@ fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Op
     match format {
         Format::Haptic | Format::Ahap => {
             let tone = PowerSpectrum::welch(&envelope.tone(rate_hz), rate_hz);
-            // Octaves in base ten, as in IEC 61260-1.
-            let labels = ["31.5", "63", "125", "250", "500", "1000"];
-            let levels = labels.iter().zip(-5..=0).map(|(label, octave)| {
-                let edge_hz = |half: f64| 10f64.powf(3.0 + 0.3 * (f64::from(octave) + half));
-                let power = |of: &PowerSpectrum| of.power_between(edge_hz(-0.5), edge_hz(0.5));
-                format!("{label} Hz {}", decibels(power(&tone), power(&spectrum)))
+            // An octave is three third octaves. The octaves from 31.5 Hz to 1 kHz are centred on every third of these.
+            let levels = (2..BAND_COUNT).step_by(3).map(|band| {
+                let edge_hz = |bands: f64| third_octave_hz(band as f64 + bands);
+                let power = |of: &PowerSpectrum| of.power_between(edge_hz(-1.5), edge_hz(1.5));
+                let level = decibels(power(&tone), power(&spectrum));
+                format!("{} Hz {level}", BAND_LABELS_HZ[band])
             });
             let ((low_hz, high_hz), levels) = (RANGE_HZ, levels.collect::<Vec<_>>().join(", "));
             Some(format!(

@@ -287,7 +287,7 @@ mod tests {
                     };
                     let axis = |axis: usize| -> Vec<f64> {
                         let offset = (offsets_g[axis] + if axis == 0 { gravity } else { 0.0 }) * G;
-                        let noise = triage::test_signals::noise(1 + axis as u64);
+                        let noise = triage::test_signals::bounded_noise(1 + axis as u64);
                         let value =
                             |x: f64| (gain * (x + offset) / unit_m_s2 / step).round() * step;
                         noise.into_iter().map(value).collect()

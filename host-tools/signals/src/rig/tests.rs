@@ -18,6 +18,7 @@ use super::profile::Profile;
 use super::trial::{Strip, Trial};
 use super::*;
 use crate::dsp::fourier::{self, Complex};
+use crate::dsp::sums::rms;
 use test_helpers::near;
 
 /// Speeds, forces and drum of most rigs in these tests.
@@ -112,11 +113,6 @@ fn amplitudes(signal: &[f64]) -> (Vec<f64>, f64) {
     let scale = 2.0 / signal.len() as f64;
     let amplitudes = spectrum.iter().map(|bin| bin.norm() * scale).collect();
     (amplitudes, 5000.0 / signal.len() as f64)
-}
-
-fn rms(signal: impl Iterator<Item = f64> + Clone) -> f64 {
-    let count = signal.clone().count() as f64;
-    (signal.map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
 #[test]
@@ -311,10 +307,10 @@ fn noise_is_white_with_its_rms_and_its_axes_are_independent() {
     for (axis, expected) in [0.3, 0.2, 0.1].into_iter().enumerate() {
         let signal = all.iter().flat_map(|trial| &trial.samples_m_s2[axis]);
         let signal: Vec<f64> = signal.copied().collect();
-        assert!((rms(signal.iter().copied()) / expected - 1.0).abs() < 0.01);
+        assert!((rms(&signal) / expected - 1.0).abs() < 0.01);
         let (spectrum, _) = amplitudes(&signal);
         for quarter in spectrum[1..].chunks_exact(spectrum.len() / 4) {
-            let power = rms(quarter.iter().copied()) * (signal.len() as f64 / 4.0).sqrt();
+            let power = rms(quarter) * (signal.len() as f64 / 4.0).sqrt();
             near(power / expected, 1.0, 0.02);
         }
     }
@@ -331,7 +327,7 @@ fn tremor_stays_in_its_band_and_has_its_rms() {
     for seed in 0..10 {
         for trial in trials(&[PROTOCOL, STRIP, TREMOR], seed) {
             for (power, axis) in powers.iter_mut().zip(&trial.samples_m_s2) {
-                *power += rms(axis.iter().copied()).powi(2) / 160.0;
+                *power += rms(axis).powi(2) / 160.0;
             }
             let window = |i: usize| 1.0 - (TAU * i as f64 / 1e4).cos();
             let windowed = trial.samples_m_s2[0].iter().enumerate();

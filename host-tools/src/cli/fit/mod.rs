@@ -1,6 +1,5 @@
 //! `stylus fit`
 
-mod densify;
 mod parts;
 mod report;
 mod strokes;
@@ -8,14 +7,12 @@ mod strokes;
 use clap::ArgGroup;
 use host_tools::fit;
 use host_tools::fit::Fit;
-use host_tools::fit::densify::Densified;
 use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::recording::{RecordingSet, Snap};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::texture::summary::TextureSummary;
-use model_format::SAMPLE_RATE_HZ;
 use std::path::{Path, PathBuf};
 
 use model_format::limits::MAX_TEXTURES;
@@ -44,9 +41,6 @@ pub struct Arguments {
     overwrite: Overwrite,
     #[command(flatten)]
     options: fit::Options,
-    /// Fill the grid between recorded nodes as densely as the slot allows, and show the gain
-    #[arg(long, conflicts_with = "strokes")]
-    densify: bool,
     #[command(flatten)]
     large: LargeSet,
     #[command(flatten)]
@@ -54,19 +48,6 @@ pub struct Arguments {
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
-}
-
-/// Returns the options with a checked sample rate. Options that compare with recordings, which have 5 kHz, are refused
-/// at another rate.
-fn checked_rate(options: &fit::Options, densify: bool) -> Result<fit::Options> {
-    options.check_rate()?;
-    if densify && options.sample_rate_hz != SAMPLE_RATE_HZ {
-        return Err(Error::Request(format!(
-            "--densify compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {} Hz",
-            options.sample_rate_hz
-        )));
-    }
-    Ok(options.at_their_rate())
 }
 
 /// Fits `set` with a progress bar, and encodes the library.
@@ -150,10 +131,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let (fit, bytes, record) =
             (arguments.strokes).fitted(files, assumed, &arguments.options)?;
         record.write_with(out, &bytes)?;
-        return tell(&fit, &bytes, out, None, arguments.json);
+        return tell(&fit, &bytes, out, arguments.json);
     }
     let set = snapped(arguments.recordings.open()?, arguments.options.snap)?;
-    let options = checked_rate(&arguments.options, arguments.densify)?;
+    arguments.options.check_rate()?;
+    let options = arguments.options.at_their_rate();
     if let Some(shard) = arguments.large.shard_to_map() {
         return parts::map_shard(&set, &options, shard, &arguments.large, arguments.json);
     }
@@ -166,31 +148,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let Fitted {
         fit,
-        mut bytes,
+        bytes,
         contents,
     } = fitted(&set, &options, &arguments.large)?;
-    let denser = (arguments.densify).then(|| densify::densify(&set, &fit, &options));
-    let denser = denser.transpose()?;
-    if let Some(denser) = &denser {
-        bytes = fit::encoded(&denser.specs)?;
-    }
     let record = match contents {
         Some(contents) => FitRecord::with_contents(&set, &options, &bytes, &contents),
         None => FitRecord::of(&set, &options, &bytes)?,
     };
     record.with_account_of(&fit).write_with(out, &bytes)?;
     tell_nominal_motion(&set, arguments.recordings.assumed());
-    tell(&fit, &bytes, out, denser.as_ref(), arguments.json)
+    tell(&fit, &bytes, out, arguments.json)
 }
 
 /// Reports on `fit`, whose library of these `bytes` was written to `out`.
-fn tell(
-    fit: &Fit,
-    bytes: &[u8],
-    out: &Path,
-    denser: Option<&Densified>,
-    is_json: bool,
-) -> Result<()> {
+fn tell(fit: &Fit, bytes: &[u8], out: &Path, is_json: bool) -> Result<()> {
     let library = decode_library(out, bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
@@ -205,10 +176,9 @@ fn tell(
             trials: &fit.trials,
             excitations: fit.excitations(),
             lines: FoundLines::of(fit),
-            added_lines: denser.map(|d| d.lines.as_slice()),
         });
     }
-    show(fit, &textures, denser)?;
+    show(fit, &textures)?;
     print(&format!(
         "\n{} -> {} ({}); the axes' energy kept: {}",
         trials_used(&fit.trials),
@@ -219,16 +189,13 @@ fn tell(
 }
 
 /// Prints `fit`: its trials, its textures, and the parts that were found.
-fn show(fit: &Fit, textures: &[TextureSummary], denser: Option<&Densified>) -> Result<()> {
+fn show(fit: &Fit, textures: &[TextureSummary]) -> Result<()> {
     show_verdicts(fit);
     low_rates(&fit.trials).iter().for_each(|text| note(text));
     print(&texture_table(textures))?;
     print(&format!("\n{}", lines_found(fit)))?;
     if let Some(shares) = rigs_share(fit) {
         print(&format!("\n{shares}"))?;
-    }
-    if let Some(denser) = denser {
-        print(&format!("\n{}", densify::lines_added(&denser.lines)))?;
     }
     let reports = fit.excitations();
     if !reports.is_empty() {

@@ -22,7 +22,7 @@ use crate::cli::table::table;
 #[derive(clap::Args)]
 pub struct LargeSet {
     /// Write a library of its own for each texture, for sets of more textures than one library holds
-    #[arg(long, conflicts_with_all = ["densify", "strokes"])]
+    #[arg(long, conflicts_with = "strokes")]
     pub each: bool,
     /// Folder of partial results: what was computed of a trial is kept there, and not computed again
     #[arg(long, value_name = "DIR", conflicts_with = "strokes")]

@@ -1,7 +1,6 @@
 //! The report of `stylus fit`, as JSON and as text.
 
 use host_tools::dsp::spectrum::band_centre_hz;
-use host_tools::fit::densify::AddedLine;
 use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
 use host_tools::fit::record::FoundLines;
 use host_tools::fit::{Fit, TrialReport, by_speed};
@@ -23,8 +22,6 @@ pub struct FitReport<'a> {
     pub trials: &'a [TrialReport],
     pub excitations: Vec<ExcitationReport>,
     pub lines: Vec<FoundLines>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub added_lines: Option<&'a [AddedLine]>,
 }
 
 /// Returns lines that state what excites each texture's models, and why.

@@ -19,7 +19,7 @@ const SPEEDS_MM_S: [f64; 6] = [40.0, 70.0, 100.0, 150.0, 220.0, 300.0];
 
 /// Noise of a tool's resonance. If `band_mm` is given, a band of noise at speed over wavelength is added, which moves
 /// with the speed.
-fn noise(generator: &mut Pcg64, speed_mm_s: f64, band_mm: Option<f64>) -> Vec<f64> {
+fn surface_noise(generator: &mut Pcg64, speed_mm_s: f64, band_mm: Option<f64>) -> Vec<f64> {
     let mut resonator = |hz: f64, radius: f64| {
         let cosine = 2.0 * radius * (TAU * hz / RATE_HZ).cos();
         let (mut y1, mut y2) = (0.0, 0.0);
@@ -54,7 +54,9 @@ fn add_line(signal: &mut [f64], hz: f64, amplitude: f64, phase: f64) {
 
 fn surfaces(seed: u64, speeds: &[f64], band_mm: Option<f64>) -> (Pcg64, Vec<Vec<f64>>) {
     let mut generator = Pcg64::seed_from_u64(seed);
-    let signals = speeds.iter().map(|v| noise(&mut generator, *v, band_mm));
+    let signals = speeds
+        .iter()
+        .map(|v| surface_noise(&mut generator, *v, band_mm));
     let signals = signals.collect();
     (generator, signals)
 }

@@ -92,7 +92,8 @@ fn is_unnatural(axis: &[f64], first: usize, end: usize) -> bool {
 mod tests {
     use super::*;
 
-    fn noise(n: usize, steps: f64) -> Vec<f64> {
+    /// Uniform white noise that a converter rounded to whole steps, within a range of `steps`.
+    fn rounded_noise(n: usize, steps: f64) -> Vec<f64> {
         let mut state = 1u64;
         (0..n)
             .map(|_| {
@@ -106,9 +107,9 @@ mod tests {
 
     #[test]
     fn a_converter_that_stands_still_is_found_and_coarse_steps_are_not() {
-        let clean = noise(10_000, 1000.0);
+        let clean = rounded_noise(10_000, 1000.0);
         assert_eq!(holds(&Axis::of(&clean), 5000.0), []);
-        assert_eq!(holds(&Axis::of(&noise(10_000, 2.0)), 5000.0), []);
+        assert_eq!(holds(&Axis::of(&rounded_noise(10_000, 2.0)), 5000.0), []);
         let mut stuck = clean.clone();
         let value = stuck[4000];
         stuck[4000..4020].fill(value);

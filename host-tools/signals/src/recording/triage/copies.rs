@@ -108,7 +108,7 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{noise, plus};
+    use super::super::test_signals::{bounded_noise, plus};
     use super::*;
 
     fn copies_of(signals: &[Vec<f64>]) -> Vec<Option<(usize, f64)>> {
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn equal_and_scaled_copies_are_found_with_the_earliest_original() {
-        let (a, b) = (noise(7), noise(8));
+        let (a, b) = (bounded_noise(7), bounded_noise(8));
         let scaled: Vec<f64> = b.iter().map(|x| 0.37 * x).collect();
         let rounded: Vec<f64> = a.iter().map(|x| (x * 1e4).round() / 1e4 + 9.81).collect();
         let found = copies_of(&[a, b.clone(), scaled, rounded, b]);
@@ -142,8 +142,8 @@ mod tests {
     /// A drum that passes the same track again, with another force.
     #[test]
     fn a_track_that_is_retraced_is_no_copy() {
-        let track = noise(7);
-        let pass = |seed: u64| plus(&track, noise(seed).into_iter().map(|x| 0.1 * x));
+        let track = bounded_noise(7);
+        let pass = |seed: u64| plus(&track, bounded_noise(seed).into_iter().map(|x| 0.1 * x));
         assert_eq!(copies_of(&[pass(8), pass(9)]), [None, None]);
     }
 }

@@ -118,7 +118,7 @@ fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
 #[cfg(test)]
 #[allow(clippy::single_range_in_vec_init, reason = "the spans are ranges")]
 mod tests {
-    use super::super::test_signals::noise;
+    use super::super::test_signals::bounded_noise;
     use super::*;
 
     fn silent(spans: Vec<Span>) -> Vec<Verdict> {
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn joined_parts_keep_their_samples_their_mean_and_their_power() {
-        let axis: Vec<f64> = noise(1).iter().map(|x| x + 9.81).collect();
+        let axis: Vec<f64> = bounded_noise(1).iter().map(|x| x + 9.81).collect();
         let joined = kept(vec![axis.clone()], &[0..4000, 6000..10_000]).remove(0);
         assert_eq!(joined.len(), 8000 - JOINT);
         let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);

@@ -258,12 +258,12 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{noise, plus};
+    use super::super::test_signals::{bounded_noise, plus};
     use super::*;
     use test_helpers::holds;
 
     fn scaled(range: Span, by: f64) -> Vec<f64> {
-        let mut signal = noise(1);
+        let mut signal = bounded_noise(1);
         signal[range].iter_mut().for_each(|x| *x *= by);
         signal
     }
@@ -282,12 +282,12 @@ mod tests {
 
     #[test]
     fn a_tap_is_found_where_it_is() {
-        let burst = noise(3);
+        let burst = bounded_noise(3);
         let tap = (0..150).map(|n| 40.0 * burst[n] * (-(n as f64) / 40.0).exp());
         let late = std::iter::repeat_n(0.0, 6000)
             .chain(tap)
             .chain(std::iter::repeat(0.0));
-        let found = verdicts(&[plus(&noise(1), late)]);
+        let found = verdicts(&[plus(&bounded_noise(1), late)]);
         let [verdict] = &found[..] else {
             panic!("{found:?}");
         };
@@ -300,7 +300,7 @@ mod tests {
         let found = verdicts(&[scaled(5000..10_000, 4.0)]);
         let words = found[0].to_string();
         assert!(words.starts_with("level change: +12 dB at 1.0"), "{words}");
-        let ramp: Vec<f64> = noise(1)
+        let ramp: Vec<f64> = bounded_noise(1)
             .iter()
             .enumerate()
             .map(|(n, x)| x * (n as f64 / 5000.0).exp())

@@ -118,7 +118,7 @@ fn units_of(mean: f64) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::noise;
+    use super::super::test_signals::bounded_noise;
     use super::*;
     use crate::dsp::sums::moments;
     use crate::recording::unit;
@@ -128,7 +128,7 @@ mod tests {
     /// The finding for noise of `rms` m/s² per axis about `means`, in samples of `unit_m_s2` m/s².
     fn found(means: &[f64], rms: f64, unit_m_s2: f64, has_scale: bool) -> Option<String> {
         let of = |(seed, mean): (u64, &f64)| {
-            let noise = noise(seed);
+            let noise = bounded_noise(seed);
             let samples = noise.iter().map(|x| (mean + rms * x / 0.816) / unit_m_s2);
             moments(&samples.collect::<Vec<f64>>())
         };

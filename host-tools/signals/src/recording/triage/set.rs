@@ -154,12 +154,12 @@ pub fn confirmed_hum(trials: &[(f64, Option<f64>)]) -> Vec<Option<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{noise, plus, tone};
+    use super::super::test_signals::{bounded_noise, plus, tone};
     use super::*;
 
     #[test]
     fn slow_motion_is_no_finding_in_the_air() {
-        let sketch = Sketch::of(&noise(1));
+        let sketch = Sketch::of(&bounded_noise(1));
         let own = [
             Verdict::new(Kind::Wandering, ""),
             Verdict::new(Kind::TooShort, ""),
@@ -189,10 +189,10 @@ mod tests {
     #[test]
     fn mains_lines_are_found_with_their_frequency_and_others_are_not() {
         for frequency_hz in [50.0, 59.9, 100.0, 119.8, 150.2, 180.0] {
-            let found = line_of(&plus(&noise(7), tone(frequency_hz, 0.3))).unwrap();
+            let found = line_of(&plus(&bounded_noise(7), tone(frequency_hz, 0.3))).unwrap();
             assert!((found - frequency_hz).abs() < 0.5, "{found}");
         }
-        assert_eq!(line_of(&plus(&noise(8), tone(70.0, 0.5))), None);
+        assert_eq!(line_of(&plus(&bounded_noise(8), tone(70.0, 0.5))), None);
         assert_eq!(line_of(&vec![0.0; 10_000]), None);
     }
 

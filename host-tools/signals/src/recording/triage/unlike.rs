@@ -108,12 +108,13 @@ fn departure(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::spectrum::third_octave_hz;
 
     /// Bands from 25 Hz to 2 kHz whose level starts at `level_db` and falls by 1 dB per band, changed by `change`, a
     /// function of the centre in Hz.
     fn bands(level_db: f64, change: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
         let band = |k: u32| {
-            let hz = 10f64.powf(f64::from(k) / 10.0);
+            let hz = third_octave_hz(f64::from(k) - 13.0);
             (hz, level_db - f64::from(k) + change(hz))
         };
         (14..34).map(band).collect()
