@@ -137,7 +137,7 @@ async fn measure<F: MappedFlash>(
     let slot = claim.slot();
     let sector = SlotStore::<F>::header_sector();
     let begin = bench.now_us();
-    let mut failed = slots.erase_sector(claim, sector).await.is_err();
+    let mut failed = slots.erase_sector(&claim, sector).await.is_err();
     let mut values = FlashValues {
         slot,
         erase_us: bench.now_us().wrapping_sub(begin),
@@ -155,7 +155,7 @@ async fn measure<F: MappedFlash>(
     for offset in words.clone() {
         let word: [u8; WORD_BYTES] = core::array::from_fn(|byte| pattern(offset + byte as u32));
         let begin = bench.now_us();
-        failed |= slots.program(claim, sector + offset, &word).await.is_err();
+        failed |= slots.program(&claim, sector + offset, &word).await.is_err();
         let took = bench.now_us().wrapping_sub(begin);
         values.words += 1;
         values.write_us = values.write_us.saturating_add(took);
@@ -165,7 +165,7 @@ async fn measure<F: MappedFlash>(
         let read = slots.word(slot, sector + offset).await;
         values.wrong += differing(read, |byte| pattern(offset + byte));
     }
-    failed |= slots.erase_sector(claim, sector).await.is_err();
+    failed |= slots.erase_sector(&claim, sector).await.is_err();
     if failed {
         // An operation that the flash refused left at least one byte that was not tested.
         values.wrong = values.wrong.max(1);

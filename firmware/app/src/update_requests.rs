@@ -88,8 +88,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         supplied(stage)?;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         let header = updates.begun.ok_or(UpdateError::NotBegun)?;
-        let (claim, UploadBegin { length, .. }) = self.uploader.received()?;
-        let slot = claim.slot();
+        let UploadProgress { upload, slot, .. } = self.uploader.received()?;
+        let length = upload.length;
         at_rest(stage)?;
         // An image is no library, so the upload ends here and is never committed as one.
         self.uploader.abort(&mut self.slots);

@@ -18,13 +18,13 @@ const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
 
 /// The upload under way, if any.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Debug, Default)]
 pub struct Uploader {
     upload: Option<Upload>,
 }
 
 /// Progress of an upload.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 struct Upload {
     begin: UploadBegin,
     claim: Claim,
@@ -32,7 +32,7 @@ struct Upload {
 }
 
 impl Upload {
-    fn progress(self) -> UploadProgress {
+    fn progress(&self) -> UploadProgress {
         UploadProgress {
             upload: self.begin,
             slot: self.claim.slot(),
@@ -49,7 +49,7 @@ impl Uploader {
 
     /// Progress of the upload, for the status.
     pub fn state(&self) -> UploadState {
-        self.upload.map_or(UploadState::Idle, |upload| {
+        self.upload.as_ref().map_or(UploadState::Idle, |upload| {
             UploadState::Receiving(upload.progress())
         })
     }
@@ -69,7 +69,7 @@ impl Uploader {
                 length: begin.length,
             });
         }
-        if let Some(upload) = self.upload
+        if let Some(upload) = &self.upload
             && (upload.begin.length, upload.begin.crc32) == (begin.length, begin.crc32)
         {
             return Ok(upload.progress());
@@ -79,7 +79,7 @@ impl Uploader {
         let claim = claim.map_err(|LastLibrary { slot }| UploadError::LastLibrary { slot })?;
         self.abort(store);
         store
-            .erase_sector(claim, SlotStore::<F>::header_sector())
+            .erase_sector(&claim, SlotStore::<F>::header_sector())
             .await?;
         store.set_receiving(claim.slot());
         let upload = Upload {
@@ -87,8 +87,7 @@ impl Uploader {
             claim,
             next_offset: 0,
         };
-        self.upload = Some(upload);
-        Ok(upload.progress())
+        Ok(self.upload.insert(upload).progress())
     }
 
     /// Writes the next chunk.
@@ -101,18 +100,17 @@ impl Uploader {
         store: &mut SlotStore<F>,
         chunk: UploadChunk<'_>,
     ) -> Result<UploadProgress, UploadError> {
-        let upload = self.upload.ok_or(UploadError::NotBegun)?;
+        let upload = self.upload.as_ref().ok_or(UploadError::NotBegun)?;
         let next_offset = check_chunk(upload, chunk)?;
         // The upload ends here and is restored once the words are written, so that a call dropped half way ends it.
-        self.end(store);
-        write_chunk(store, upload, chunk).await?;
+        let upload = self.end(store)?;
+        write_chunk(store, &upload, chunk).await?;
         store.set_receiving(upload.claim.slot());
         let upload = Upload {
             next_offset,
             ..upload
         };
-        self.upload = Some(upload);
-        Ok(upload.progress())
+        Ok(self.upload.insert(upload).progress())
     }
 
     /// Validates the received bytes and makes them the library of their slot, which does not become the active one.
@@ -124,10 +122,9 @@ impl Uploader {
         &mut self,
         store: &mut SlotStore<F>,
     ) -> Result<UploadCommitted, UploadError> {
-        let (claim, UploadBegin { length, crc32, .. }) = self.received()?;
-        let slot = claim.slot();
-        self.end(store);
-        let sealed = store.seal(claim, length, crc32).await;
+        let UploadProgress { upload, slot, .. } = self.received()?;
+        let Upload { claim, .. } = self.end(store)?;
+        let sealed = store.seal(claim, upload.length, upload.crc32).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
             SealFault::Write(fault) => fault.into(),
@@ -139,19 +136,15 @@ impl Uploader {
         })
     }
 
-    /// The upload under way, of which all bytes have arrived.
+    /// Progress of the upload under way, of which all bytes have arrived.
     ///
     /// # Errors
     /// No upload is under way, or it is not complete.
-    pub(crate) fn received(&self) -> Result<(Claim, UploadBegin), UploadError> {
-        let Upload {
-            begin,
-            claim,
-            next_offset,
-        } = self.upload.ok_or(UploadError::NotBegun)?;
-        let length = begin.length;
+    pub(crate) fn received(&self) -> Result<UploadProgress, UploadError> {
+        let upload = self.upload.as_ref().ok_or(UploadError::NotBegun)?;
+        let (next_offset, length) = (upload.next_offset, upload.begin.length);
         if next_offset == length {
-            return Ok((claim, begin));
+            return Ok(upload.progress());
         }
         Err(UploadError::Incomplete {
             next_offset,
@@ -161,20 +154,19 @@ impl Uploader {
 
     /// Ends the upload under way, if any.
     pub fn abort<F: MappedFlash>(&mut self, store: &mut SlotStore<F>) {
-        if self.upload.is_some() {
-            self.end(store);
-        }
+        let _ = self.end(store);
     }
 
-    fn end<F: MappedFlash>(&mut self, store: &mut SlotStore<F>) {
-        if let Some(upload) = self.upload.take() {
-            store.set_unfinished(upload.claim.slot());
-        }
+    /// Ends the upload under way, and returns it with its claim.
+    fn end<F: MappedFlash>(&mut self, store: &mut SlotStore<F>) -> Result<Upload, UploadError> {
+        let upload = self.upload.take().ok_or(UploadError::NotBegun)?;
+        store.set_unfinished(upload.claim.slot());
+        Ok(upload)
     }
 }
 
 /// Checks that `chunk` is the next of `upload`, and returns the offset of the chunk after it.
-fn check_chunk(upload: Upload, chunk: UploadChunk<'_>) -> Result<u32, UploadError> {
+fn check_chunk(upload: &Upload, chunk: UploadChunk<'_>) -> Result<u32, UploadError> {
     let (expected, total) = (upload.next_offset, upload.begin.length);
     if chunk.offset != expected {
         return Err(UploadError::Offset {
@@ -203,7 +195,7 @@ fn check_chunk(upload: Upload, chunk: UploadChunk<'_>) -> Result<u32, UploadErro
 /// Writes `chunk`, after erasing the sector that it is the first to reach.
 async fn write_chunk<F: MappedFlash>(
     store: &mut SlotStore<F>,
-    upload: Upload,
+    upload: &Upload,
     chunk: UploadChunk<'_>,
 ) -> Result<(), WriteFault> {
     let sector = SlotStore::<F>::sector_bytes();
@@ -211,9 +203,9 @@ async fn write_chunk<F: MappedFlash>(
     let border = chunk.offset.next_multiple_of(sector);
     // `begin` erased the header's sector. Sectors are longer than chunks, so a chunk reaches at most one border.
     if border < end && border != SlotStore::<F>::header_sector() {
-        store.erase_sector(upload.claim, border).await?;
+        store.erase_sector(&upload.claim, border).await?;
     }
-    store.write(upload.claim, chunk.offset, chunk.data).await
+    store.write(&upload.claim, chunk.offset, chunk.data).await
 }
 
 impl From<WriteFault> for UploadError {

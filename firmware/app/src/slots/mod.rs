@@ -305,7 +305,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Erases the sector of the claimed slot that holds `offset`.
     pub(crate) async fn erase_sector(
         &mut self,
-        claim: Claim,
+        claim: &Claim,
         offset: u32,
     ) -> Result<(), WriteFault> {
         let slot = claim.slot();
@@ -331,7 +331,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Programs one word at `offset` of the claimed slot, without reading it back.
     pub(crate) async fn program(
         &mut self,
-        claim: Claim,
+        claim: &Claim,
         offset: u32,
         word: &[u8; WORD_BYTES],
     ) -> Result<(), WriteFault> {
@@ -344,7 +344,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// word back.
     pub(crate) async fn write(
         &mut self,
-        claim: Claim,
+        claim: &Claim,
         offset: u32,
         bytes: &[u8],
     ) -> Result<(), WriteFault> {
@@ -368,6 +368,7 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Validates `length` bytes in the claimed slot, reading each once, and makes them a library by writing its header.
+    /// Ends the claim, because from then on the slot may hold the last library.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
@@ -386,10 +387,10 @@ impl<F: MappedFlash> SlotStore<F> {
             length,
             crc32,
         };
-        if let Err(fault) = self.write(claim, HEADER_OFFSET, &header.word()).await {
+        if let Err(fault) = self.write(&claim, HEADER_OFFSET, &header.word()).await {
             // A header that reads wrongly now must not read right at a later start, because the host is told that its
             // library was not stored.
-            let _ = self.erase_sector(claim, Self::header_sector()).await;
+            let _ = self.erase_sector(&claim, Self::header_sector()).await;
             return Err(SealFault::Write(fault));
         }
         self.note_header(header);

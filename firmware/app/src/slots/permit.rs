@@ -2,15 +2,16 @@
 
 use model_format::link::SlotId;
 
-/// Permission to erase and write a slot. Only `SlotStore::claim` grants it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Permission to erase and write a slot. Only `SlotStore::claim` grants it. It cannot be copied, so that nothing is
+/// erased with a claim that has ended.
+#[derive(Debug)]
 pub(crate) struct Claim {
     pub(super) slot: SlotId,
 }
 
 impl Claim {
     /// The slot.
-    pub(crate) const fn slot(self) -> SlotId {
+    pub(crate) const fn slot(&self) -> SlotId {
         self.slot
     }
 }
