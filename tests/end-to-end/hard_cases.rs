@@ -1,39 +1,30 @@
-//! Hard models of order 400: the Levinson-Durbin recursion compared with 60-digit arithmetic, and the lattice, which
-//! keeps its bounds on the device's kernel.
+//! The hard cases by the command: the lattice keeps its promises in all of them.
 
-use std::sync::OnceLock;
+use host_tools::evaluation::stress::{self, cases};
 
-use host_tools::dsp::linear_prediction::{Prediction, error_share, step_down, step_up};
-use host_tools::evaluation::stress;
-use host_tools::evaluation::stress::models::fixtures;
-use host_tools::evaluation::stress::{Outcome, cases};
-use serde_json::Value;
-
-use crate::support::near;
-
-const FIXTURES: &str = include_str!("../fixtures/levinson-order-400.json");
-
-fn outcomes() -> &'static [Outcome] {
-    static OUTCOMES: OnceLock<Vec<Outcome>> = OnceLock::new();
-    OUTCOMES.get_or_init(|| stress::run(&cases::suite(cases::Length::Short), || ()).unwrap())
-}
-
-fn assert_all_hold(outcomes: &[Outcome]) {
-    for outcome in outcomes {
-        let broken = outcome.broken();
-        assert!(broken.is_empty(), "{}: {broken:?}", outcome.case);
-    }
-    assert!(outcomes.len() > 20, "{}", outcomes.len());
-}
+use crate::support::{Bench, json};
 
 #[test]
 fn the_lattice_holds_its_promises_in_every_hard_case() {
-    assert_all_hold(outcomes());
+    let outcomes = json(&Bench::new().succeed("stress --json"));
+    let outcomes = outcomes.as_array().unwrap();
+    assert_eq!(outcomes.len(), cases::suite(cases::Length::Full).len());
     // The limits hold without exception for the six models of order 400.
-    for outcome in outcomes().iter().filter(|o| o.case.starts_with('H')) {
-        assert!(!outcome.is_narrow(), "{}", outcome.case);
-        assert!(outcome.is_within_common_limits(), "{}", outcome.case);
-        assert!(outcome.snr_db.unwrap() >= 108.0 && outcome.spectrum_db <= 0.05);
+    let figure = |outcome: &serde_json::Value, name: &str| outcome[name].as_f64().unwrap();
+    for outcome in outcomes {
+        let name = outcome["case"].as_str().unwrap();
+        assert_eq!(outcome["saturated"], 0, "{name}");
+        for after in ["stopped", "overdriven", "glitched"] {
+            assert_eq!(outcome[after]["growing"], 0, "{name}");
+            assert!(outcome[after]["silent_after"].is_u64(), "{name}");
+        }
+        if name.starts_with('H') {
+            assert!(figure(outcome, "snr_db") >= 108.0, "{name}");
+            assert!(figure(outcome, "spectrum_db") <= 0.05, "{name}");
+            // They are silent within a second after the loudest state.
+            let silent = outcome["glitched"]["silent_after"].as_u64();
+            assert!(silent.unwrap() <= 5000, "{name}");
+        }
     }
 }
 
@@ -45,87 +36,8 @@ fn the_lattice_holds_its_promises_over_a_hundred_million_samples() {
     let outcomes = stress::run(&cases::suite(cases::Length::Long), || ()).unwrap();
     let marathon = outcomes.iter().filter(|o| o.case.contains("part"));
     assert_eq!(marathon.map(|o| o.samples).sum::<usize>(), 100_000_000);
-    assert_all_hold(&outcomes);
-}
-
-#[test]
-fn the_models_are_those_of_the_fixtures() {
-    for (model, case) in fixtures().iter().zip(fixture_cases()) {
-        assert_eq!(model.name, case["name"]);
-        // H4's equations have a condition number of 1e10, so the formula in float64 differs from the fixture in the
-        // last digits.
-        let difference = largest_difference(&model.reflection, &numbers(&case, "k"));
-        assert!(difference < 1e-4, "{}", model.name);
-    }
-}
-
-fn fixture_cases() -> Vec<Value> {
-    let fixtures: Value = serde_json::from_str(FIXTURES).unwrap();
-    fixtures["cases"].as_array().unwrap().clone()
-}
-
-fn numbers(case: &Value, field: &str) -> Vec<f64> {
-    let values = case[field].as_array().expect(field);
-    values.iter().map(|value| value.as_f64().unwrap()).collect()
-}
-
-fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    differences.fold(0.0, f64::max)
-}
-
-/// Tolerance of a case. Round-off grows with the condition number of the normal equations: about 2e4 for H1, 1e6 for
-/// H2, 1e10 for H4.
-fn tolerance(name: &str) -> f64 {
-    match name {
-        "H1a" | "H1b" => 1e-12,
-        "H2a" | "H2b" => 1e-10,
-        "H3" => 1e-7,
-        _ => 1e-5,
-    }
-}
-
-#[test]
-fn reflection_coefficients_and_error_agree_with_sixty_digits() {
-    for case in fixture_cases() {
-        let name = case["name"].as_str().unwrap();
-        let prediction = Prediction::levinson_durbin(&numbers(&case, "r"), 400);
-        assert_eq!(prediction.max_order(), 400, "{name}");
-        let difference = largest_difference(&prediction.reflection, &numbers(&case, "k"));
-        near(difference, 0.0, tolerance(name));
-        let exact = case["error_over_r0"].as_f64().unwrap();
-        let error = prediction.error_power[400];
-        near(error / exact, 1.0, 1e3 * tolerance(name));
-    }
-}
-
-#[test]
-fn stepping_up_the_exact_reflection_coefficients_gives_the_exact_predictor() {
-    for case in fixture_cases() {
-        let name = case["name"].as_str().unwrap();
-        let (k, a) = (numbers(&case, "k"), numbers(&case, "a"));
-        let stepped = step_up(&k);
-        let scale = a.iter().fold(1.0, |scale: f64, a| scale.max(a.abs()));
-        let difference = largest_difference(&stepped, &a[1..]);
-        near(difference, 0.0, 1e-9 * scale);
-        let exact = case["error_over_r0"].as_f64().unwrap();
-        assert!((error_share(&k) / exact - 1.0).abs() < 1e-6, "{name}");
-    }
-}
-
-#[test]
-fn the_mean_of_stable_predictors_is_not_stable_for_the_pairs_that_are_known() {
-    let cases = fixture_cases();
-    let predictor = |name: &str| {
-        let case = cases.iter().find(|case| case["name"] == name).unwrap();
-        numbers(case, "a")[1..].to_vec()
-    };
-    for (a, b) in [("H1a", "H1b"), ("H2a", "H2b")] {
-        let (a, b) = (predictor(a), predictor(b));
-        let mean = a.iter().zip(&b).map(|(a, b)| f64::midpoint(*a, *b));
-        let mean: Vec<f64> = mean.collect();
-        assert!(step_down(&a).is_some() && step_down(&b).is_some());
-        assert!(step_down(&mean).is_none());
+    for outcome in &outcomes {
+        let broken = outcome.broken();
+        assert!(broken.is_empty(), "{}: {broken:?}", outcome.case);
     }
 }

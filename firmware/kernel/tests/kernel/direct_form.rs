@@ -1,12 +1,13 @@
 //! The direct form: its accuracy, and its shortcoming compared with the lattice.
 
 use model_format::Texture;
+use stylus_hard_cases::Deviation;
 use stylus_kernel::direct_form::{self, DirectFrame, DirectState};
 use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::level::Levels;
 
-use crate::models::{Deviation, Model, fixture, library, motion, single, texture};
+use crate::models::{Model, fixture, library, motion, single, texture};
 
 const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
 

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use model_format::limits::MAX_ORDER;
 use model_format::{CodeSpec, NodeSpec, PartsSpec};
+use stylus_hard_cases::{Deviation, FloatLattice};
 use stylus_kernel::Synthesis;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::Excitation;
@@ -14,7 +15,7 @@ use crate::fed::{
     bare_of_moments, blocks_of_ones, codebook, encoded, everywhere, excitation, impulsive, spikes,
     values,
 };
-use crate::models::{Deviation, FloatLattice, Model, fixtures, motion, rotation, texture};
+use crate::models::{Model, fixtures, motion, rotation, texture};
 use crate::scenes::texture_of;
 
 const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;
@@ -26,7 +27,8 @@ fn noise_of_the_arithmetic_is_90_db_below_the_signal_with_a_fed_excitation() {
         let rotations = model.rotations();
         let mut source = Excitation::new(2);
         let mut state = LatticeState::fed_stationary(MAX_ORDER, &mut source);
-        let mut reference = FloatLattice::new(&rotations);
+        let mut reference = FloatLattice::new(MAX_ORDER);
+        reference.rotate_by(&rotations);
         reference.begin(state.backward(MAX_ORDER));
         let mut deviation = Deviation::default();
         for _ in 0..60_000 {

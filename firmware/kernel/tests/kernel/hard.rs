@@ -8,12 +8,13 @@ use model_format::{
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
+use stylus_hard_cases::energy;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::{Levels, Motion, Synthesis};
 
-use crate::lattice::{energy, sample, state, theta_code};
+use crate::lattice::{sample, state, theta_code};
 use crate::models::{motion, spec, texture};
 
 /// A node of any order and level, including silent ones.

@@ -1,11 +1,12 @@
 //! Scenes, textures and interactions for the tests of scenes.
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, Surface, Tap};
-use model_format::{CodeSpec, Library, NodeSpec, SAMPLE_RATE_HZ, TextureSpec, encode_with_scenes};
+use model_format::{Library, NodeSpec, SAMPLE_RATE_HZ, TextureSpec, encode_with_scenes};
+use stylus_hard_cases::resonance;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
-use crate::models::{fixture, motion};
+use crate::models::{fixture, lattice, motion};
 
 /// A texture of `node` at 50 and 100 mm/s, 0.5 and 1 N.
 pub fn texture_of(name: &str, node: &NodeSpec) -> TextureSpec {
@@ -14,11 +15,7 @@ pub fn texture_of(name: &str, node: &NodeSpec) -> TextureSpec {
 
 /// A lattice of two stages that resonates at `hz`, with an RMS of 1 m/s².
 pub fn resonant(name: &str, hz: f64) -> TextureSpec {
-    let radius: f64 = 0.98;
-    let a1 = -2.0 * radius * (2.0 * std::f64::consts::PI * hz / f64::from(SAMPLE_RATE_HZ)).cos();
-    let k = [a1 / (1.0 + radius * radius), radius * radius];
-    let theta = |k: f64| (k.asin() / std::f64::consts::PI * 65_536.0).round() as i16;
-    let node = NodeSpec::new(1.0, CodeSpec::lattice(k.map(theta).to_vec()));
+    let node = lattice(&resonance(0.98, hz).reflection);
     texture_of(name, &node)
 }
 

@@ -2,9 +2,8 @@
 //!
 //! Levels are means over many seeds. The exact level is the node's output power.
 
-use std::f64::consts::PI;
-
-use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
+use model_format::{NodeSpec, TextureSpec, encode};
+use stylus_hard_cases::resonance;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::lattice::LatticeState;
@@ -12,7 +11,7 @@ use stylus_kernel::rotation::Rotation;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 
 use crate::fed::{decibels, mean_square};
-use crate::models::{fixture, motion, rotation, texture};
+use crate::models::{fixture, lattice, motion, rotation, texture};
 use crate::scenes::{at, block, lifted, moving, player, side_by_side, texture_of};
 
 /// Blocks of the first 20 ms.
@@ -23,11 +22,7 @@ const WITHIN_DB: f64 = 0.5;
 
 /// A resonance of this pole radius at `hz`, with an RMS of 1 m/s².
 fn line(hz: f64, radius: f64) -> NodeSpec {
-    let a1 = -2.0 * radius * (2.0 * PI * hz / 5000.0).cos();
-    let a2 = radius * radius;
-    let k = [a1 / (1.0 + a2), a2];
-    let code = |k: f64| (k.asin() / PI * 65_536.0).round() as i16;
-    NodeSpec::new(1.0, CodeSpec::lattice(k.map(code).to_vec()))
+    lattice(&resonance(radius, hz).reflection)
 }
 
 /// A texture that is played, and the number of seeds and the power for its test.

@@ -4,9 +4,9 @@
 use serde::Serialize;
 
 use stylus_costs::Structure;
+use stylus_hard_cases::Case;
 
-use super::players::player_of;
-use crate::stress::cases::Case;
+use super::players::filter_of;
 use crate::stress::{self, Outcome};
 use crate::support::error::Result;
 
@@ -81,7 +81,7 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
     let mut case = case.clone();
     // The reference is a lattice, whose signals have other scales than those of a direct form.
     case.with_reference &= !structure.is_direct();
-    let played = stress::play_with(&case, |texture| player_of(structure, texture).ok())?;
+    let played = stress::play_with(&case, |texture| filter_of(structure, texture).ok())?;
     let Some(mut outcome) = played else {
         return Ok(Verdict::Refused);
     };

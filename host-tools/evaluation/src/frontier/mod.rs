@@ -23,11 +23,11 @@ mod structure;
 
 use crate::dsp::spectrum;
 use crate::fit::conditioning::Conditioning;
-use crate::stress::cases::{Case, Length, suite};
 
 pub use prepared::{Material, Prepared};
 pub use results::{CHOICES_NOTE, Filter, Frontier, Point, clock_headings, interval_ms, share};
 pub use stylus_costs::Structure;
+use stylus_hard_cases::{Case, Length, suite};
 
 /// Orders that are the same for all nodes.
 pub const ORDERS: [usize; 6] = [10, 20, 50, 100, 200, 400];

@@ -18,10 +18,10 @@ use stylus_kernel::grid::{GridPoint, ONE};
 use super::players::NotHeld;
 use super::structure::Voice;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
-use crate::stress::reference::FloatLattice;
 use crate::texture::quantise::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
+use stylus_hard_cases::FloatLattice;
 
 /// Strokes to and fro per second, and presses of the hand per second.
 const STROKES_HZ: f64 = 2.0;
@@ -221,8 +221,9 @@ fn frames(signal: &[f64]) -> Frames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stress::models::{library, resonance};
+    use crate::stress::models::library;
     use model_format::Library;
+    use stylus_hard_cases::resonance;
 
     /// Four resonances, each at another frequency, so that the spectrum moves with the hand.
     fn moving_lines() -> Vec<u8> {

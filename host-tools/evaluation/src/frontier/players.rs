@@ -10,9 +10,10 @@ use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 
 use stylus_costs::Structure;
+use stylus_hard_cases::{Filter, any_at_end, energy, full_scale};
 
 use crate::dsp::linear_prediction::{step_down, step_up};
-use crate::stress::player::{Player, any_at_end, energy, full_scale, player};
+use crate::stress::lattice;
 use crate::texture::quantise::reflection;
 
 /// A texture that a direct form cannot hold.
@@ -35,18 +36,18 @@ pub(super) fn predictors(
     Predictors::of(texture, bits).map(Some).ok_or(NotHeld)
 }
 
-/// A player of `structure` for `texture`.
+/// A filter of `structure` for `texture`.
 ///
 /// # Errors
 /// A direct form cannot hold the texture.
-pub fn player_of(structure: Structure, texture: &Texture<'_>) -> Result<Box<dyn Player>, NotHeld> {
+pub fn filter_of(structure: Structure, texture: &Texture<'_>) -> Result<Box<dyn Filter>, NotHeld> {
     Ok(match predictors(structure, texture)? {
         Some(predictors) => Box::new(Direct {
             frame: DirectFrame::silent(texture, predictors.exponent()),
             state: DirectState::new(),
             predictors,
         }),
-        None => player(texture),
+        None => lattice(texture),
     })
 }
 
@@ -56,7 +57,7 @@ struct Direct {
     predictors: Predictors,
 }
 
-impl Player for Direct {
+impl Filter for Direct {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
         let point = GridPoint::locate(texture, motion);
         let (nodes, from) = (self.predictors.around(&point), self.frame.levels(left));
@@ -72,11 +73,11 @@ impl Player for Direct {
     }
 
     fn energy(&self) -> u128 {
-        energy(self.state.history().iter().copied())
+        energy(self.state.history())
     }
 
     fn is_at_full_scale(&self) -> bool {
-        any_at_end(self.state.history().iter().copied())
+        any_at_end(self.state.history())
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {

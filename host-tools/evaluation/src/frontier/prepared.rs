@@ -4,6 +4,7 @@ use std::path::Path;
 
 use model_format::{PartsSpec, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
+use stylus_hard_cases::Case;
 
 use super::Options;
 use crate::dsp::spectrum;
@@ -14,7 +15,6 @@ use crate::fit::{FittedTexture, Order};
 use crate::held_out::is_same;
 use crate::recording::{RecordingSet, Trial};
 use crate::rig::RigFile;
-use crate::stress::cases::Case;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::{fit, recording, rig};

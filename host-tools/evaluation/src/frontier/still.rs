@@ -10,13 +10,13 @@ use super::structure::Voice;
 use crate::dsp::spectrum::{self, AMPLITUDE_JND_DB};
 use crate::dsp::sums::mean_square;
 use crate::evaluate::WARM_UP_S;
-use crate::stress::reference::{Deviation, FloatLattice};
 use crate::summary;
 use crate::support::error::{Error, Result};
 use crate::texture::library::decoded;
 use crate::texture::quantise::reflection;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
+use stylus_hard_cases::{Deviation, FloatLattice};
 
 /// Duration of the comparison with the float64 reference after the warm-up, s.
 const REFERENCE_S: f64 = 1.0;

@@ -4,12 +4,12 @@ use std::mem::size_of;
 
 use model_format::{OutputSample, Texture, limits};
 use stylus_costs::Structure;
+use stylus_hard_cases::Filter;
 use stylus_kernel::Motion;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::rotation::Rotation;
 
-use super::players::{NotHeld, player_of};
-use crate::stress::player::Player;
+use super::players::{NotHeld, filter_of};
 use crate::texture::theta::{StoredTheta, bytes_per_node};
 
 /// Returns the bytes of flash for a node's coefficients. A lattice takes the smallest form of θ that `fit` stores, and
@@ -37,7 +37,7 @@ pub(super) fn ram_bytes(structure: Structure, order: usize) -> usize {
 /// A texture that a structure plays, from rest. The same seed gives all structures the same noise.
 pub struct Voice<'a> {
     texture: Texture<'a>,
-    player: Box<dyn Player>,
+    filter: Box<dyn Filter>,
     excitation: Excitation,
     /// Number of samples that are left of the level's ramp.
     left: u32,
@@ -52,7 +52,7 @@ impl<'a> Voice<'a> {
     pub fn new(structure: Structure, texture: Texture<'a>, seed: u64) -> Result<Self, NotHeld> {
         Ok(Self {
             texture,
-            player: player_of(structure, &texture)?,
+            filter: filter_of(structure, &texture)?,
             excitation: Excitation::new(seed),
             left: 0,
             saturations: 0,
@@ -61,7 +61,7 @@ impl<'a> Voice<'a> {
 
     /// Follows `motion` from now on. The level reaches that of `motion` after `samples` samples.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
-        self.player
+        self.filter
             .follow(&self.texture, motion, self.left, samples);
         self.left = samples;
     }
@@ -72,7 +72,7 @@ impl<'a> Voice<'a> {
         for _ in 0..samples {
             self.left = self.left.saturating_sub(1);
             let excitation = self.excitation.next_sample();
-            let (output, is_full) = self.player.sample(excitation, self.left);
+            let (output, is_full) = self.filter.sample(excitation, self.left);
             self.saturations += u32::from(is_full);
             signal.push(f64::from(output.0) / UNIT);
         }

@@ -12,13 +12,13 @@
 //! as noise. *Spectrum* is the largest difference, at any frequency, between the model as it was fitted and as it is
 //! stored.
 
-pub mod cases;
+mod mean;
 pub mod models;
 mod outcome;
-pub(crate) mod player;
-pub(crate) mod reference;
 mod run;
 
 pub use outcome::{Outcome, Rest, SNR_DB, SPECTRUM_DB};
-pub(crate) use run::play_with;
+pub(crate) use run::{lattice, play_with};
+/// The cases.
+pub use stylus_hard_cases as cases;
 pub use run::run;

@@ -15,54 +15,33 @@ use tasks::qemu;
 
 use crate::{held, image};
 
-/// Largest number of motions that are played per case. Each lasts as long as in the case; a case at rest has one
-/// motion.
-const MOTIONS: usize = 48;
-
-/// Number of samples per phase, with seven phases per case. It suffices for all motions, and for a state at full scale
+/// Number of samples per phase, with seven phases per case. It suffices for many motions, and for a state at full scale
 /// to have its effects.
 const SAMPLES: u32 = 60;
 
 /// A case ready for the image.
 struct Prepared {
-    name: String,
+    case: Case,
     library: Vec<u8>,
-    motions: Vec<u8>,
-    every: u32,
     /// The properties on which a sample's cost may depend, as text.
     plan: String,
 }
 
 impl Prepared {
-    fn new(case: &Case) -> Self {
+    fn new(case: Case) -> Self {
         let library = library(&case.nodes()).unwrap();
-        let changes: Vec<usize> = (0..case.samples)
-            .filter(|&sample| case.path.changes_at(sample))
-            .take(MOTIONS)
-            .collect();
-        let every = changes
-            .get(1)
-            .map_or(SAMPLES, |&second| (second - changes[0]) as u32);
-        let motions = changes.iter().flat_map(|&sample| {
-            let (speed, force) = case.path.place(sample);
-            [speed.to_le_bytes(), force.to_le_bytes()].concat()
-        });
-        let plan = plan(&library);
         Self {
-            name: case.name.clone(),
-            motions: motions.collect(),
-            every,
-            plan,
+            plan: plan(&library),
+            case,
             library,
         }
     }
 
     fn case(&self) -> HardCase<'_> {
         HardCase {
-            name: &self.name,
+            name: &self.case.name,
             library: &self.library,
-            motions: &self.motions,
-            every: self.every,
+            path: self.case.path,
             samples: SAMPLES,
         }
     }
@@ -76,7 +55,7 @@ fn plan(library: &[u8]) -> String {
 }
 
 fn prepared() -> Vec<Prepared> {
-    suite(Length::Full).iter().map(Prepared::new).collect()
+    suite(Length::Full).into_iter().map(Prepared::new).collect()
 }
 
 /// Distributes the cases over as many jobs as they need.
@@ -114,7 +93,7 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
     let mut extremes = BTreeMap::new();
     for case in cases {
         for way in [report::SYNTHESIS, report::FILTER] {
-            let name = format!("{way} {}", case.name);
+            let name = format!("{way} {}", case.case.name);
             let cost = samples.iter().find(|cost| cost.texture == name);
             let cost = cost.unwrap_or_else(|| panic!("{name} was not measured"));
             // The synthesis has one phase, and the filter on its own has six.
@@ -157,7 +136,7 @@ fn every_hard_case(processor: Processor) {
             "{} {} {}",
             report::VECTOR,
             report::CORTEX_M,
-            case.name
+            case.case.name
         ));
         host.extend(lines(&[played.unwrap()]));
     }

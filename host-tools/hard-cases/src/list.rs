@@ -1,14 +1,18 @@
 //! The cases: which models, which motion, how long.
 
-use model_format::limits::MAX_OUTPUT_POWER;
-use model_format::{MillimetresPerSecond, Newton};
-use rand::{RngExt, SeedableRng};
-use stylus_kernel::Motion;
+use std::borrow::ToOwned;
+use std::format;
+use std::string::String;
+use std::vec;
+use std::vec::Vec;
 
-use super::models::{FORCES_N, NamedModel, SPEEDS_MM_S, falling, fixtures, resonance, resonances};
+use model_format::limits::MAX_OUTPUT_POWER;
+
+use crate::models::{NamedModel, falling, fixtures, resonance, resonances};
+use crate::path::{FORCES_N, Path, SPEEDS_MM_S};
 
 /// The highest power, at which the output has an RMS of an eighth of full scale.
-pub(crate) const LOUDEST: f64 = MAX_OUTPUT_POWER as f64;
+const LOUDEST: f64 = MAX_OUTPUT_POWER as f64;
 
 /// A case.
 #[derive(Clone, Debug)]
@@ -23,59 +27,6 @@ pub struct Case {
     pub samples: usize,
     /// True if the output is compared with that of a float64 filter.
     pub with_reference: bool,
-}
-
-/// A motion over a grid.
-#[derive(Clone, Debug)]
-pub enum Path {
-    /// Rest on a point: mm/s and N.
-    Still(f32, f32),
-    /// Jumps between the corners of the grid, every this number of samples.
-    Saw(usize),
-    /// Jumps to random points on the grid and a little beyond it, at equal intervals.
-    Random {
-        /// Number of samples from one change of the motion to the next.
-        every: usize,
-        /// Seed of the motion, not of the noise.
-        seed: u64,
-    },
-}
-
-impl Path {
-    /// Returns whether the motion changes at this sample.
-    pub fn changes_at(&self, sample: usize) -> bool {
-        match *self {
-            Self::Still(..) => sample == 0,
-            Self::Saw(every) | Self::Random { every, .. } => sample.is_multiple_of(every),
-        }
-    }
-
-    /// The motion of the path at this sample.
-    pub fn motion(&self, sample: usize) -> Motion {
-        let (speed_mm_s, force_n) = self.place(sample);
-        Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).expect("it is finite")
-    }
-
-    /// Speed, mm/s, and force, N, of the path at this sample.
-    pub fn place(&self, sample: usize) -> (f32, f32) {
-        match *self {
-            Self::Still(speed, force) => (speed, force),
-            Self::Saw(every) => {
-                // All four corners, each once after every other corner.
-                const CORNERS: [usize; 12] = [0, 3, 1, 2, 0, 1, 3, 2, 3, 0, 2, 1];
-                let corner = CORNERS[sample / every % CORNERS.len()];
-                (SPEEDS_MM_S[corner / 2], FORCES_N[corner % 2])
-            }
-            Self::Random { every, seed } => {
-                // A generator for each interval, so that the place at a sample does not depend on those before it.
-                let mut random = rand_pcg::Pcg64::seed_from_u64(seed ^ (sample / every) as u64);
-                (
-                    random.random_range(0.9 * SPEEDS_MM_S[0]..1.1 * SPEEDS_MM_S[1]),
-                    random.random_range(0.9 * FORCES_N[0]..1.1 * FORCES_N[1]),
-                )
-            }
-        }
-    }
 }
 
 impl Case {
@@ -97,7 +48,7 @@ impl Case {
     }
 
     /// Returns whether the case is one node at rest.
-    pub fn is_still(&self) -> bool {
+    fn is_still(&self) -> bool {
         matches!(self.path, Path::Still(..)) && self.models.len() == 1
     }
 
@@ -109,7 +60,7 @@ impl Case {
 
     /// Returns the number of samples to wait for silence. It is large for lines that ring for long. A filter that does
     /// not settle in motion would not become silent in a longer wait.
-    pub(crate) fn rest_limit(&self, settles: bool) -> usize {
+    pub fn rest_limit(&self, settles: bool) -> usize {
         // A line at radius r falls by e in 1/(1 - r) samples, and from full scale to one step in 21.5 times as many:
         // 2.1e6 at radius 0.99999, 21 500 at 0.999.
         let narrow = self.pole_radius() > 0.999;
@@ -162,8 +113,8 @@ fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
 /// The length of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// Every model, and every grid but that of pole radius 0.99999, each just long enough to be meaningful. This length
-    /// is for every run of the tests.
+    /// Every model, and every grid but that of pole radius 0.99999, each just long enough to be meaningful. `stylus
+    /// frontier` plays this length with every structure and order.
     Short,
     /// Long enough for accurate levels and means.
     Full,
@@ -232,7 +183,7 @@ fn marathon() -> Vec<Case> {
             name: format!("{name}, random 10, part {}", part + 1),
             models: models.clone(),
             path: Path::Random {
-                every: stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize,
+                every: stylus_kernel::UPDATE_INTERVAL_SAMPLES,
                 seed: 100 + part as u64,
             },
             samples: 100_000_000 / PARTS,

@@ -1,0 +1,4 @@
+//! What the users of the list and of its player rely on.
+
+mod fixtures;
+mod player;
