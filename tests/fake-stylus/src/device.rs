@@ -123,8 +123,8 @@ impl SharedControl {
         wakes_at.is_some_and(|at| self.borrow_mut().device().now() < at)
     }
 
-    /// Runs the device for one millisecond, and then polls it. Returns the blocks that were recorded, each with the link
-    /// that records; they are taken from the queue even when nobody records, because the queue would fill otherwise.
+    /// Runs the device for one millisecond, and then polls it. Returns the blocks that were recorded, each with its
+    /// link; they are taken from the queue even when nobody records, because the queue would fill otherwise.
     pub fn millisecond(&self) -> Vec<(LinkId, RecordBlock)> {
         let mut control = self.borrow_mut();
         for _ in 0..TICKS_PER_MS {
