@@ -254,11 +254,6 @@ fn a_play_asks_for_a_texture_or_a_scene_and_says_where_the_options_of_a_link_bel
     holds(&text(&named.stderr).replace("\n  ", " "), &[words]);
     for (arguments, option, after) in [
         ("--link usb status", "--link", ": stylus status --link"),
-        (
-            "--no-broker stop",
-            "--no-broker",
-            ": stylus stop --no-broker",
-        ),
         ("--timeout 3", "--timeout", ""),
         ("--out a.lib fit x", "--out", ": stylus fit --out"),
     ] {

@@ -1,9 +1,13 @@
-//! Links to a stylus: a serial port, TCP and USB; and the messages if there is no stylus.
+//! Links to a stylus: a serial port, TCP and USB; the list of what is attached; and the messages if there is no stylus.
+
+use std::fs::{DirBuilder, File};
+use std::io::Write;
+use std::os::unix::fs::DirBuilderExt;
 
 use fake_stylus::FakeStylus;
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 
-use crate::support::{Bench, holds, text};
+use crate::support::{Bench, holds, json, refusal, text};
 
 /// A pseudo-terminal in front of a stylus, whose other end is an ordinary serial port.
 pub mod port {
@@ -61,7 +65,7 @@ fn a_port_that_another_program_uses_is_said_to_be_in_use() {
     let held = port.held.as_mut().expect("it is held from the beginning");
     held.set_exclusive(true).unwrap();
     let refused = Bench::new().refuse(&format!("status --link serial:{}", port.name));
-    holds(&refused, &["in use by another program"]);
+    holds(&refused, &["in use by ", "close that program"]);
 }
 
 #[test]
@@ -88,4 +92,75 @@ fn the_udev_rule_is_for_the_device_that_the_protocol_names() {
     );
     let rule = rules.lines().find(|line| line.contains(&device));
     assert!(rule.is_some_and(|rule| rule.contains("TAG+=\"uaccess\"")));
+}
+
+/// A folder whose commands have a runtime folder of their own, in which only the tests announce styluses.
+pub fn at_a_desk() -> Bench {
+    let bench = Bench::new();
+    let run = bench.path("run");
+    let mut folder = DirBuilder::new();
+    let folder = folder.recursive(true).mode(0o700);
+    folder.create(run.join("stylus")).unwrap();
+    bench.with("XDG_RUNTIME_DIR", run.display().to_string())
+}
+
+/// Announces a virtual stylus at the desk, like a running one, until the returned file is dropped.
+pub fn announce(desk: &Bench, name: &str, links: &[&str]) -> File {
+    let path = desk.path("run/stylus").join(format!("virtual-{name}"));
+    let mut file = File::create(path).unwrap();
+    file.lock().unwrap();
+    // The first line is the virtual time.
+    writeln!(file, "0").unwrap();
+    for link in links {
+        writeln!(file, "{link}").unwrap();
+    }
+    file
+}
+
+#[test]
+fn what_is_attached_is_listed_and_the_only_one_is_used() {
+    let (stylus, desk) = (FakeStylus::start(), at_a_desk());
+    let link = stylus.link();
+    let run = |arguments: &[&str]| desk.command(arguments.iter().copied()).output().unwrap();
+    let none = run(&["status"]);
+    let message = refusal(&none, "status");
+    holds(&message, &["no stylus is attached: plug one in"]);
+    let listed = run(&["devices"]);
+    assert_eq!(listed.status.code(), Some(0));
+    assert_eq!(text(&listed.stdout), "");
+
+    let _one = announce(&desk, "1-0", &[&link, "usb-virtual:127.0.0.1:1"]);
+    let listed = json(&text(&run(&["devices", "--json"]).stdout));
+    let rows = listed.as_array().unwrap();
+    assert_eq!(rows.len(), 2, "{listed}");
+    assert_eq!(rows[0]["link"], link.as_str());
+    assert_eq!(rows[0]["kind"], "virtual");
+    assert_eq!(rows[0]["serial_number"], "0123456789ABCDEF01234567");
+    assert_eq!(rows[0]["state"], "answers");
+    assert!(rows[0]["firmware"].is_string());
+    assert!(
+        rows[1]["state"]
+            .as_str()
+            .unwrap()
+            .contains("nothing listens there"),
+        "{listed}"
+    );
+    let message = text(&run(&["devices"]).stdout);
+    holds(&message, &["0123456789ABCDEF01234567", "--link"]);
+    let status = run(&["status"]);
+    assert!(status.status.success());
+    let note = format!("note: {link}: the only stylus found\n");
+    assert_eq!(text(&status.stderr), note);
+
+    let other = FakeStylus::start();
+    let two = announce(&desk, "2-0", &[&other.link()]);
+    let message = refusal(&run(&["status"]), "status");
+    let both = format!(
+        "2 styluses are attached: name one, --link {link} or --link {}",
+        other.link()
+    );
+    holds(&message, &[&both]);
+    // A virtual stylus that was killed no longer locks its file.
+    drop(two);
+    assert!(run(&["status"]).status.success());
 }

@@ -281,8 +281,7 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
     stylus.set_hand(hand(100.0, 1.0));
     let mut child = spawn(
         &bench,
-        // A broker would stop the recording when its last client ends.
-        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes --no-broker",
+        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
     );
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     child.kill().unwrap();

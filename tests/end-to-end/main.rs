@@ -1,14 +1,13 @@
 //! Tests of the command as a user runs it, with devices and links that fail. They are one program, because each test
 //! program links the whole product.
 
-#[cfg(target_os = "linux")]
-mod broker;
 mod command_line;
 mod device_calibrate;
 mod device_commands;
 mod device_faults;
 #[cfg(unix)]
 mod device_links;
+mod device_play;
 mod device_record;
 mod device_response;
 mod device_self_test;
@@ -40,3 +39,5 @@ mod shell;
 mod support;
 mod ten_kilohertz;
 mod triage;
+#[cfg(target_os = "linux")]
+mod two_programs;

@@ -20,14 +20,10 @@ fn run_with(bench: &Bench, variables: &[(&str, &str)], arguments: &str) -> Outpu
 fn of_links_the_command_line_wins_over_the_environment() {
     let stylus = fake_stylus::FakeStylus::start();
     let bench = Bench::new();
-    let runtime = bench.path("run").display().to_string();
     let (here, nowhere) = (stylus.link(), "tcp:127.0.0.1:1");
     let status = |variable: &str, line: &str| {
-        let variables = [
-            ("XDG_RUNTIME_DIR", runtime.as_str()),
-            ("STYLUS_LINK", variable),
-        ];
-        let command = format!("status --no-broker {line}");
+        let command = format!("status {line}");
+        let variables = [("STYLUS_LINK", variable)];
         run_with(&bench, &variables, &command).status.code()
     };
     let flag = |link: &str| format!("--link {link}");

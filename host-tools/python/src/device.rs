@@ -10,11 +10,11 @@ use host_tools::link::discovery;
 use host_tools::link::play::{Drive, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
 use host_tools::link::settings::{self as described, Known, SettingRow, consequences};
 use host_tools::link::upload::upload_over;
-use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts};
+use host_tools::link::{Device as Linked, LinkAddress, LinkError, Timeouts};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{
-    Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingsChange,
-    SlotId, Status, TextureName,
+    Activity, DeviceInfo, MotionRefused, MotionSource, PlayRequest, Selection, SettingChange,
+    SettingsChange, SlotId, Status, TextureName,
 };
 use model_format::scene::SceneName;
 use pyo3::prelude::*;
@@ -41,8 +41,8 @@ type Shared = Arc<Mutex<Option<Linked>>>;
 /// A stylus on a link, for as long as it is open. Use it in a `with` statement, or close it.
 ///
 /// `link` is usb, usb:SERIAL, serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT; None takes the only stylus that is
-/// attached. `timeout_s` is that of an answer, s (default 1); requests that write flash have 16 times as long. A link
-/// that commands share is shared with them; another is open for this program alone.
+/// attached. `timeout_s` is that of an answer, s (default 1); requests that write flash have 16 times as long. The link
+/// is open for this program alone; another program may use the stylus's other link.
 #[pyclass(frozen, module = "stylus_haptics")]
 pub struct Device {
     shared: Shared,
@@ -100,9 +100,9 @@ impl Device {
         let device = py.detach(|| {
             let address = match address {
                 Some(address) => address,
-                None => discovery::only(&route())?.0,
+                None => discovery::only()?.0,
             };
-            Linked::connect_by(&address, timeouts, route())
+            Linked::connect(&address, timeouts)
         });
         let device = device.map_err(|failure| link_raised(&failure))?;
         Ok(Self {
@@ -438,18 +438,22 @@ fn played(
             ended.set(status.output.activity == Activity::Idle);
         },
     );
-    // A stop would end what yet another program may play by now.
-    if let Some(by) = device.stopped_by() {
-        return Err(failed(format!("stopped by {by}")));
+    let over = || {
+        failed(
+            "stopped over the stylus's other link, or by the device: Device.status says why".into(),
+        )
+    };
+    let is_refused = matches!(driven, Err(LinkError::Motion(MotionRefused::Held { .. })));
+    // A stop now could end what another program plays over the other link since.
+    if ended.get() || is_refused {
+        return Err(over());
     }
     // The output is switched off after a failure, too; the first failure is the one that is reported.
     let stopped = device.stop();
     let driven = driven.map_err(broken)?;
     let (was_playing, status) = stopped.map_err(broken)?;
-    if ended.get() || !was_playing {
-        return Err(failed(
-            "the device stopped by itself: Device.status says why".into(),
-        ));
+    if !was_playing {
+        return Err(over());
     }
     if let Some(failure) = heard.failure(&driven) {
         return Err(failed(failure));
@@ -497,15 +501,10 @@ fn address(link: &str) -> PyResult<LinkAddress> {
         .map_err(|problem| refused(format!("link is '{link}': it {problem}")))
 }
 
-/// The route of a program that is no broker: over a link that `stylus` shares, or over one of its own.
-fn route() -> Route {
-    Route::Joined("stylus_haptics".to_owned())
-}
-
 /// Lists the styluses and serial ports that are attached as plain objects: those of `stylus devices --json`. `link` of
 /// each is what `Device` takes.
 #[pyfunction]
 pub fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
-    let found = py.detach(|| discovery::rows(&route()));
+    let found = py.detach(discovery::rows);
     plain(py, &found.map_err(|failure| link_raised(&failure))?)
 }

@@ -1,5 +1,7 @@
 """A stylus on a link: the device's own application, on fake hardware, behind a TCP port."""
 
+import os
+
 import pytest
 import stylus_haptics as sh
 
@@ -23,7 +25,7 @@ def test_a_library_is_uploaded_listed_played_and_stopped(stylus, fitted, command
         assert device.status()["muted"] == ["not playing"]
         contents = device.slots()
     # The command sees the same, once the link is free.
-    assert command.json("slots", "--json", "--no-broker", "--link", stylus) == contents
+    assert command.json("slots", "--json", "--link", stylus) == contents
 
 
 def test_refusals_of_the_device_are_exceptions_of_the_link(stylus, fitted):
@@ -61,12 +63,9 @@ def test_what_is_attached_is_listed_as_by_the_command_and_the_only_one_is_used(a
     assert rows == command.json("devices", "--json")
 
 
-def test_a_link_that_the_command_shares_is_joined(attached, command):
-    # The command's broker stays for a while, and the fake stylus takes one client at a time.
-    command.succeed("status")
+def test_a_link_that_is_open_is_refused_to_the_command_and_stays_open(attached, command):
     with sh.Device() as device:
-        serial = device.info["serial"]
-        assert command.json("status", "--json")["device"]["serial"] == serial
+        assert f"(process {os.getpid()}): close that program" in command.refuse("status")
         assert device.status()["muted"] == ["not playing"]
 
 

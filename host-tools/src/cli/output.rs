@@ -2,8 +2,8 @@
 //!
 //! Two rules hold for all output of a command, so nearly all of it goes through this module. Control characters that
 //! came into a text from a file, a device or an argument are shown, so the terminal does not obey them. A closed or
-//! full output does not cause a panic. Progress, the question of `stylus settings` and the lines of `stylus share-link`
-//! are written elsewhere and keep the rules themselves.
+//! full output does not cause a panic. Progress and the question of `stylus settings` are written elsewhere and keep
+//! the rules themselves.
 
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;

@@ -135,7 +135,7 @@ mod tests {
         // A file without a lock is what a killed process leaves.
         let left = folder.path().join("virtual-1-0");
         fs::write(&left, "0\ntcp:127.0.0.1:6000\n").unwrap();
-        fs::write(folder.path().join("link-1.lock"), "tcp:127.0.0.1:7000\n").unwrap();
+        fs::write(folder.path().join("other-1"), "tcp:127.0.0.1:7000\n").unwrap();
         let of = |links: &[String], time| Announced {
             links: links.to_vec(),
             time,

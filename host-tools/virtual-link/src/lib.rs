@@ -2,7 +2,7 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`runtime_folder`] | the user's folder for sockets, locks and announcements |
+//! | [`runtime_folder`] | the user's folder for announcements |
 //! | [`announcement`] | announcements of virtual styluses in that folder |
 //! | [`usb_messages`] | messages between a program and the USB host of a virtual stylus |
 //!

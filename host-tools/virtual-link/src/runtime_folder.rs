@@ -1,4 +1,4 @@
-//! The user's folder for files that last as long as a process: sockets, locks, and announcements of virtual styluses.
+//! The user's folder for files that last as long as a process: announcements of virtual styluses.
 
 use std::env;
 use std::io;

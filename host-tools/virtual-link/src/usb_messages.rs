@@ -48,7 +48,6 @@ pub fn encode(message: &impl Serialize) -> Vec<u8> {
 /// # Errors
 /// Bytes that are not a message.
 pub fn take<T: for<'a> Deserialize<'a>>(bytes: &mut VecDeque<u8>) -> io::Result<Option<T>> {
-    // Brokers send their messages in this form, too.
     let unusable = || {
         io::Error::new(
             io::ErrorKind::InvalidData,

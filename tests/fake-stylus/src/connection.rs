@@ -43,6 +43,9 @@ pub struct Faults {
 /// Longest wait of a read. It is short so that ticks and jobs continue meanwhile.
 const READ_TIMEOUT: Duration = Duration::from_millis(1);
 
+/// Largest number of reads in which a host's end is looked for. A host that sends on meanwhile is there.
+const MOST_READS: usize = 8;
+
 /// An open connection to a host.
 pub struct Connection {
     stream: TcpStream,
@@ -87,16 +90,39 @@ impl Connection {
         self.waiting.is_empty()
     }
 
-    /// Returns the frames that have arrived, decoded. Waits for [`READ_TIMEOUT`] at most.
-    pub fn receive(&mut self) -> Vec<Vec<u8>> {
+    /// Reads what has arrived, and returns true unless the host has closed the connection.
+    pub fn is_held(&mut self) -> bool {
+        for _ in 0..MOST_READS {
+            if !self.read() {
+                break;
+            }
+        }
+        self.is_open
+    }
+
+    /// Reads some of the bytes that have arrived. Waits for [`READ_TIMEOUT`] at most. Returns false if there are none.
+    fn read(&mut self) -> bool {
         let mut buffer = [0; 4096];
         match self.stream.read(&mut buffer) {
-            Ok(0) => self.is_open = false,
-            Ok(count) => self.encoded.extend(&buffer[..count]),
+            Ok(count) if count > 0 => {
+                self.encoded.extend(&buffer[..count]);
+                true
+            }
             Err(failure)
-                if matches!(failure.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-            Err(_) => self.is_open = false,
+                if matches!(failure.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
+            {
+                false
+            }
+            _ => {
+                self.is_open = false;
+                false
+            }
         }
+    }
+
+    /// Returns the frames that have arrived, decoded. Waits for [`READ_TIMEOUT`] at most.
+    pub fn receive(&mut self) -> Vec<Vec<u8>> {
+        self.read();
         let mut frames = Vec::new();
         while let Some(end) = self.encoded.iter().position(|&byte| byte == 0) {
             let encoded: Vec<u8> = self.encoded.drain(..=end).collect();

@@ -123,15 +123,15 @@ impl SharedControl {
         wakes_at.is_some_and(|at| self.borrow_mut().device().now() < at)
     }
 
-    /// Runs the device for one millisecond, and then polls it. Returns the blocks that were recorded; they are taken
-    /// from the queue even when nobody records, because the queue would fill otherwise.
-    pub fn millisecond(&self) -> Vec<RecordBlock> {
+    /// Runs the device for one millisecond, and then polls it. Returns the blocks that were recorded, each with its
+    /// link; they are taken from the queue even when nobody records, because the queue would fill otherwise.
+    pub fn millisecond(&self) -> Vec<(LinkId, RecordBlock)> {
         let mut control = self.borrow_mut();
         for _ in 0..TICKS_PER_MS {
             control.device().tick();
         }
         control.poll();
-        std::iter::from_fn(|| Some(control.next_block()?.1)).collect()
+        std::iter::from_fn(|| control.next_block()).collect()
     }
 
     /// Runs the device for one millisecond, at the beginning of which a host sends [`MOTION`].

@@ -44,7 +44,7 @@ struct Desk {
     waiting: VecDeque<QueuedJob>,
     is_at_work: bool,
     wants_restart: bool,
-    answers: Vec<Vec<u8>>,
+    answers: Vec<(LinkId, Vec<u8>)>,
 }
 
 /// The device's end of the protocol.
@@ -98,10 +98,11 @@ impl Requests {
             let job = self.desk.borrow_mut().waiting.pop_front();
             self.desk.borrow_mut().is_at_work = job.is_some();
             if let Some(job) = job {
+                let from = job.from;
                 let length = work(storage, &mut stage, &mut board, job, &mut answer).await;
                 let length = length.expect("every job is answered");
                 let mut desk = self.desk.borrow_mut();
-                desk.answers.push(answer[..length].into());
+                desk.answers.push((from, answer[..length].into()));
                 desk.wants_restart = storage.wants_restart();
             }
             // The image's task waits here until its answer is sent.
@@ -120,8 +121,8 @@ impl Requests {
         self.desk.borrow().wants_restart
     }
 
-    /// Returns the answers of jobs that are done, and forgets them.
-    pub fn take_answers(&self) -> Vec<Vec<u8>> {
+    /// Returns the answers of jobs that are done, each with the link that it goes to, and forgets them.
+    pub fn take_answers(&self) -> Vec<(LinkId, Vec<u8>)> {
         std::mem::take(&mut self.desk.borrow_mut().answers)
     }
 

@@ -69,7 +69,8 @@ struct Inner {
 
 /// A stylus that a host reaches by TCP. It runs in its own thread until it is dropped.
 ///
-/// The stylus has one link, like a serial port: a new connection replaces the previous one.
+/// The stylus has two links, a serial port and USB. Each serves the host that came first, and closes the connection of
+/// another one.
 ///
 /// ```
 /// use std::net::TcpStream;
@@ -79,7 +80,8 @@ struct Inner {
 /// TcpStream::connect(("127.0.0.1", stylus.port())).expect("it listens");
 /// ```
 pub struct FakeStylus {
-    port: u16,
+    /// TCP ports of the serial port and of USB.
+    ports: [u16; 2],
     inner: Arc<Mutex<Inner>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -104,10 +106,10 @@ impl FakeStylus {
     /// Boots a stylus with a bootloader, and lets hosts connect. After each restart for an update the stylus runs the
     /// next of `images`, again on blank flash.
     pub fn start_updatable(images: Vec<StartedImage>) -> Self {
-        Self::start_as(move |listener, shared| {
+        Self::start_as(move |listeners, shared| {
             for image in images {
                 let updates = updates(image);
-                serve(listener, shared, |stylus| {
+                serve(listeners, shared, |stylus| {
                     stylus.set_coil();
                     stylus.storage.set_updates(updates);
                 });
@@ -117,18 +119,22 @@ impl FakeStylus {
 
     /// Boots a stylus on blank flash, runs `prepare` on it, and lets hosts connect.
     fn start_with(prepare: impl FnOnce(&mut SteppedStylus) + Send + 'static) -> Self {
-        Self::start_as(move |listener, shared| serve(listener, shared, prepare))
+        Self::start_as(move |listeners, shared| serve(listeners, shared, prepare))
     }
 
-    fn start_as(run: impl FnOnce(&TcpListener, &Mutex<Inner>) + Send + 'static) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
-        listener.set_nonblocking(true).expect("it can be polled");
-        let port = listener.local_addr().expect("it is bound").port();
+    fn start_as(run: impl FnOnce(&Listeners, &Mutex<Inner>) + Send + 'static) -> Self {
+        let listeners = [LinkId::Serial, LinkId::Usb].map(|id| {
+            let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
+            listener.set_nonblocking(true).expect("it can be polled");
+            (id, listener)
+        });
+        let port = |(_, listener): &(_, TcpListener)| listener.local_addr().expect("it is bound");
+        let ports = listeners.each_ref().map(|one| port(one).port());
         let inner = Arc::new(Mutex::new(Inner::default()));
         let shared = inner.clone();
-        let thread = thread::spawn(move || run(&listener, &shared));
+        let thread = thread::spawn(move || run(&listeners, &shared));
         Self {
-            port,
+            ports,
             inner,
             thread: Some(thread),
         }
@@ -136,12 +142,17 @@ impl FakeStylus {
 
     /// Address of the stylus for `--link` and `host_tools::link`.
     pub fn link(&self) -> String {
-        format!("tcp:127.0.0.1:{}", self.port)
+        format!("tcp:127.0.0.1:{}", self.port())
+    }
+
+    /// Address of the stylus's other link, which is USB to the stylus.
+    pub fn other_link(&self) -> String {
+        format!("tcp:127.0.0.1:{}", self.ports[1])
     }
 
     /// TCP port of the stylus.
     pub fn port(&self) -> u16 {
-        self.port
+        self.ports[0]
     }
 
     /// Injects the faults that `set` switches on, starting from none. They replace the faults of the previous call.
@@ -249,8 +260,35 @@ fn updates(image: StartedImage) -> Updates<Flash> {
     Updates::new(store, running)
 }
 
+/// The ports of the stylus's links.
+type Listeners = [(LinkId, TcpListener); 2];
+
+/// A link of the stylus, with the connection of the host that has it.
+struct Wire<'a> {
+    id: LinkId,
+    listener: &'a TcpListener,
+    connection: Option<Connection>,
+}
+
+impl Wire<'_> {
+    /// Accepts the connection of a host that has connected, if no other host is connected.
+    fn accept(&mut self, shared: &Mutex<Inner>) {
+        if self.connection.as_ref().is_some_and(|open| !open.is_open()) {
+            self.connection = None;
+        }
+        let Ok((stream, _)) = self.listener.accept() else {
+            return;
+        };
+        // A host that has ended frees its link, even if the stylus has not noticed the end yet.
+        if !self.connection.as_mut().is_some_and(Connection::is_held) {
+            lock(shared).connections += 1;
+            self.connection = Some(Connection::new(stream));
+        }
+    }
+}
+
 /// Serves until the end of the test or until the restart for an update.
-fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut SteppedStylus)) {
+fn serve(listeners: &Listeners, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut SteppedStylus)) {
     let slots = SimulatedFlash::two_slots();
     let fate = slots.fate.clone();
     let mut stylus = SteppedStylus::boot_from(slots);
@@ -260,18 +298,24 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
     let mut storage = pin!(requests.serve_storage(&mut storage));
     let mut context = Context::from_waker(Waker::noop());
     let begin = Instant::now();
-    let mut connection: Option<Connection> = None;
+    let mut wires = listeners.each_ref().map(|(id, listener)| Wire {
+        id: *id,
+        listener,
+        connection: None,
+    });
     while set_scene(&control, shared) {
-        // A new connection replaces the present one, like a port that another program opens.
-        connection = accepted(listener, shared).or(connection);
+        wires.iter_mut().for_each(|wire| wire.accept(shared));
         for (offset, damage) in std::mem::take(&mut lock(shared).damage) {
             fate.damage(offset, damage);
         }
         let faults = lock(shared).faults.clone();
         let blocks = catch_up(&control, begin.elapsed(), &faults);
-        let frames = connection.as_mut().map(Connection::receive);
+        let frames = wires.each_mut().map(|wire| {
+            let open = wire.connection.as_mut();
+            open.map_or_else(Vec::new, Connection::receive)
+        });
         // A connection is read with a timeout; without one the loop would use a whole core.
-        if frames.is_none() {
+        if wires.iter().all(|wire| wire.connection.is_none()) {
             thread::sleep(Duration::from_millis(1));
         }
         // Read again, because the test may have changed the faults during the wait for frames.
@@ -286,38 +330,50 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             }
             requests.take_answers()
         };
-        let Some(open) = &mut connection else {
-            // Jobs go on without a connection, but nobody receives the answers.
-            step();
-            continue;
-        };
-        send_blocks(open, &blocks, &faults);
-        for bytes in frames.into_iter().flatten() {
-            note(shared, &bytes);
-            let answer = requests.serve(LinkId::Serial, &bytes, faults.busy);
-            let answers = step().into_iter().chain(answer);
-            if !open.count_frame(&faults) {
-                break;
+        send_blocks(&mut wires, &blocks, &faults);
+        for (index, frames) in frames.into_iter().enumerate() {
+            for bytes in frames {
+                note(shared, &bytes);
+                let id = wires[index].id;
+                let answer = requests.serve(id, &bytes, faults.busy);
+                let answers = step().into_iter().chain(answer.map(|answer| (id, answer)));
+                // The connection that closes with this frame receives no answer any more.
+                let open = wires[index].connection.as_mut();
+                let is_open = open.is_some_and(|open| open.count_frame(&faults));
+                answer_all(&mut wires, answers, &faults);
+                if !is_open {
+                    break;
+                }
             }
-            answers.for_each(|answer| open.answer(&answer, &faults));
         }
-        let answers = step().into_iter();
-        answers.for_each(|answer| open.answer(&answer, &faults));
-        open.flush();
-        if requests.wants_restart() && open.has_sent_all() {
+        // Jobs go on without a connection, but nobody receives the answers.
+        answer_all(&mut wires, step().into_iter(), &faults);
+        let open = wires.iter_mut().filter_map(|wire| wire.connection.as_mut());
+        open.for_each(Connection::flush);
+        let mut open = wires.iter().filter_map(|wire| wire.connection.as_ref());
+        if requests.wants_restart() && open.all(Connection::has_sent_all) {
             return;
-        }
-        if !open.is_open() {
-            connection = None;
         }
     }
 }
 
-/// Accepts the connection of a program that has connected, if there is one.
-fn accepted(listener: &TcpListener, shared: &Mutex<Inner>) -> Option<Connection> {
-    let (stream, _) = listener.accept().ok()?;
-    lock(shared).connections += 1;
-    Some(Connection::new(stream))
+/// Queues answers on the links that they go to. Nobody receives the answers of a link without an open connection.
+fn answer_all(
+    wires: &mut [Wire<'_>; 2],
+    answers: impl Iterator<Item = (LinkId, Vec<u8>)>,
+    faults: &Faults,
+) {
+    for (id, answer) in answers {
+        if let Some(open) = connection_of(wires, id) {
+            open.answer(&answer, faults);
+        }
+    }
+}
+
+fn connection_of<'a>(wires: &'a mut [Wire<'_>; 2], id: LinkId) -> Option<&'a mut Connection> {
+    let mut wires = wires.iter_mut();
+    let connection = wires.find(|wire| wire.id == id)?.connection.as_mut();
+    connection.filter(|open| open.is_open())
 }
 
 /// Gives the device what the test has set (hand, board, samples to lose or tear), and gives the test the device's place
@@ -336,7 +392,11 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
 }
 
 /// Runs the device until its clock shows `time`, and returns the blocks that were recorded.
-fn catch_up(control: &SharedControl, time: Duration, faults: &Faults) -> Vec<RecordBlock> {
+fn catch_up(
+    control: &SharedControl,
+    time: Duration,
+    faults: &Faults,
+) -> Vec<(LinkId, RecordBlock)> {
     let tick = time.as_micros() as u64 * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
     let mut blocks = Vec::new();
     while control.borrow_mut().device().now() < tick {
@@ -354,14 +414,16 @@ fn catch_up(control: &SharedControl, time: Duration, faults: &Faults) -> Vec<Rec
     blocks
 }
 
-fn send_blocks(open: &mut Connection, blocks: &[RecordBlock], faults: &Faults) {
-    for block in blocks {
+fn send_blocks(wires: &mut [Wire<'_>; 2], blocks: &[(LinkId, RecordBlock)], faults: &Faults) {
+    for (id, block) in blocks {
         let header = VarHeader {
             key: VarKey::Key8(RecordBlockTopic::TOPIC_KEY),
             seq_no: block.sequence.into(),
         };
         let frame = frame(RecordBlockTopic::TOPIC_KEY, header, block);
-        open.block(&frame, faults);
+        if let Some(open) = connection_of(wires, *id) {
+            open.block(&frame, faults);
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use hil::board::{Board, Images, Probe, VirtualBoard};
 use hil::error::{Error, Result};
 use hil::report::{Report, Test};
 use hil::suite::{overwrites, run};
-use host_tools::link::{Device, LinkAddress, Route, Timeouts};
+use host_tools::link::{Device, LinkAddress, Timeouts};
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -166,8 +166,7 @@ fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
     const ATTEMPTS: u32 = 10;
     let mut attempt = 1;
     loop {
-        // The broker of an earlier command may still hold the link.
-        match Device::connect_by(address, timeouts, Route::Alone("hil".to_owned())) {
+        match Device::connect(address, timeouts) {
             Ok(device) => return Ok(device),
             Err(error) if attempt == ATTEMPTS || !error.is_passing() => return Err(error.into()),
             Err(_) => std::thread::sleep(Duration::from_millis(500)),

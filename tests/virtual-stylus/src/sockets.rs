@@ -46,6 +46,14 @@ impl Loopback {
     }
 }
 
+/// Returns true if the program has ended, and has left no byte to read.
+fn has_ended(program: &TcpStream) -> bool {
+    match program.peek(&mut [0]) {
+        Ok(count) => count == 0,
+        Err(failure) => ![ErrorKind::WouldBlock, ErrorKind::Interrupted].contains(&failure.kind()),
+    }
+}
+
 fn failure(port: u16) -> impl Fn(std::io::Error) -> Error {
     move |error| Error::Port {
         port,
@@ -83,10 +91,12 @@ impl SerialSocket {
         self.listener.port()
     }
 
-    /// Carries bytes in both directions. A program that connects replaces the program that was connected before, like
-    /// whoever plugs the cable in last. Without a program, the image's bytes are lost.
+    /// Carries bytes in both directions. A program that connects while another one is connected is refused: its
+    /// connection ends at once. Without a program, the image's bytes are lost.
     pub fn serve(&mut self, stylus: &mut VirtualStylus) {
-        if let Some(stream) = self.listener.accept() {
+        if let Some(stream) = self.listener.accept()
+            && self.program.as_ref().is_none_or(has_ended)
+        {
             self.program = Some(stream);
         }
         // These are taken even without a program, or the next one would receive them all.
@@ -191,7 +201,8 @@ impl UsbSocket {
     }
 
     /// Serves the socket and the device. Enumerates the device if it is not configured, which runs the stylus. Plugs
-    /// the cable in again some time after it was pulled.
+    /// the cable in again some time after it was pulled. A program that connects while another one is connected is
+    /// refused: its connection ends at once.
     pub fn serve(&mut self, stylus: &mut VirtualStylus) {
         let runs = stylus.usb(|host, _| host.is_running());
         if self.endpoints.is_some() && !runs {
@@ -206,30 +217,36 @@ impl UsbSocket {
                 .ok()
                 .and_then(|read| bulk_endpoints(&read.configuration));
         }
-        if self.program.is_none()
-            && let Some(stream) = self.listener.accept()
+        if let Some(stream) = self.listener.accept() {
+            let has_ended = |program: &Program| has_ended(&program.stream);
+            if self.program.as_ref().is_some_and(has_ended) {
+                self.end_program(stylus);
+            }
             // Without a configured device there is nothing to open.
-            && self.endpoints.is_some()
-        {
-            self.program = Some(Program {
-                stream,
-                bytes: VecDeque::new(),
-                out: VecDeque::new(),
-                input: VecDeque::new(),
-                most: 0,
-            });
+            if self.program.is_none() && self.endpoints.is_some() {
+                self.program = Some(Program {
+                    stream,
+                    bytes: VecDeque::new(),
+                    out: VecDeque::new(),
+                    input: VecDeque::new(),
+                    most: 0,
+                });
+            }
         }
         if let (Some(program), Some(endpoints)) = (&mut self.program, self.endpoints)
             && !program.serve(endpoints, &mut self.usb, stylus)
         {
-            let ended = self.program.take();
-            // Otherwise the next program would receive the answers to this one.
-            let waiting: Vec<TransferId> = ended
-                .into_iter()
-                .flat_map(|program| program.out.into_iter().chain(program.input))
-                .collect();
-            self.usb.call_off(stylus, &waiting);
+            self.end_program(stylus);
         }
+    }
+
+    /// Lets the program go, and calls its transfers off. Otherwise the next program would receive their answers.
+    fn end_program(&mut self, stylus: &mut VirtualStylus) {
+        let waiting: Vec<TransferId> = (self.program.take())
+            .into_iter()
+            .flat_map(|program| program.out.into_iter().chain(program.input))
+            .collect();
+        self.usb.call_off(stylus, &waiting);
     }
 }
 

@@ -3,18 +3,15 @@
 //! A serial port is opened only if its USB ids are those of an ST-LINK, which a stylus's board has. Any other port may
 //! belong to a machine that takes any byte for a command, so it is listed and never opened.
 
-use std::path::Path;
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::DeviceInfo;
-use tokio_serial::{SerialPortType, UsbPortInfo};
-use virtual_link::announcement;
+use tokio_serial::UsbPortInfo;
 
 use super::error::{LinkError, Result};
-use super::route::Route;
-use super::{Device, LinkAddress, Timeouts, usb};
+use super::{Device, LinkAddress, Timeouts, links};
 
 /// Longest time for a device to answer the request for its identity.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
@@ -22,14 +19,6 @@ const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 /// Longest time for all devices together, which are asked simultaneously. It includes the opening of a link. A virtual
 /// stylus on a busy computer may be many times slower than real time.
 const LONGEST: Duration = Duration::from_secs(10);
-
-/// USB vendor id of the ST-LINK probes: STMicroelectronics.
-const ST_LINK_VENDOR_ID: u16 = 0x0483;
-
-/// USB product ids of the ST-LINK probes with a serial port: V2-1, V3 and their variants.
-const ST_LINK_PRODUCT_IDS: [u16; 8] = [
-    0x374a, 0x374b, 0x374e, 0x374f, 0x3752, 0x3753, 0x3754, 0x3757,
-];
 
 /// Kind of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -78,6 +67,8 @@ pub enum Identity {
     NotAsked,
     /// The device is a stylus.
     Known(Box<DeviceInfo>),
+    /// Another program has the link, as this refusal says.
+    InUse(String),
     /// No device answers, or its answer cannot be used, for this reason.
     Unknown(String),
 }
@@ -104,7 +95,7 @@ impl From<&Attached> for Row {
         let (info, state) = match &attached.identity {
             Identity::Known(info) => (Some(info), "answers".to_owned()),
             Identity::NotAsked => (None, "not opened: no ST-LINK".to_owned()),
-            Identity::Unknown(reason) => (None, reason.clone()),
+            Identity::InUse(reason) | Identity::Unknown(reason) => (None, reason.clone()),
         };
         Self {
             link: attached.link.to_string(),
@@ -117,13 +108,13 @@ impl From<&Attached> for Row {
     }
 }
 
-/// Lists the links to attached devices, which are asked for their identity over `route`.
+/// Lists the links to attached devices, which are asked for their identity.
 ///
 /// # Errors
 /// A computer that does not list its USB devices.
-pub fn rows(route: &Route) -> Result<Vec<Row>> {
+pub fn rows() -> Result<Vec<Row>> {
     let mut found = attached()?;
-    ask(found.iter_mut(), LONGEST, &identity_by(route));
+    ask(found.iter_mut(), LONGEST, &identity);
     Ok(found.iter().map(Row::from).collect())
 }
 
@@ -144,11 +135,11 @@ fn attached() -> Result<Vec<Attached>> {
         is_further: false,
         identity: Identity::NotAsked,
     };
-    for serial in runtime.block_on(usb::serial_numbers())? {
-        found.push(of(LinkAddress::Usb { serial }, Kind::Usb, None));
+    for link in runtime.block_on(links::on_usb())? {
+        found.push(of(link, Kind::Usb, None));
     }
-    for (path, info) in usb_ports() {
-        let kind = if is_st_link(info.vid, info.pid) {
+    for (path, info) in links::serial_ports() {
+        let kind = if links::is_st_link(&info) {
             Kind::Serial
         } else {
             Kind::OtherSerial
@@ -156,9 +147,8 @@ fn attached() -> Result<Vec<Attached>> {
         let link = LinkAddress::Serial { path: path.into() };
         found.push(of(link, kind, Some(name(&info))));
     }
-    for announced in announcement::announced() {
-        let links = announced.links.iter().filter_map(|link| link.parse().ok());
-        for (index, link) in links.enumerate() {
+    for links in links::of_virtual_ones() {
+        for (index, link) in links.into_iter().enumerate() {
             found.push(Attached {
                 is_further: index > 0,
                 ..of(link, Kind::Virtual, None)
@@ -199,15 +189,12 @@ fn ask<'a>(
     }
 }
 
-/// Returns a function that asks the device at a link for its identity, over `route`.
-fn identity_by(route: &Route) -> impl Fn(&LinkAddress) -> Identity + Clone + Send + 'static {
-    let route = route.clone();
-    move |link| {
-        let timeouts = Timeouts::scaled_to(ANSWER_TIMEOUT);
-        match Device::connect_by(link, timeouts, route.clone()) {
-            Ok(device) => Identity::Known(Box::new(device.info().clone())),
-            Err(failure) => Identity::Unknown(failure.to_string()),
-        }
+/// Asks the device at a link for its identity.
+fn identity(link: &LinkAddress) -> Identity {
+    match Device::connect(link, Timeouts::scaled_to(ANSWER_TIMEOUT)) {
+        Ok(device) => Identity::Known(Box::new(device.info().clone())),
+        Err(failure @ LinkError::Busy { .. }) => Identity::InUse(failure.to_string()),
+        Err(failure) => Identity::Unknown(failure.to_string()),
     }
 }
 
@@ -218,11 +205,11 @@ fn identity_by(route: &Route) -> impl Fn(&LinkAddress) -> Identity + Clone + Sen
 ///
 /// # Errors
 /// No device, or several.
-pub fn only(route: &Route) -> Result<(LinkAddress, Option<String>)> {
+pub fn only() -> Result<(LinkAddress, Option<String>)> {
     let mut found = attached()?;
     if !found.iter().any(|attached| attached.kind == Kind::Usb) {
         let probes = found.iter_mut().filter(|found| found.kind == Kind::Serial);
-        ask(probes, LONGEST, &identity_by(route));
+        ask(probes, LONGEST, &identity);
     }
     choose(&found)
 }
@@ -240,6 +227,13 @@ fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
         if is_one {
             styluses.push(attached);
         }
+    }
+    if styluses.is_empty() {
+        // A program that has a probe's port may well have a stylus there. Opening the port names that program.
+        let in_use = found
+            .iter()
+            .filter(|one| matches!(one.identity, Identity::InUse(_)));
+        styluses.extend(in_use);
     }
     let links = |found: &[&Attached]| found.iter().map(|one| one.link.to_string()).collect();
     match styluses[..] {
@@ -277,28 +271,6 @@ fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
             found: links(&styluses),
         }),
     }
-}
-
-/// The serial ports behind USB, with their names.
-fn usb_ports() -> Vec<(String, UsbPortInfo)> {
-    // The crate for serial ports panics without this folder.
-    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
-        return Vec::new();
-    }
-    let ports = tokio_serial::available_ports().unwrap_or_default();
-    let mut ports: Vec<(String, UsbPortInfo)> = ports
-        .into_iter()
-        .filter_map(|port| match port.port_type {
-            SerialPortType::UsbPort(info) => Some((port.port_name, info)),
-            _ => None,
-        })
-        .collect();
-    ports.sort_by(|one, other| one.0.cmp(&other.0));
-    ports
-}
-
-fn is_st_link(vendor: u16, product: u16) -> bool {
-    vendor == ST_LINK_VENDOR_ID && ST_LINK_PRODUCT_IDS.contains(&product)
 }
 
 /// Returns the name that a probe or adapter reports, with its serial number.
@@ -365,8 +337,14 @@ mod tests {
             "2 styluses are attached: name one, --link usb:01 or --link tcp:127.0.0.1:1"
         );
         holds(&choose(&[adapter]).unwrap_err(), &["plug"]);
+        let in_use = Identity::InUse("in use by `stylus play` (process 7)".to_owned());
+        let in_use = one("serial:/dev/ttyACM1", Kind::Serial, in_use);
+        let (link, _) = choose(&[in_use.clone(), answers.clone()]).unwrap();
+        assert_eq!(link, answers.link);
         let silent = Identity::Unknown("no answer".to_owned());
         let silent = one("serial:/dev/ttyACM0", Kind::Serial, silent);
+        let (link, _) = choose(&[in_use.clone(), silent.clone()]).unwrap();
+        assert_eq!(link, in_use.link);
         let message = choose(&[silent]).unwrap_err();
         holds(&message, &["no stylus answers at serial:/dev/ttyACM0"]);
     }
@@ -408,13 +386,5 @@ mod tests {
             );
         }
         drop(end);
-    }
-
-    #[test]
-    fn the_board_that_the_udev_rule_names_has_a_probe() {
-        let rules = include_str!("../../../70-stylus.rules");
-        assert!(rules.contains("ATTRS{idVendor}==\"0483\", ATTRS{idProduct}==\"374e\""));
-        assert!(is_st_link(0x0483, 0x374e));
-        assert!(!is_st_link(0x0403, 0x6001) && !is_st_link(0x0483, 0x5740));
     }
 }

@@ -54,8 +54,17 @@ pub enum LinkError {
         /// The remedy.
         remedy: &'static str,
     },
-    #[error("{link}: in use by another program: close that program, then try again")]
-    Busy { link: String },
+    #[error(
+        "{link}: in use by {}: close that program, or use the stylus's other link, {}",
+        holder.as_deref().unwrap_or("another program"), beside(others)
+    )]
+    Busy {
+        link: String,
+        /// The program, in words, if the system reports it.
+        holder: Option<String>,
+        /// Links that may lead to the same device.
+        others: Vec<String>,
+    },
     #[error("{link}: cannot be opened: {reason}")]
     Open {
         link: String,
@@ -83,17 +92,6 @@ pub enum LinkError {
         link: String,
         /// Time that the host waited.
         after: Duration,
-    },
-    /// The process that shares the link has failed to open it.
-    #[error("{0}")]
-    Broker(String),
-    /// Another program uses the device exclusively, does something that this request would disturb, or has stopped this
-    /// one.
-    #[error("{link}: {what}")]
-    Held {
-        link: String,
-        /// The program, its process, and the remedy.
-        what: String,
     },
     #[error("{link}: the link was lost: {reason}")]
     Lost { link: String, reason: String },
@@ -180,6 +178,15 @@ pub enum LinkError {
 pub type Result<T> = std::result::Result<T, LinkError>;
 
 impl LinkError {
+    /// Returns the error for a link that another program has open; its caller adds the other links.
+    pub(super) fn busy(link: String, holder: Option<String>) -> Self {
+        Self::Busy {
+            link,
+            holder,
+            others: Vec::new(),
+        }
+    }
+
     /// Returns true if the same request may succeed when it is repeated, perhaps over a new link.
     pub fn is_passing(&self) -> bool {
         matches!(
@@ -217,6 +224,15 @@ boxed! {
 impl From<LinkError> for crate::support::error::Error {
     fn from(failure: LinkError) -> Self {
         Self::Request(failure.to_string())
+    }
+}
+
+fn beside(others: &[String]) -> String {
+    if others.is_empty() {
+        "its own USB port or its probe's serial port: `stylus devices` lists what --link takes"
+            .to_owned()
+    } else {
+        format!("--link {}", others.join(" or --link "))
     }
 }
 

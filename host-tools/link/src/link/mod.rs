@@ -8,8 +8,8 @@
 //! |---|---|
 //! | `address` | addresses of devices, as a user writes them |
 //! | `open` | opening of an address; `wire` and `bulk` carry frames, `health` is the state of a link |
-//! | `broker` | one link for several programs, or for one exclusively |
-//! | `route` | routes to a device, direct or shared |
+//! | `links` | the links to attached devices |
+//! | `holder` | the program that has a link open |
 //! | [`discovery`] | the devices that are attached |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
 //! | `version` | differences of version between device and host, and the older side |
@@ -20,22 +20,24 @@
 //! | [`capture`] | the record stream and its losses |
 //! | [`settings`] | settings as a user writes and reads them, and what follows from a change |
 //!
+//! A link serves one program at a time. A second one is refused, and the first goes on; a stylus has two links.
+//!
 //! Over TCP and the serial port a frame is COBS-encoded and ends with a zero byte; over USB it is a bulk transfer.
 //!
 //! Invariant: nothing here fits or evaluates a model, and nothing here prints.
 
 mod address;
-mod broker;
 mod bulk;
 pub mod capture;
 mod device;
 pub mod discovery;
 mod error;
 mod health;
+mod holder;
 mod limit;
+mod links;
 mod open;
 pub mod play;
-mod route;
 pub mod settings;
 pub mod update;
 pub mod upload;
@@ -45,11 +47,7 @@ pub mod virtual_usb;
 mod wire;
 
 pub use address::LinkAddress;
-pub use broker::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Sharing};
-#[cfg(unix)]
-pub use broker::{Served, serve};
 pub use device::{Device, SlotContent, TextureEntry, Timeouts};
 pub use error::{LinkError, Result};
-pub use route::Route;
 pub use version::Mismatch;
 pub use wire::{BrokenFrame, FrameDecoder};

@@ -14,6 +14,8 @@ use tokio_serial::{SerialPortBuilderExt, SerialStream};
 
 use super::error::{LinkError, Result};
 use super::health::Health;
+use super::holder;
+use super::links::beside;
 use super::wire::{CobsRx, CobsTx, Spawn};
 use super::{LinkAddress, bulk, usb, virtual_usb};
 
@@ -30,88 +32,95 @@ const SERIAL_REMEDY: &str = "add yourself to the port's group (often dialout: `s
 /// Client of one device.
 pub(super) type Client = HostClient<WireError>;
 
-/// Use of the two ends of an open link.
-pub(super) trait Ends {
-    /// What is made from the two ends.
-    type Made;
-
-    /// Makes it from the two ends.
-    fn take(self, sender: impl WireTx, receiver: impl WireRx) -> Self::Made;
-}
-
-/// Makes a client from the ends. Its two tasks run on the current runtime.
-pub(super) struct AsClient;
-
-impl Ends for AsClient {
-    type Made = Client;
-
-    /// Returns a client with sequence numbers of two bytes, so that a late answer cannot be mistaken for the answer to
-    /// a later request.
-    fn take(self, sender: impl WireTx, receiver: impl WireRx) -> Client {
-        Client::new_with_wire(
-            sender,
-            receiver,
-            Spawn,
-            VarSeqKind::Seq2,
-            ERROR_PATH,
-            OUTGOING_FRAMES,
-        )
-    }
-}
-
-/// Opens a link, and passes its two ends to `ends`.
-pub(super) async fn open<E: Ends>(
-    address: &LinkAddress,
-    health: &Arc<Health>,
-    ends: E,
-) -> Result<E::Made> {
+/// Opens a link. The client's two tasks run on the current runtime.
+pub(super) async fn open(address: &LinkAddress, health: &Arc<Health>) -> Result<Client> {
     let link = address.to_string();
     match address {
         LinkAddress::Usb { serial } => {
             let (output, input) = usb::open(serial.as_deref(), &link).await?;
-            transfers(output, input, &link, health, ends).await
+            transfers(output, input, &link, health).await
         }
         LinkAddress::UsbVirtual { host, port } => {
             let (output, input) = virtual_usb::open(tcp(host, *port, &link).await?);
-            transfers(output, input, &link, health, ends).await
+            transfers(output, input, &link, health).await
         }
         LinkAddress::Serial { path } => {
             let (reader, writer) = tokio::io::split(serial(path, &link)?);
-            stream(reader, writer, &link, health, ends).await
+            stream(reader, writer, &link, health).await
         }
         LinkAddress::Tcp { host, port } => {
             let (reader, writer) = tcp(host, *port, &link).await?.into_split();
-            stream(reader, writer, &link, health, ends).await
+            stream(reader, writer, &link, health).await
         }
     }
 }
 
-async fn transfers<E: Ends>(
+/// Adds to the failure of a link that was just opened which program has the link, and which links are beside it.
+///
+/// A virtual stylus serves the program that came first, and ends the connection of any other one before an answer.
+pub(super) async fn explained(failure: LinkError, address: &LinkAddress) -> LinkError {
+    let failure = match (failure, address) {
+        (
+            LinkError::Lost { link, reason },
+            LinkAddress::Tcp { host, port } | LinkAddress::UsbVirtual { host, port },
+        ) => {
+            let found = tokio::net::lookup_host((host.as_str(), *port)).await;
+            let ports: Vec<_> = found.into_iter().flatten().collect();
+            match holder::of_ports(&ports) {
+                Some(holder) => LinkError::busy(link, Some(holder)),
+                None => LinkError::Lost {
+                    link,
+                    reason: format!("{reason}, before any answer: another program may have it"),
+                },
+            }
+        }
+        (failure, _) => failure,
+    };
+    match failure {
+        LinkError::Busy { link, holder, .. } => {
+            let others = beside(address).await;
+            let others = others.iter().map(ToString::to_string).collect();
+            LinkError::Busy {
+                link,
+                holder,
+                others,
+            }
+        }
+        failure => failure,
+    }
+}
+
+/// Returns a client with sequence numbers of two bytes, so that a late answer cannot be mistaken for the answer to a
+/// later request.
+fn client(sender: impl WireTx, receiver: impl WireRx) -> Client {
+    Client::new_with_wire(
+        sender,
+        receiver,
+        Spawn,
+        VarSeqKind::Seq2,
+        ERROR_PATH,
+        OUTGOING_FRAMES,
+    )
+}
+
+async fn transfers(
     output: impl bulk::BulkOut,
     input: impl bulk::BulkIn,
     link: &str,
     health: &Arc<Health>,
-    ends: E,
-) -> Result<E::Made> {
+) -> Result<Client> {
     let opened = bulk::open(output, input, health).await;
     let (sender, receiver) = opened.map_err(|failure| LinkError::Lost {
         link: link.to_owned(),
         reason: failure.to_string(),
     })?;
-    Ok(ends.take(sender, receiver))
+    Ok(client(sender, receiver))
 }
 
-async fn stream<R, W, E>(
-    reader: R,
-    writer: W,
-    link: &str,
-    health: &Arc<Health>,
-    ends: E,
-) -> Result<E::Made>
+async fn stream<R, W>(reader: R, writer: W, link: &str, health: &Arc<Health>) -> Result<Client>
 where
     R: tokio::io::AsyncRead + Send + Unpin + 'static,
     W: tokio::io::AsyncWrite + Send + Unpin + 'static,
-    E: Ends,
 {
     let sender = CobsTx::open(writer, health.clone())
         .await
@@ -119,7 +128,7 @@ where
             link: link.to_owned(),
             reason: failure.to_string(),
         })?;
-    Ok(ends.take(sender, CobsRx::new(reader, health.clone())))
+    Ok(client(sender, CobsRx::new(reader, health.clone())))
 }
 
 async fn tcp(host: &str, port: u16, link: &str) -> Result<TcpStream> {
@@ -156,7 +165,7 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
         .map_err(|failure| match failure.kind() {
             // Windows denies access to a port that another program has open.
             tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => {
-                LinkError::Busy { link }
+                LinkError::busy(link, None)
             }
             tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) => LinkError::Permission {
                 link,
@@ -167,8 +176,11 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
                 reason: "there is no such port: plug the board's debug port in, and look up which port appears"
                     .to_owned(),
             },
-            // The crate reports `NoDevice` for a port that another program has locked.
-            tokio_serial::ErrorKind::NoDevice if path.exists() => LinkError::Busy { link },
+            // The crate reports `NoDevice` for a port that another program has open exclusively or has locked. Root may
+            // open an exclusive port, but not lock it a second time.
+            tokio_serial::ErrorKind::NoDevice if path.exists() => {
+                LinkError::busy(link, holder::of_file(path))
+            }
             _ => LinkError::Open {
                 link,
                 reason: format!("{failure}: is it a serial port?"),

@@ -1,6 +1,7 @@
 //! A stylus on this computer's USB.
 
 use std::io;
+use std::path::Path;
 
 use model_format::link::{USB_PRODUCT, USB_PRODUCT_ID, USB_VENDOR_ID};
 use nusb::descriptors::TransferType;
@@ -9,6 +10,7 @@ use nusb::{DeviceInfo, Endpoint, ErrorKind, Interface};
 
 use super::bulk::{BulkIn, BulkOut};
 use super::error::{LinkError, Result};
+use super::holder;
 
 /// Class of a vendor-specific interface (USB 2.0 section 9.6.5).
 const VENDOR_CLASS: u8 = 0xff;
@@ -37,7 +39,7 @@ pub(super) async fn open(
     let interface = opened
         .claim_interface(interface)
         .await
-        .map_err(|failure| refused(link, &failure))?;
+        .map_err(|failure| claim_refused(&device, link, &failure))?;
     let address = |direction| {
         bulk_address(&interface, direction).ok_or_else(|| LinkError::Open {
             link: link.to_owned(),
@@ -78,12 +80,6 @@ fn is_stylus(ids: (u16, u16), product: Option<&str>, serial: Option<&str>) -> bo
     ids == (USB_VENDOR_ID, USB_PRODUCT_ID)
         && product.is_none_or(|product| product == USB_PRODUCT)
         && serial.is_none_or(is_id)
-}
-
-/// Returns the serial number of the stylus with the number `serial`, or of the only stylus; none if it has none.
-pub(super) async fn serial_number(serial: Option<&str>, link: &str) -> Result<Option<String>> {
-    let device = choose(attached(link).await?, serial)?;
-    Ok(device.serial_number().map(str::to_owned))
 }
 
 /// Serial numbers of the styluses on USB, where they have one.
@@ -133,16 +129,29 @@ fn refused(link: &str, failure: &nusb::Error) -> LinkError {
     let link = link.to_owned();
     match failure.kind() {
         // Windows denies access to a device that another program has open.
-        ErrorKind::PermissionDenied if cfg!(windows) => LinkError::Busy { link },
+        ErrorKind::PermissionDenied if cfg!(windows) => LinkError::busy(link, None),
         ErrorKind::PermissionDenied => LinkError::Permission {
             link,
             remedy: PERMISSION_REMEDY,
         },
-        ErrorKind::Busy => LinkError::Busy { link },
+        ErrorKind::Busy => LinkError::busy(link, None),
         _ => LinkError::Open {
             link,
             reason: failure.to_string(),
         },
+    }
+}
+
+/// Returns the error for an interface that cannot be claimed; if another program has it, with that program.
+fn claim_refused(device: &DeviceInfo, link: &str, failure: &nusb::Error) -> LinkError {
+    match failure.kind() {
+        ErrorKind::Busy => {
+            // Linux alone has these files; elsewhere the path does not exist.
+            let (bus, number) = (device.bus_id(), device.device_address());
+            let file = format!("/dev/bus/usb/{bus}/{number:03}");
+            LinkError::busy(link.to_owned(), holder::of_file(Path::new(&file)))
+        }
+        _ => refused(link, failure),
     }
 }
 

@@ -1,17 +1,10 @@
-//! The connection to a stylus: its arguments, and the commands that concern only the connection, `devices`, `stop` and
-//! `share-link`.
+//! The connection to a stylus: its arguments, and the commands that concern only the connection, `devices` and `stop`.
 
-#[cfg(unix)]
-use std::io::Write;
 use std::time::Duration;
 
 use host_tools::link::discovery;
-#[cfg(unix)]
-use host_tools::link::{BROKER_READY, BROKER_TAKEN, Served, serve};
-use host_tools::link::{Device, LinkAddress, LinkError, Route, Sharing, Timeouts};
+use host_tools::link::{Device, LinkAddress, Timeouts};
 use host_tools::support::error::Result;
-#[cfg(unix)]
-use host_tools::support::visible::visible_line;
 use serde::Serialize;
 
 use crate::cli::input::positive;
@@ -42,63 +35,34 @@ pub struct Link {
         global = true
     )]
     timeout: Option<f64>,
-    /// Open the link for this command alone, without sharing it with others
-    #[arg(long, global = true)]
-    no_broker: bool,
 }
 
 impl Link {
     /// Connects to the stylus.
     ///
     /// # Errors
-    /// See [`Device::connect_by`].
+    /// See [`Device::connect`].
     pub fn connect(&self) -> Result<Device> {
         if let Some(link) = &self.link {
             return self.connect_to(link);
         }
-        let (link, words) = discovery::only(&Route::Shared(sharing()?))?;
+        let (link, words) = discovery::only()?;
         if let Some(words) = words {
             note(&format!("note: {words}"));
         }
         self.connect_to(&link)
     }
 
-    /// Connects like [`Link::connect`], but without sharing the link. The stylus may speak another version of the
-    /// protocol.
+    /// Connects like [`Link::connect`], also to a stylus that speaks another version of the protocol.
     ///
     /// # Errors
     /// No stylus is attached, several are attached and none is named, or the link cannot be opened.
     pub fn connect_to_any(&self) -> Result<Device> {
         let link = match &self.link {
             Some(link) => link.clone(),
-            None => discovery::only(&Route::Direct)?.0,
+            None => discovery::only()?.0,
         };
-        Ok(Device::connect_to_any(
-            &link,
-            self.timeouts(),
-            Route::Alone(command()),
-        )?)
-    }
-
-    /// Connects to the stylus; if the link cannot be shared, by a link of this command only. It is for commands that
-    /// must reach the stylus in any case.
-    ///
-    /// # Errors
-    /// The error of [`Link::connect`], if neither kind of link reaches the stylus.
-    fn connect_somehow(&self) -> Result<Device> {
-        let link = || match &self.link {
-            Some(link) => Ok(link.clone()),
-            // Without a broker, which may be what failed.
-            None => discovery::only(&Route::Direct).map(|(link, _)| link),
-        };
-        self.connect().or_else(|failure| {
-            let direct =
-                link().map(|link| Device::connect_by(&link, self.timeouts(), Route::Direct));
-            match direct {
-                Ok(Ok(device)) => Ok(device),
-                _ => Err(failure),
-            }
-        })
+        Ok(Device::connect_to_any(&link, self.timeouts())?)
     }
 
     fn timeouts(&self) -> Timeouts {
@@ -112,35 +76,10 @@ impl Link {
     /// Connects to the stylus at `link`, such as a second one of the same stylus.
     ///
     /// # Errors
-    /// See [`Device::connect_by`].
+    /// See [`Device::connect`].
     pub fn connect_to(&self, link: &LinkAddress) -> Result<Device> {
-        // Either way the route carries the command's name, by which others are told who has the device.
-        let route = if self.no_broker {
-            Route::Alone(command())
-        } else {
-            Route::Shared(sharing()?)
-        };
-        Ok(Device::connect_by(link, self.timeouts(), route)?)
+        Ok(Device::connect(link, self.timeouts())?)
     }
-}
-
-/// Returns how to start the sharing of a link: this program and its command.
-///
-/// # Errors
-/// The system does not report where this program's file is.
-pub fn sharing() -> Result<Sharing> {
-    Ok(Sharing {
-        program: std::env::current_exe().map_err(LinkError::Host)?,
-        command: command(),
-    })
-}
-
-/// Returns the first argument that is no general option, such as `-q`: the command.
-fn command() -> String {
-    let mut words = std::env::args().skip(1);
-    words
-        .find(|word| !word.starts_with('-'))
-        .unwrap_or_default()
 }
 
 /// Arguments of `stylus devices`.
@@ -153,7 +92,7 @@ pub struct DevicesArguments {
 
 /// Runs `stylus devices`.
 pub fn devices(arguments: &DevicesArguments) -> Result<()> {
-    let rows = discovery::rows(&Route::Shared(sharing()?))?;
+    let rows = discovery::rows()?;
     if arguments.json {
         return print_json(&rows);
     }
@@ -195,7 +134,7 @@ struct StopReport {
 
 /// Runs `stylus stop`.
 pub fn stop(arguments: &StopArguments) -> Result<()> {
-    let device = arguments.link.connect_somehow()?;
+    let device = arguments.link.connect()?;
     let (was_playing, _) = device.stop()?;
     // A program that was killed may have left its recording running.
     let was_recording = device.status()?.record.recording;
@@ -215,31 +154,4 @@ pub fn stop(arguments: &StopArguments) -> Result<()> {
         (false, false) => "nothing was played or recorded",
     };
     print(&format!("{what}; the output is at rest"))
-}
-
-/// Arguments of `stylus share-link`.
-#[cfg(unix)]
-#[derive(clap::Args)]
-pub struct ShareLinkArguments {
-    /// Address of the stylus
-    #[arg(long, value_name = "LINK")]
-    link: LinkAddress,
-}
-
-/// Runs `stylus share-link`. Other commands start it to share a link; users never type it. Its only line of output is
-/// for the command that started it.
-#[cfg(unix)]
-pub fn share_link(arguments: &ShareLinkArguments) {
-    match serve(&arguments.link, || say(BROKER_READY)) {
-        Ok(Served::Ended) => {}
-        Ok(Served::Taken) => say(BROKER_TAKEN),
-        Err(failure) => say(&visible_line(&failure.to_string())),
-    }
-}
-
-/// Prints a line. A failure is ignored, because the command that has started this program may be gone.
-#[cfg(unix)]
-fn say(line: &str) {
-    let mut output = std::io::stdout().lock();
-    let _ = writeln!(output, "{line}").and_then(|()| output.flush());
 }

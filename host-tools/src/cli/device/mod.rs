@@ -14,8 +14,6 @@ pub mod update;
 pub mod upload;
 
 use clap::Subcommand;
-#[cfg(unix)]
-use host_tools::link::BROKER_COMMAND;
 use host_tools::support::error::Result;
 
 use self::connection::{DevicesArguments, StopArguments, devices, stop};
@@ -49,10 +47,6 @@ pub enum Command {
     Check(response::CheckArguments),
     /// Compare a library, through the stored equaliser, with what coil and limits give
     Headroom(headroom::Arguments),
-    /// Share a link among commands
-    #[cfg(unix)]
-    #[command(name = BROKER_COMMAND, hide = true)]
-    ShareLink(connection::ShareLinkArguments),
 }
 
 /// Runs a command.
@@ -71,10 +65,5 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Calibrate(arguments) => calibrate::run(arguments),
         Command::Check(arguments) => response::run_check(arguments),
         Command::Headroom(arguments) => headroom::run(arguments),
-        #[cfg(unix)]
-        Command::ShareLink(arguments) => {
-            connection::share_link(arguments);
-            Ok(())
-        }
     }
 }

@@ -122,23 +122,20 @@ mod tests {
     #[test]
     fn circles_are_found_through_a_folder_or_a_type_that_a_use_names() {
         for (used, path) in [
-            ("super::broker", "broker::join()"),
-            ("super::broker as other", "other::join()"),
-            ("std::fs", "super::broker::Broker::join()"),
+            ("super::desk", "desk::join()"),
+            ("super::desk as other", "other::join()"),
+            ("std::fs", "super::desk::Desk::join()"),
         ] {
-            let route = format!("use {used};\npub struct Sharing; fn open() {{ {path} }}");
-            let broker = "mod join; pub use join::{Broker, join};";
+            let route = format!("use {used};\npub struct Seat; fn open() {{ {path} }}");
+            let desk = "mod join; pub use join::{Desk, join};";
             let files = [
-                ("a/src/lib.rs", "mod broker; mod route; mod top;"),
+                ("a/src/lib.rs", "mod desk; mod route; mod top;"),
                 ("a/src/route.rs", &route),
-                ("a/src/broker/mod.rs", broker),
-                ("a/src/broker/join.rs", "use crate::route::Sharing;"),
-                (
-                    "a/src/top.rs",
-                    "use crate::broker; fn f() { broker::join() }",
-                ),
+                ("a/src/desk/mod.rs", desk),
+                ("a/src/desk/join.rs", "use crate::route::Seat;"),
+                ("a/src/top.rs", "use crate::desk; fn f() { desk::join() }"),
             ];
-            assert_circles(&files, ["broker/join.rs:1", "route.rs:2"]);
+            assert_circles(&files, ["desk/join.rs:1", "route.rs:2"]);
         }
     }
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use host_tools::link::capture::capture;
 use host_tools::link::play::{Drive, drive};
 use host_tools::link::upload::upload;
-use host_tools::link::{Device, LinkAddress, Timeouts};
+use host_tools::link::{Device, LinkAddress, LinkError, Timeouts};
 use host_tools::procedures::self_test::{self, Verdict};
 use model_format::link::MuteReasons;
 use virtual_stylus::model::dac::{Cause, Output};
@@ -118,6 +118,16 @@ impl Running {
             .filter(|output| output.cause == Cause::Trigger);
         assert_even(&triggered.collect::<Vec<_>>());
     }
+}
+
+#[test]
+fn a_second_program_is_refused_and_the_first_goes_on() {
+    let running = Running::start();
+    let first = running.connect();
+    let second = Device::connect(&running.address, Timeouts::scaled_to(PATIENCE));
+    assert!(matches!(second, Err(LinkError::Lost { .. })));
+    first.status().expect("its link is as before");
+    running.finish();
 }
 
 #[test]

@@ -323,7 +323,7 @@ impl World {
         let mut context = Context::from_waker(Waker::noop());
         let _ = self.storage.as_mut().poll(&mut context);
         (self.mistake)(&mut self.control.borrow_mut());
-        for answer in self.requests.take_answers() {
+        for (_, answer) in self.requests.take_answers() {
             self.count(&answer);
         }
     }

@@ -94,13 +94,18 @@ impl<'a> Stream<'a> {
     /// Returns the next block, or `None` if none arrives within `within`.
     ///
     /// # Errors
-    /// A lost link, or a recording that another program has stopped.
+    /// A lost link, or a recording that was stopped over another link.
     pub fn next(&mut self, within: Duration) -> Result<Option<Arrival>> {
         let Some(block) = self.blocks.next(self.device, within)? else {
-            return match self.device.stopped_by() {
-                Some(by) if self.is_running => Err(self.stopped(&by)),
-                _ => Ok(None),
-            };
+            if self.is_running && !self.device.status()?.record.recording {
+                // A stop now could end a recording that the other program has begun since.
+                self.is_running = false;
+                return Err(self.device.not_verified(
+                    "the recording was stopped over the stylus's other link: record again"
+                        .to_owned(),
+                ));
+            }
+            return Ok(None);
         };
         self.received += 1;
         Ok(Some(self.arrival(&block)))
@@ -124,7 +129,7 @@ impl<'a> Stream<'a> {
     /// Returns the next block.
     ///
     /// # Errors
-    /// A lost link, a recording that another program has stopped, or no block within the timeout of an answer.
+    /// A lost link, a recording that was stopped over another link, or no block within the timeout of an answer.
     pub fn wait(&mut self) -> Result<Arrival> {
         let timeout = self.device.timeouts().answer;
         self.next(timeout)?.ok_or_else(|| LinkError::Lossy {
@@ -140,36 +145,21 @@ impl<'a> Stream<'a> {
     /// Stops the recording and returns its losses.
     ///
     /// # Errors
-    /// A lost link, or a recording that another program has stopped.
+    /// A lost link, or a recording that was stopped already.
     pub fn stop(mut self) -> Result<Loss> {
         // From here on nothing stops the recording a second time, not even the drop after an error.
         self.is_running = false;
-        // A request to stop could end a recording that yet another program has begun since.
-        if let Some(by) = self.device.stopped_by() {
-            return Err(self.stopped(&by));
-        }
         let stopped = self.device.record_stop()?;
         // Blocks may arrive after the answer, because the device queues the two separately.
         while self.loss(stopped).on_link > 0 && self.next(LATE_BLOCKS)?.is_some() {}
         Ok(self.loss(stopped))
     }
 
-    fn stopped(&self, by: &str) -> LinkError {
-        LinkError::Held {
-            link: self.device.address().to_string(),
-            what: format!("the recording was stopped by {by}: record again"),
-        }
-    }
-
     fn loss(&self, stopped: RecordStopped) -> Loss {
-        // The device counts from the start of a shared recording, which this program may have joined later.
-        let (blocks_before, lost_before) = self.device.before_joining();
-        let in_device = stopped.lost_blocks.saturating_sub(lost_before);
-        let blocks = stopped.blocks.saturating_sub(blocks_before);
-        let sent = blocks.saturating_sub(in_device);
+        let sent = stopped.blocks.saturating_sub(stopped.lost_blocks);
         Loss {
             received: self.received,
-            in_device,
+            in_device: stopped.lost_blocks,
             on_link: sent.saturating_sub(self.received),
             broken_frames: self.device.broken_frames() - self.broken_before,
             torn_samples: self.torn,
@@ -179,7 +169,7 @@ impl<'a> Stream<'a> {
 
 impl Drop for Stream<'_> {
     fn drop(&mut self) {
-        if self.is_running && self.device.stopped_by().is_none() {
+        if self.is_running {
             // A failure to stop is ignored, because the failure that led here says more.
             let _ = self.device.record_stop();
         }

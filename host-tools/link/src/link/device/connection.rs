@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use model_format::link::{
     ANSWER_TIMEOUT_MS, DeviceInfo, FLASH_TIMEOUT_MS, InfoEndpoint, MotionEndpoint, MotionSample,
@@ -18,13 +18,18 @@ use serde::de::DeserializeOwned;
 use tokio::runtime::{Handle, Runtime};
 
 use crate::link::address::LinkAddress;
-use crate::link::broker::Hold;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
 use crate::link::limit::Limit;
-use crate::link::open::Client;
-use crate::link::route::Route;
+use crate::link::open::{Client, explained, open};
 use crate::link::version::Mismatch;
+
+/// Time for which a link may still be another program's when this one opens it. A program that ends frees its link
+/// within this time.
+const PATIENCE: Duration = Duration::from_millis(300);
+
+/// Interval between attempts to open a link that is another program's.
+const RETRY_INTERVAL: Duration = Duration::from_millis(30);
 
 /// Interval between attempts to open a broken link.
 const RECONNECT_INTERVAL: Duration = Duration::from_millis(250);
@@ -50,47 +55,32 @@ pub struct Device {
     // This field is dropped first, so that the tasks that use the runtime end.
     pub(super) requester: Requester,
     address: LinkAddress,
-    route: Route,
     info: DeviceInfo,
     /// True if a device that speaks another protocol is accepted too.
     is_any: bool,
     runtime: Option<Runtime>,
-    /// Keeps other programs out, also while the link is being reopened.
-    _hold: Option<Hold>,
 }
 
 impl Device {
     /// Opens the link and reads the device's identity.
     ///
     /// # Errors
-    /// A link that cannot be opened, a device that does not answer, or one that speaks another protocol.
+    /// A link that cannot be opened or that another program has, a device that does not answer, or one that speaks
+    /// another protocol.
     pub fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Self> {
-        Self::connect_by(address, timeouts, Route::Direct)
+        Self::connect_as(address, timeouts, false)
     }
 
-    /// Opens the link by this route and reads the device's identity.
+    /// Opens the link, also to a device that speaks another protocol. Only requests that both sides know then work;
+    /// those of an update do not change.
     ///
     /// # Errors
-    /// Those of [`Device::connect`], or a route that cannot be used.
-    pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
-        Self::connect_as(address, timeouts, route, false)
+    /// Those of [`Device::connect`], but for the protocol.
+    pub fn connect_to_any(address: &LinkAddress, timeouts: Timeouts) -> Result<Self> {
+        Self::connect_as(address, timeouts, true)
     }
 
-    /// Opens the link by this route, also to a device that speaks another protocol. Only requests that both sides know
-    /// then work; those of an update do not change.
-    ///
-    /// # Errors
-    /// Those of [`Device::connect_by`].
-    pub fn connect_to_any(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
-        Self::connect_as(address, timeouts, route, true)
-    }
-
-    fn connect_as(
-        address: &LinkAddress,
-        timeouts: Timeouts,
-        route: Route,
-        is_any: bool,
-    ) -> Result<Self> {
+    fn connect_as(address: &LinkAddress, timeouts: Timeouts, is_any: bool) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             // The link has two tasks that mostly wait, so one thread serves both.
             .worker_threads(1)
@@ -98,29 +88,35 @@ impl Device {
             .enable_all()
             .build()
             .map_err(LinkError::Host)?;
-        let hold = runtime.block_on(route.hold(address))?;
-        let (requester, info) =
-            runtime.block_on(Self::identify(address, timeouts, &route, is_any))?;
+        let begin = Instant::now();
+        let (requester, info) = loop {
+            match runtime.block_on(Self::identify(address, timeouts, is_any)) {
+                Ok(identified) => break identified,
+                Err(LinkError::Busy { .. } | LinkError::Lost { .. })
+                    if begin.elapsed() < PATIENCE =>
+                {
+                    thread::sleep(RETRY_INTERVAL);
+                }
+                Err(failure) => return Err(runtime.block_on(explained(failure, address))),
+            }
+        };
         Ok(Self {
             requester,
             address: address.clone(),
-            route,
             info,
             is_any,
             runtime: Some(runtime),
-            _hold: hold,
         })
     }
 
     async fn identify(
         address: &LinkAddress,
         timeouts: Timeouts,
-        route: &Route,
         is_any: bool,
     ) -> Result<(Requester, DeviceInfo)> {
         let health = Arc::new(Health::default());
         let requester = Requester {
-            client: route.open(address, &health).await?,
+            client: open(address, &health).await?,
             health,
             link: address.clone().into(),
             timeouts,
@@ -150,12 +146,10 @@ impl Device {
         let timeouts = self.requester.timeouts;
         let mut limit = self.limit(timeouts.reconnect);
         loop {
-            match self.runtime().block_on(Self::identify(
-                &self.address,
-                timeouts,
-                &self.route,
-                self.is_any,
-            )) {
+            match self
+                .runtime()
+                .block_on(Self::identify(&self.address, timeouts, self.is_any))
+            {
                 Ok((requester, info)) if info.serial == self.info.serial => {
                     (self.requester, self.info) = (requester, info);
                     return Ok(());
@@ -170,7 +164,10 @@ impl Device {
                 }
                 // Another protocol stays another one, however long the wait.
                 Err(failure @ LinkError::Version { .. }) => return Err(failure),
-                Err(failure) if limit.has_passed() => return Err(failure),
+                Err(failure) if limit.has_passed() => {
+                    let explained = explained(failure, &self.address);
+                    return Err(self.runtime().block_on(explained));
+                }
                 Err(_) => thread::sleep(RECONNECT_INTERVAL),
             }
         }
@@ -270,16 +267,6 @@ impl Device {
         self.requester.broken_frames()
     }
 
-    /// The program that has stopped what this program played or recorded, in words, if the link is shared.
-    pub fn stopped_by(&self) -> Option<String> {
-        self.requester.health.stopped_by()
-    }
-
-    /// Number of blocks, and of lost blocks, that a recording of other programs had before this program joined it.
-    pub(in crate::link) fn before_joining(&self) -> (u32, u32) {
-        self.requester.health.before_joining()
-    }
-
     /// Checks that the device plays the library format that this program writes.
     ///
     /// # Errors
@@ -335,13 +322,10 @@ impl Requester {
         match limit.wait(self.client.send_resp::<E>(request)).await {
             Some(Ok(response)) => Ok(response),
             Some(Err(HostErr::Closed)) => Err(self.lost()),
-            Some(Err(HostErr::Wire(error))) => Err(match self.health.take_refusal(E::REQ_KEY) {
-                Some(what) => LinkError::Held { link: link(), what },
-                None => LinkError::Frame {
-                    link: link(),
-                    request: name,
-                    error,
-                },
+            Some(Err(HostErr::Wire(error))) => Err(LinkError::Frame {
+                link: link(),
+                request: name,
+                error,
             }),
             Some(Err(HostErr::BadResponse | HostErr::Postcard(_))) => Err(LinkError::Answer {
                 link: link(),

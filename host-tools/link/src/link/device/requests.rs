@@ -112,8 +112,6 @@ impl Device {
     /// A refusal, after which the device continues to play what it played before, or an answer that names another
     /// request. If the library lacks the requested name, the error lists the names that it has.
     pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
-        // Before the request, because the broker may report a stop as soon as the play has begun.
-        self.requester.health.begin();
         let answer = self.request::<PlayEndpoint>("play", request)?;
         let playing = answer.map_err(|refusal| self.with_names(refusal))?;
         if playing.request == *request {
@@ -232,8 +230,6 @@ impl Device {
     /// # Errors
     /// A refusal, a lost link or a missing answer.
     pub(in crate::link) fn record_start(&self) -> Result<(RecordStarted, Blocks)> {
-        // Before the request, because the broker reports a joined recording before its answer.
-        self.requester.health.begin();
         // The subscription precedes the request, because the first blocks may arrive before its answer.
         let client = &self.requester.client;
         let subscription = self

@@ -9,14 +9,15 @@ use std::time::Duration;
 
 use clap::ArgGroup;
 use clap::builder::RangedU64ValueParser;
-use host_tools::link::Device;
 use host_tools::link::play::{
     Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, Vibration, drive,
 };
+use host_tools::link::{Device, LinkError};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use model_format::link::{
-    Activity, MAX_PLAY_GAIN, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
+    Activity, MAX_PLAY_GAIN, MotionRefused, MotionSource, OutputStatus, PlayRequest, Selection,
+    TextureName,
 };
 use model_format::scene::SceneName;
 use serde::Serialize;
@@ -175,22 +176,28 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
+/// Outcome of a playback: what was sent; none if the output was stopped meanwhile.
+type Played = std::result::Result<Option<Driven>, LinkError>;
+
 /// Stops the output after a playback with the outcome `played`, and returns the status. The output is stopped after a
 /// failure too, and the first failure is reported.
-fn stop(device: &Device, played: Result<Driven>) -> Result<(Driven, OutputStatus)> {
-    // Another program has stopped this playback. A stop now could end what that program plays.
-    if let Some(by) = device.stopped_by() {
-        let problem = format!("stopped by {by}");
-        return Err(Error::Request(format!("{}: {problem}", device.address())));
+fn stop(device: &Device, played: Played) -> Result<(Driven, OutputStatus)> {
+    // A stop now could end what another program plays over the other link since.
+    let is_over = matches!(
+        played,
+        Ok(None) | Err(LinkError::Motion(MotionRefused::Held { .. }))
+    );
+    if !is_over {
+        let stopped = device.stop();
+        let driven = played?;
+        let (was_playing, status) = stopped?;
+        if let (Some(driven), true) = (driven, was_playing) {
+            return Ok((driven, status));
+        }
     }
-    let stopped = device.stop();
-    let driven = played?;
-    let (was_playing, status) = stopped?;
-    if !was_playing {
-        let problem = "the device stopped by itself: `stylus status` says why";
-        return Err(Error::Request(format!("{}: {problem}", device.address())));
-    }
-    Ok((driven, status))
+    let problem =
+        "stopped over the stylus's other link, or by the device: `stylus status` says why";
+    Err(Error::Request(format!("{}: {problem}", device.address())))
 }
 
 /// Warns of motions that could not be sent at `rate_hz`.
@@ -339,29 +346,25 @@ fn keep_playing(
     plan: &Drive,
     interrupt: Interrupt,
     heard: &mut Heard,
-) -> (Result<Driven>, Option<f64>) {
+) -> (Played, Option<f64>) {
     // Both functions that `drive` calls use the display, one after the other.
     let live = RefCell::new(Live::begin(device, plan.motion.as_ref()));
-    let ended = Cell::new(false);
+    let is_over = Cell::new(false);
     let driven = drive(
         device,
         plan,
         || {
             live.borrow_mut().listen();
-            !ended.get() && !interrupt.is_raised()
+            !is_over.get() && !interrupt.is_raised()
         },
         |driven, status| {
             heard.hear(status);
             live.borrow_mut().show(driven, status, heard);
             // Only an idle output has stopped, because otherwise it may still be fading out from the previous playback.
-            ended.set(status.output.activity == Activity::Idle);
+            is_over.set(status.output.activity == Activity::Idle);
         },
     );
     let fastest_mm_s = live.into_inner().end();
-    let driven = driven.map_err(Error::from).and_then(|driven| {
-        let problem = "the device stopped by itself: `stylus status` says why";
-        let stopped = || Error::Request(format!("{}: {problem}", device.address()));
-        (!ended.get()).then_some(driven).ok_or_else(stopped)
-    });
-    (driven, fastest_mm_s)
+    let played = driven.map(|driven| (!is_over.get()).then_some(driven));
+    (played, fastest_mm_s)
 }
