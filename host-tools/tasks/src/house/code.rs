@@ -1,20 +1,19 @@
-//! Rust files without their tests, and the rule on their imports: no circles between modules of a crate.
+//! The rule on imports: no circles between modules of a crate, except in tests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::iter::Peekable;
 
 use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree, token_stream};
 
-use super::Outcome;
+use super::Findings;
 use super::tree::Tree;
 
 /// A Rust file without its tests.
 #[derive(Default)]
-pub struct Source {
-    pub path: String,
-    words: BTreeSet<String>,
-    /// Pairs of successive words, such as `fn read`.
-    pairs: BTreeSet<String>,
+struct Source {
+    path: String,
+    /// Names of the modules that it declares.
+    submodules: BTreeSet<String>,
     imports: Vec<Import>,
 }
 
@@ -29,17 +28,6 @@ struct Import {
 type Trees = Peekable<token_stream::IntoIter>;
 
 impl Source {
-    /// Returns true if the file defines an item of this name. For `A::b`, only `b` counts, which may be a variant.
-    pub fn defines(&self, name: &str) -> bool {
-        let kinds = "fn struct enum trait const static type mod".split(' ');
-        match name.rsplit_once("::") {
-            Some((_, last)) => self.words.contains(last),
-            None => {
-                (kinds.map(|kind| format!("{kind} {name}"))).any(|pair| self.pairs.contains(&pair))
-            }
-        }
-    }
-
     /// Reads `stream`. Its paths are below the segments `before`, which are not empty for a group in a `use`.
     fn read(&mut self, stream: TokenStream, before: &[String], mut is_use: bool) {
         let (mut is_of_tests, mut last) = (false, String::new());
@@ -55,7 +43,9 @@ impl Source {
                 _ if is_of_tests => {}
                 TokenTree::Ident(word) => {
                     last = word.to_string();
-                    self.pairs.insert(format!("{previous} {last}"));
+                    if previous == "mod" {
+                        self.submodules.insert(last.clone());
+                    }
                     match last.as_str() {
                         "use" => is_use = true,
                         _ => self.read_path(&word, &mut trees, before, is_use),
@@ -95,7 +85,6 @@ impl Source {
         if segments.len() > 1 && segments.last().is_some_and(|last| last == "self") {
             segments.pop();
         }
-        self.words.extend(segments.iter().cloned());
         let mut name = segments.last().cloned();
         if is_use && trees.next_if(|next| next.to_string() == "as").is_some() {
             name = trees.next().map(|name| name.to_string());
@@ -110,20 +99,19 @@ impl Source {
 }
 
 /// Reads all Rust files of `tree`.
-pub fn read(tree: &Tree, outcome: &mut Outcome) -> Vec<Source> {
+fn read(tree: &Tree, findings: &mut Findings) -> Vec<Source> {
     let mut sources = Vec::new();
-    for (path, text) in tree.texts_of(&["rs"]) {
+    for (path, text) in tree.texts_of(".rs") {
         let mut source = Source {
             path: path.to_owned(),
             ..Source::default()
         };
         match text.parse() {
             Ok(stream) => source.read(stream, &[], false),
-            Err(error) => outcome.find(path, error.span().start().line, error.to_string()),
+            Err(error) => findings.find(path, error.span().start().line, error.to_string()),
         }
         sources.push(source);
     }
-    outcome.count("Rust files", sources.len());
     sources
 }
 
@@ -141,8 +129,9 @@ fn module_of(path: &str) -> Option<Path> {
 type Arrows<'a> = BTreeMap<Path, Vec<(Path, &'a str, usize)>>;
 
 /// Checks that the imports between modules form no circles.
-pub fn check(sources: &[Source], outcome: &mut Outcome) {
-    let modules = modules(sources);
+pub fn check(tree: &Tree, findings: &mut Findings) {
+    let sources = read(tree, findings);
+    let modules = modules(&sources);
     let imports = |module| {
         let sources: &Vec<&Source> = &modules[module];
         let all = sources.iter().copied();
@@ -175,8 +164,7 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
             }
         }
     }
-    outcome.count("modules", modules.len());
-    check_circles(arrows, outcome);
+    check_circles(arrows, findings);
 }
 
 /// Returns all modules outside tests: the crates' roots, and the modules that their parent module declares.
@@ -191,9 +179,8 @@ fn modules(sources: &[Source]) -> BTreeMap<Path, Vec<&Source>> {
     for module in found.keys().cloned().collect::<Vec<_>>() {
         if let Some((name, around @ [_, ..])) = module.split_last() {
             let is_declared = found.get(around).is_some_and(|around| {
-                let declaration = format!("mod {name}");
                 let mut around = around.iter();
-                around.any(|source| source.pairs.contains(&declaration))
+                around.any(|source| source.submodules.contains(name))
             });
             if !is_declared {
                 found.remove(&module);
@@ -235,7 +222,7 @@ fn defined(mut target: Path, names: &BTreeMap<Path, Path>) -> Path {
 
 /// Reports the imports that are in circles or lead from one circle to another: those that remain when modules without
 /// imports or without importers are removed until nothing changes.
-fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
+fn check_circles(mut arrows: Arrows<'_>, findings: &mut Findings) {
     loop {
         let before = arrows.values().map(Vec::len).sum::<usize>();
         let importers: BTreeSet<Path> = arrows.keys().cloned().collect();
@@ -251,6 +238,6 @@ fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
     }
     for (to, path, line) in arrows.values().flatten() {
         let problem = format!("in a circle of imports: imports {}", to.join("::"));
-        outcome.find(path, *line, problem);
+        findings.find(path, *line, problem);
     }
 }
