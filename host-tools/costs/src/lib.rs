@@ -129,10 +129,10 @@ pub struct Peer {
     /// Instructions on a Cortex-M4, counted on QEMU.
     pub instructions: u32,
     /// Cycles on a Cortex-M4 as llvm-mca models it; none for a reference.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cortex_m4_cycles: Option<u32>,
     /// Cycles on a Cortex-M7 of the code that is built for it; none for a reference.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cortex_m7_cycles: Option<u32>,
 }
 

@@ -45,8 +45,8 @@ pub use play::{
     MuteReason, MuteReasons, PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use probe::{
-    MAX_PROBE_M_S2, MAX_PROBE_S, MAX_PROBE_SAMPLES, PROBE_CHUNK_SAMPLES, PROBE_PEAK, ProbeError,
-    ProbeLoad, ProbeStart, ProbeStarted, ProbeThrough, waveform_crc32,
+    MAX_PROBE_M_S2, MAX_PROBE_S, MAX_PROBE_SAMPLES, PROBE_CHUNK_SAMPLES, ProbeError, ProbeLoad,
+    ProbeStart, ProbeStarted, ProbeThrough, waveform_crc32,
 };
 pub use proposal::{
     LOCKED, ProposalToken, SettingSet, SettingsChange, SettingsProposal, SettingsState,

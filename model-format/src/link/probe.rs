@@ -22,15 +22,12 @@ pub const MAX_PROBE_S: u32 = 10;
 /// Largest peak of a probe, m/s²; the kernel's full scale is 2048.
 pub const MAX_PROBE_M_S2: f32 = 1_024.0;
 
-/// Value of a waveform's sample at the peak of the probe.
-pub const PROBE_PEAK: i16 = i16::MAX;
-
 /// A part of the waveform. Samples outside this part, which were loaded before, stay as they are.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ProbeLoad {
     /// Index of the first sample in the waveform.
     pub offset: u16,
-    /// Samples; [`PROBE_PEAK`] is the peak of the probe.
+    /// Samples; `i16::MAX` is the peak of the probe.
     pub samples: Vec<i16, PROBE_CHUNK_SAMPLES>,
 }
 
@@ -77,7 +74,7 @@ pub struct ProbeStart {
     pub periods: u16,
     /// [`waveform_crc32`] of the period. It ensures that the device plays the waveform that the host has loaded.
     pub crc32: u32,
-    /// Acceleration of a sample of [`PROBE_PEAK`], m/s², above 0 and up to [`MAX_PROBE_M_S2`].
+    /// Acceleration of a sample of `i16::MAX`, m/s², above 0 and up to [`MAX_PROBE_M_S2`].
     pub peak_m_s2: f32,
     /// The equaliser that the probe passes.
     pub through: ProbeThrough,

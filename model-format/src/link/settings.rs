@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{AdcCode, Volt};
 
-/// A setting. Flash keeps values under the numbers of these variants, so that numbers are never reused or reordered.
+/// A setting. Flash keeps values in the order of these variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema)]
 #[repr(u8)]
 pub enum Setting {

@@ -7,7 +7,8 @@
 //! lost. For the same reason a full copy is erased only while the other copy keeps what is in force. If power is lost
 //! during an erasure, any older record of the copy may remain as its last one. The number of that record shows that it
 //! is not the previous change. A record holds all settings under one checksum. In a map of single values, a damaged
-//! value would be replaced by an older one, which may be a weaker limit.
+//! value would be replaced by an older one, which may be a weaker limit. A record of an image with other settings or
+//! ranges counts as damaged.
 //!
 //! At the start:
 //!

@@ -14,8 +14,10 @@ pub const RECORD_BYTES: usize = 16 * WORD_BYTES;
 const MAGIC: [u8; 4] = *b"HTXD";
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// Offset of the values: behind magic, sequence, set, lost and the number of settings, each of four bytes.
-const VALUES: usize = 20;
+/// Offset of the number of settings: behind magic, sequence, set and lost, each of four bytes.
+const COUNT: usize = 16;
+/// Offset of the values.
+const VALUES: usize = COUNT + 4;
 /// Offset of the checksum, at the record's end.
 const CHECKSUM: usize = RECORD_BYTES - 4;
 /// Offset of the response. Before it lies room for more settings, then a word that is 1 if there is a response.
@@ -174,37 +176,26 @@ impl Record {
         bytes
     }
 
-    /// The record in `bytes`; none unless magic and checksum are right.
-    ///
-    /// A setting that the record lacks, because an older firmware wrote it, has its default. A value out of its range,
-    /// as from a firmware with other ranges, is lost.
+    /// The record in `bytes`; none unless magic and checksum are right, it has as many settings as this image, and each
+    /// value is in its range.
     fn read(bytes: &[u8; RECORD_BYTES]) -> Option<Self> {
         let word = |at: usize| bytes[at..].first_chunk().copied().unwrap_or_default();
         let number = |at: usize| u32::from_le_bytes(word(at));
-        if bytes[..4] != MAGIC || number(CHECKSUM) != CRC.checksum(&bytes[..CHECKSUM]) {
-            return None;
-        }
+        let is_known = bytes[..4] == MAGIC
+            && number(CHECKSUM) == CRC.checksum(&bytes[..CHECKSUM])
+            && number(COUNT) as usize == Setting::ALL.len();
+        let value = |index| f32::from_le_bytes(word(VALUES + 4 * index));
+        let settings = Settings::try_from(core::array::from_fn(value)).ok();
         let has_response = bytes[HAS_RESPONSE] == 1;
         let response = bytes[RESPONSE..].first_chunk();
-        let mut snapshot = Snapshot {
-            settings: Settings::default(),
-            set: SettingSet::from_bits(number(8)),
-            lost: SettingSet::from_bits(number(12)),
-            response: response.filter(|_| has_response).map(Response::from_bytes),
-        };
-        let count = number(16) as usize;
-        for (index, setting) in Setting::ALL.into_iter().enumerate().take(count) {
-            let value = f32::from_le_bytes(word(VALUES + 4 * index));
-            if let Ok(settings) = snapshot.settings.with(SettingChange { setting, value }) {
-                snapshot.settings = settings;
-            } else {
-                snapshot.set = snapshot.set.with(setting, false);
-                snapshot.lost = snapshot.lost.with(setting, true);
-            }
-        }
         Some(Self {
             sequence: number(4),
-            snapshot,
+            snapshot: Snapshot {
+                settings: settings.filter(|_| is_known)?,
+                set: SettingSet::from_bits(number(8)),
+                lost: SettingSet::from_bits(number(12)),
+                response: response.filter(|_| has_response).map(Response::from_bytes),
+            },
         })
     }
 }

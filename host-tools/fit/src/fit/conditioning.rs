@@ -41,11 +41,6 @@ impl HighPass {
             Self::At(cut_hz) => Some(cut_hz),
         }
     }
-
-    /// Choice for a record that states none.
-    fn untold() -> Self {
-        Self::None
-    }
 }
 
 impl FromStr for HighPass {
@@ -82,7 +77,6 @@ pub struct Conditioning {
     /// Cut-off of a high-pass filter before the reduction, Hz; 'none' keeps the motion of the hand; 'auto' takes 20 Hz
     /// where more than 5 % of the power is below 10 Hz
     #[arg(long, value_name = "HZ", default_value_t = HighPass::Auto)]
-    #[serde(default = "HighPass::untold")]
     pub high_pass: HighPass,
 }
 

@@ -135,11 +135,10 @@ pub struct Options {
     /// The rig's own noise, as trials in motion at 0 N have it: subtracted from the recordings, or its share
     /// reported
     #[arg(long, value_enum, default_value = "note")]
-    #[serde(default)]
     pub floor: FloorChoice,
     /// Recording, or list of them by speed, that has the rig's noise in place of trials at 0 N
     #[arg(long, value_name = "FILE|DIR")]
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_recording: Option<PathBuf>,
     /// Refuse a set if triage finds anything
     #[arg(long)]
@@ -148,16 +147,10 @@ pub struct Options {
     /// grid; clear, only where gaps between groups of values are three times as wide as the groups; or none
     // Values are snapped before the fit, which takes the set as it is given.
     #[arg(long, value_name = "SHARE|clear|auto|none", default_value_t)]
-    #[serde(default = "kept")]
     pub snap: Snap,
     /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
     #[arg(id = "model_rate", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
     pub sample_rate_hz: u32,
-}
-
-/// Choice for a record that states none: every value stays as it is.
-fn kept() -> Snap {
-    Snap::NONE
 }
 
 /// Returns the playing rate of `rate_hz` samples per second.

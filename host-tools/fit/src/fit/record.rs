@@ -35,8 +35,7 @@ const RECORD: Limit = Limit {
 /// The options and the recordings of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FitRecord {
-    /// Version of the program that made the fit; empty if the record is older.
-    #[serde(default)]
+    /// Version of the program that made the fit.
     pub version: String,
     /// Hash of the library's bytes, in hexadecimal digits.
     pub library: String,
@@ -84,13 +83,13 @@ pub struct FittedTrial {
     /// Longest duration of the used part, s; `None` if it was not given or the part extends to the end.
     pub duration_s: Option<f64>,
     /// The file's own sample rate, Hz.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub source_rate_hz: Option<f64>,
     /// Acceleration of a sample value of 1 that the user gave, m/s².
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_m_s2: Option<f64>,
     /// Unit of the file's times that the user gave.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub time_unit: Option<TimeUnit>,
     /// True if the user asked to treat the samples as evenly spaced.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

@@ -23,7 +23,7 @@ pub struct Arguments {
     #[arg(required_unless_present = "abort")]
     library: Option<PathBuf>,
     /// End the upload that is under way
-    #[arg(long, conflicts_with_all = ["library", "activate", "replace_last", "unchecked"])]
+    #[arg(long, conflicts_with_all = ["library", "activate", "replace_last"])]
     abort: bool,
     /// Activate the library
     #[arg(long)]
@@ -31,9 +31,6 @@ pub struct Arguments {
     /// Allow the upload to erase the only library that the device can still read
     #[arg(long)]
     replace_last: bool,
-    /// Skip the check on this computer; the device still checks the library
-    #[arg(long)]
-    unchecked: bool,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -88,14 +85,10 @@ fn abort(arguments: &Arguments) -> Result<()> {
 
 fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     let bytes = read_library(path)?;
-    if !arguments.unchecked {
-        decode_library(path, &bytes)?;
-    }
+    let library = decode_library(path, &bytes)?;
     let mut device = arguments.link.connect()?;
-    if !arguments.unchecked {
-        // A device of another format would refuse the library only after the whole of it was sent.
-        device.check_library_format()?;
-    }
+    // A device of another format would refuse the library only after the whole of it was sent.
+    device.check_library_format()?;
     if arguments.replace_last {
         warn(
             "--replace-last may erase the last library that the device can read: until the upload is done, a restart \
@@ -110,9 +103,7 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     if arguments.activate {
         device.activate(uploaded.slot)?;
     }
-    if !arguments.unchecked {
-        super::headroom::warn_of(&device, &decode_library(path, &bytes)?);
-    }
+    super::headroom::warn_of(&device, &library);
     if arguments.json {
         return print_json(&UploadReport {
             library: path.display().to_string(),

@@ -1,45 +1,40 @@
-//! Rust files without their tests, and the rule on their imports: no circles between modules of a crate.
+//! The rule on imports: no circles between modules of a crate, except in tests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::iter::Peekable;
 
 use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree, token_stream};
 
-use super::Outcome;
+use super::Findings;
 use super::tree::Tree;
 
-/// A Rust file without its tests.
-#[derive(Default)]
-pub struct Source {
-    pub path: String,
-    words: BTreeSet<String>,
-    /// Pairs of successive words, such as `fn read`.
-    pairs: BTreeSet<String>,
-    imports: Vec<Import>,
-}
+/// The path of a module or an item. It begins with the crate's folder.
+type Path = Vec<String>;
 
-/// A path of at least two segments that code names, with its line.
-struct Import {
-    segments: Vec<String>,
+/// A path that code names outside tests, as a path within the crate.
+struct Import<'a> {
+    module: Path,
+    file: &'a str,
     line: usize,
+    target: Path,
     /// For a path in a `use`, the name that it gets in the module.
     name: Option<String>,
 }
 
 type Trees = Peekable<token_stream::IntoIter>;
 
-impl Source {
-    /// Returns true if the file defines an item of this name. For `A::b`, only `b` counts, which may be a variant.
-    pub fn defines(&self, name: &str) -> bool {
-        let kinds = "fn struct enum trait const static type mod".split(' ');
-        match name.rsplit_once("::") {
-            Some((_, last)) => self.words.contains(last),
-            None => {
-                (kinds.map(|kind| format!("{kind} {name}"))).any(|pair| self.pairs.contains(&pair))
-            }
-        }
-    }
+/// Reads modules without their tests.
+#[derive(Default)]
+struct Reader<'a> {
+    /// The module that is read, and its file.
+    module: Path,
+    file: &'a str,
+    /// The modules that those read so far declare.
+    declared: BTreeSet<Path>,
+    imports: Vec<Import<'a>>,
+}
 
+impl Reader<'_> {
     /// Reads `stream`. Its paths are below the segments `before`, which are not empty for a group in a `use`.
     fn read(&mut self, stream: TokenStream, before: &[String], mut is_use: bool) {
         let (mut is_of_tests, mut last) = (false, String::new());
@@ -55,7 +50,10 @@ impl Source {
                 _ if is_of_tests => {}
                 TokenTree::Ident(word) => {
                     last = word.to_string();
-                    self.pairs.insert(format!("{previous} {last}"));
+                    if previous == "mod" {
+                        self.declared
+                            .insert([&*self.module, &[last.clone()]].concat());
+                    }
                     match last.as_str() {
                         "use" => is_use = true,
                         _ => self.read_path(&word, &mut trees, before, is_use),
@@ -79,7 +77,6 @@ impl Source {
 
     /// Reads the path that begins with `first`, or the paths of a `use`, below the segments `before`.
     fn read_path(&mut self, first: &Ident, trees: &mut Trees, before: &[String], is_use: bool) {
-        let line = first.span().start().line;
         let mut segments = [before, &[first.to_string()]].concat();
         let is_colon = |tree: &TokenTree| tree.to_string() == ":";
         while trees.next_if(is_colon).is_some() && trees.next_if(is_colon).is_some() {
@@ -95,112 +92,25 @@ impl Source {
         if segments.len() > 1 && segments.last().is_some_and(|last| last == "self") {
             segments.pop();
         }
-        self.words.extend(segments.iter().cloned());
         let mut name = segments.last().cloned();
         if is_use && trees.next_if(|next| next.to_string() == "as").is_some() {
             name = trees.next().map(|name| name.to_string());
         }
-        let name = name.filter(|_| is_use);
         self.imports.push(Import {
-            segments,
-            line,
-            name,
+            module: self.module.clone(),
+            file: self.file,
+            line: first.span().start().line,
+            target: absolute(&self.module, &segments),
+            name: name.filter(|_| is_use),
         });
     }
 }
 
-/// Reads all Rust files of `tree`.
-pub fn read(tree: &Tree, outcome: &mut Outcome) -> Vec<Source> {
-    let mut sources = Vec::new();
-    for (path, text) in tree.texts_of(&["rs"]) {
-        let mut source = Source {
-            path: path.to_owned(),
-            ..Source::default()
-        };
-        match text.parse() {
-            Ok(stream) => source.read(stream, &[], false),
-            Err(error) => outcome.find(path, error.span().start().line, error.to_string()),
-        }
-        sources.push(source);
-    }
-    outcome.count("Rust files", sources.len());
-    sources
-}
-
-/// The path of a module or an item. It begins with the crate's folder.
-type Path = Vec<String>;
-
-fn module_of(path: &str) -> Option<Path> {
-    let (root, rest) = path.split_once("/src/")?;
+fn module_of(file: &str) -> Option<Path> {
+    let (root, rest) = file.split_once("/src/")?;
     let parts = rest.strip_suffix(".rs")?.split('/');
     let parts = parts.filter(|part| !["mod", "lib", "main"].contains(part));
     Some([root].into_iter().chain(parts).map(str::to_owned).collect())
-}
-
-/// Imports of each module: the imported module, the file and the line.
-type Arrows<'a> = BTreeMap<Path, Vec<(Path, &'a str, usize)>>;
-
-/// Checks that the imports between modules form no circles.
-pub fn check(sources: &[Source], outcome: &mut Outcome) {
-    let modules = modules(sources);
-    let imports = |module| {
-        let sources: &Vec<&Source> = &modules[module];
-        let all = sources.iter().copied();
-        all.flat_map(|source| source.imports.iter().map(move |import| (source, import)))
-    };
-    // The names that `use` declarations introduce in modules, and the paths to which they refer.
-    let mut names: BTreeMap<Path, Path> = BTreeMap::new();
-    for module in modules.keys() {
-        for (_, import) in imports(module) {
-            let named = absolute(module, &import.segments);
-            let name = import.name.iter().cloned();
-            let name: Path = module.iter().cloned().chain(name).collect();
-            if name.len() > module.len() && name != named {
-                names.insert(name, named);
-            }
-        }
-    }
-    let mut arrows = Arrows::new();
-    for module in modules.keys() {
-        for (source, import) in imports(module) {
-            let mut target = defined(absolute(module, &import.segments), &names);
-            // The last segments may name items. What is left is their module.
-            while !modules.contains_key(&target) && target.len() > 1 {
-                target.pop();
-            }
-            // A module may use the modules below it. Names at the root may belong to another crate.
-            if !target.starts_with(module) && target.len() > 1 {
-                let arrow = (target, source.path.as_str(), import.line);
-                arrows.entry(module.clone()).or_default().push(arrow);
-            }
-        }
-    }
-    outcome.count("modules", modules.len());
-    check_circles(arrows, outcome);
-}
-
-/// Returns all modules outside tests: the crates' roots, and the modules that their parent module declares.
-fn modules(sources: &[Source]) -> BTreeMap<Path, Vec<&Source>> {
-    let mut found: BTreeMap<Path, Vec<&Source>> = BTreeMap::new();
-    for source in sources {
-        if let Some(module) = module_of(&source.path) {
-            found.entry(module).or_default().push(source);
-        }
-    }
-    // A parent module comes before its submodules, so it has been checked before them.
-    for module in found.keys().cloned().collect::<Vec<_>>() {
-        if let Some((name, around @ [_, ..])) = module.split_last() {
-            let is_declared = found.get(around).is_some_and(|around| {
-                let declaration = format!("mod {name}");
-                let mut around = around.iter();
-                around.any(|source| source.pairs.contains(&declaration))
-            });
-            if !is_declared {
-                found.remove(&module);
-            }
-        }
-    }
-    found
 }
 
 /// Returns the path within the crate that `segments` mean in `module`.
@@ -217,8 +127,56 @@ fn absolute(module: &[String], segments: &[String]) -> Path {
     [base, rest].concat()
 }
 
+/// Imports of each module: the imported module, the file and the line.
+type Arrows<'a> = BTreeMap<Path, Vec<(Path, &'a str, usize)>>;
+
+/// Checks that the imports between modules form no circles.
+pub fn check(tree: &Tree, findings: &mut Findings) {
+    let mut reader = Reader::default();
+    let mut modules = BTreeSet::new();
+    for (file, text) in tree.texts_of(".rs") {
+        if let (Some(module), Ok(stream)) = (module_of(file), text.parse()) {
+            modules.insert(module.clone());
+            (reader.module, reader.file) = (module, file);
+            reader.read(stream, &[], false);
+        }
+    }
+    let Reader {
+        declared,
+        mut imports,
+        ..
+    } = reader;
+    // The others are of tests: the crate's root or a module above them declares them there alone.
+    modules.retain(|module| (2..=module.len()).all(|depth| declared.contains(&module[..depth])));
+    imports.retain(|import| modules.contains(&import.module));
+    // The names that `use` declarations introduce in modules, and the paths to which they refer.
+    let mut names: BTreeMap<Path, &Path> = BTreeMap::new();
+    for import in &imports {
+        if let Some(name) = &import.name {
+            let name = [&*import.module, &[name.clone()]].concat();
+            if name != import.target {
+                names.insert(name, &import.target);
+            }
+        }
+    }
+    let mut arrows = Arrows::new();
+    for import in &imports {
+        let mut target = defined(import.target.clone(), &names);
+        // The last segments may name items. What is left is their module.
+        while !modules.contains(&target) && target.len() > 1 {
+            target.pop();
+        }
+        // A module may use the modules below it. Names at the root may belong to another crate.
+        if !target.starts_with(&import.module) && target.len() > 1 {
+            let arrow = (target, import.file, import.line);
+            arrows.entry(import.module.clone()).or_default().push(arrow);
+        }
+    }
+    check_circles(arrows, findings);
+}
+
 /// Returns `target` with each name that a `use` introduced replaced by the path to which it refers.
-fn defined(mut target: Path, names: &BTreeMap<Path, Path>) -> Path {
+fn defined(mut target: Path, names: &BTreeMap<Path, &Path>) -> Path {
     /// Bound on the number of replacements, larger than any real chain of names, so that names which refer to each
     /// other end.
     const MOST: usize = 20;
@@ -227,15 +185,14 @@ fn defined(mut target: Path, names: &BTreeMap<Path, Path>) -> Path {
         let Some(length) = lengths.find(|length| names.contains_key(&target[..*length])) else {
             break;
         };
-        let definition = names[&target[..length]].clone();
-        target.splice(..length, definition);
+        target.splice(..length, names[&target[..length]].iter().cloned());
     }
     target
 }
 
 /// Reports the imports that are in circles or lead from one circle to another: those that remain when modules without
 /// imports or without importers are removed until nothing changes.
-fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
+fn check_circles(mut arrows: Arrows<'_>, findings: &mut Findings) {
     loop {
         let before = arrows.values().map(Vec::len).sum::<usize>();
         let importers: BTreeSet<Path> = arrows.keys().cloned().collect();
@@ -249,8 +206,8 @@ fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
             break;
         }
     }
-    for (to, path, line) in arrows.values().flatten() {
+    for (to, file, line) in arrows.values().flatten() {
         let problem = format!("in a circle of imports: imports {}", to.join("::"));
-        outcome.find(path, *line, problem);
+        findings.find(file, *line, problem);
     }
 }

@@ -1,10 +1,8 @@
-//! `cargo tasks house`: the rules of the layout that no compiler enforces.
-//!
-//! Each module has the rules for one kind of text. They read sources and pages, and build nothing.
+//! `cargo tasks house`: the rules of the layout that no compiler and no other tool enforces. They read sources and
+//! pages, and build nothing.
 
 mod code;
 mod pages;
-mod text;
 pub(crate) mod tree;
 
 use std::collections::BTreeSet;
@@ -13,82 +11,47 @@ use std::path::Path;
 
 use tree::Tree;
 
-/// The result of a check: how much of each kind was checked, and the departures from the rules.
+/// Departures from the rules: file relative to the repository's root, line counted from 1, and the violated rule.
 #[derive(Debug, Default)]
-pub struct Outcome {
-    /// The kinds of checked things, with their numbers.
-    pub checked: Vec<(&'static str, usize)>,
-    /// The departures: file relative to the repository's root, line counted from 1, and the violated rule.
-    pub findings: BTreeSet<(String, usize, String)>,
-}
+pub struct Findings(pub BTreeSet<(String, usize, String)>);
 
-impl Outcome {
+impl Findings {
     fn find(&mut self, path: &str, line: usize, problem: String) {
-        self.findings.insert((path.to_owned(), line, problem));
-    }
-
-    /// Notes how many things of a kind were checked. A rule that looks in the wrong place would never report anything,
-    /// so zero checked things are themselves a finding.
-    fn count(&mut self, kind: &'static str, count: usize) {
-        self.checked.push((kind, count));
-        if count == 0 {
-            self.find(file!(), 1, format!("no {kind} to check"));
-        }
+        self.0.insert((path.to_owned(), line, problem));
     }
 }
 
 /// Checks the repository below `root`.
-///
-/// # Errors
-/// A file cannot be read.
-pub fn check(root: &Path) -> io::Result<Outcome> {
+pub fn check(root: &Path) -> io::Result<Findings> {
     Ok(check_tree(&Tree::read(root)?))
 }
 
-fn check_tree(tree: &Tree) -> Outcome {
-    let mut outcome = Outcome::default();
-    let sources = code::read(tree, &mut outcome);
-    code::check(&sources, &mut outcome);
-    text::check_lines(tree, &mut outcome);
-    text::check_lints(tree, &mut outcome);
-    pages::check(tree, &sources, &mut outcome);
-    outcome
+fn check_tree(tree: &Tree) -> Findings {
+    let mut findings = Findings::default();
+    code::check(tree, &mut findings);
+    pages::check(tree, &mut findings);
+    findings
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Returns the findings in `files`, without those of rules that have nothing to check.
+    /// Returns the findings in `files`.
     fn found(files: &[(&str, &str)]) -> Vec<String> {
-        let findings = check_tree(&Tree::of(files)).findings.into_iter();
-        let told = findings.filter(|(.., problem)| !problem.starts_with("no "));
-        told.map(|(path, line, problem)| format!("{path}:{line}: {problem}"))
+        let findings = check_tree(&Tree::of(files)).0.into_iter();
+        findings
+            .map(|(path, line, problem)| format!("{path}:{line}: {problem}"))
             .collect()
     }
 
     #[test]
-    fn a_check_of_nothing_fails_for_every_kind() {
-        let outcome = check_tree(&Tree::of(&[]));
-        assert_eq!(outcome.findings.len(), outcome.checked.len());
-        assert!(outcome.checked.iter().all(|(_, count)| *count == 0));
-    }
-
-    #[test]
     fn each_departure_is_found_with_its_place() {
-        let long = format!("#!\n/// {}", "ä".repeat(117));
         let scene = ("host-tools/scene.rs", "pub struct Scene;");
         for (path, text, expected) in [
-            ("a.rs", long.as_str(), "2: 121 characters"),
-            ("tests/run", &long, "2: 121 characters"),
             ("a.md", "\nSee `host-tools/a.rs`.", "2: 'host-tools/a.rs'"),
             ("host-tools/a.md", "\n[a](../b.md)", "2: '../b.md'"),
             ("a.md", "\n[`no`](host-tools/scene.rs)", "2: 'no'"),
-            (
-                "a/Cargo.toml",
-                "[package]\nname = \"a\"",
-                "1: does not take",
-            ),
         ] {
             let found = found(&[scene, (path, text)]);
             let expected = format!("{path}:{expected}");
@@ -153,8 +116,7 @@ mod tests {
             ("host-tools/src/fit.rs", fit),
             ("host-tools/src/scene.rs", "use crate::fit::Fit;"),
             ("README.md", page),
-            ("tests/run", "#!\ncargo fmt\n"),
-            ("a/Cargo.toml", "[package]\n[lints]\nworkspace = true\n"),
+            ("tests/run", ""),
         ];
         assert_eq!(found(&files), [""; 0]);
     }

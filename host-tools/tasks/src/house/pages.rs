@@ -1,7 +1,6 @@
 //! Rules on pages of Markdown: the paths that they name exist, and so do the items whose names link to a Rust file.
 
-use super::Outcome;
-use super::code::Source;
+use super::Findings;
 use super::tree::{Tree, folder, joined};
 
 /// Folders of outputs, which exist only after a build or a run.
@@ -13,9 +12,8 @@ const OUTPUTS: [&str; 4] = [
 ];
 
 /// Checks every link within the repository, every code span that is a path, and the item in [`item`](path).
-pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
-    let (mut paths, mut names) = (0, 0);
-    for (page, text) in tree.texts_of(&["md"]) {
+pub fn check(tree: &Tree, findings: &mut Findings) {
+    for (page, text) in tree.texts_of(".md") {
         let text = outside_fences(text);
         let (mut line, mut before) = (1, "");
         for (index, piece) in text.split('`').enumerate() {
@@ -29,28 +27,24 @@ pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
             };
             for (at, path, exists) in found {
                 let line = line + piece[..at].matches('\n').count();
-                paths += 1;
                 if !exists {
-                    outcome.find(page, line, format!("'{path}' does not exist"));
+                    findings.find(page, line, format!("'{path}' does not exist"));
                 }
                 // In [`item`](path) the link begins right behind the span.
                 let item = Some(before).filter(|item| at == 0 && !is_span && is_item(item));
-                let path = joined(folder(page), path);
-                let source = sources.iter().find(|it| Some(&it.path) == path.as_ref());
-                if let Some((item, source)) = item.zip(source) {
-                    names += 1;
-                    if !source.defines(item.trim_end_matches("()")) {
-                        let problem = format!("'{item}' is not in {}", source.path);
-                        outcome.find(page, line, problem);
-                    }
+                let target = joined(folder(page), path).unwrap_or_default();
+                let mut sources = tree.texts_of(".rs");
+                let source = sources.find(|&(path, _)| path == target);
+                if let Some((item, (path, text))) = item.zip(source)
+                    && !defines(text, item.trim_end_matches("()"))
+                {
+                    findings.find(page, line, format!("'{item}' is not in {path}"));
                 }
             }
             line += piece.matches('\n').count();
             before = piece;
         }
     }
-    outcome.count("paths in pages", paths);
-    outcome.count("names in pages", names);
 }
 
 /// Returns the page `text` with its code fences blank.
@@ -72,6 +66,22 @@ fn links<'a>(tree: &Tree, page: &str, piece: &'a str) -> Vec<(usize, &'a str, bo
     });
     let exists = |path: &str| joined(folder(page), path).is_some_and(|path| tree.has(&path));
     targets.map(|(at, path)| (at, path, exists(path))).collect()
+}
+
+/// Returns true if a Rust file defines an item of this name. For `A::b`, it is enough that it has `b`.
+fn defines(text: &str, item: &str) -> bool {
+    const KINDS: &str = "fn ,struct ,enum ,trait ,const ,static ,type ,mod ";
+    let (kinds, name) = item
+        .rsplit_once("::")
+        .map_or((KINDS, item), |(_, name)| ("", name));
+    let is_part = |char: char| char.is_alphanumeric() || char == '_';
+    kinds.split(',').any(|kind| {
+        let definition = format!("{kind}{name}");
+        let mut ends = text
+            .match_indices(&definition)
+            .map(|(at, found)| at + found.len());
+        ends.any(|end| !text[end..].starts_with(is_part))
+    })
 }
 
 fn is_item(span: &str) -> bool {

@@ -46,10 +46,10 @@ impl Tree {
         self.0.keys().map(String::as_str)
     }
 
-    /// Returns all files with one of these `extensions`, given without the dot.
-    pub fn texts_of(&self, extensions: &[&str]) -> impl Iterator<Item = (&str, &str)> {
+    /// Returns all files whose name has this `ending`.
+    pub fn texts_of(&self, ending: &str) -> impl Iterator<Item = (&str, &str)> {
         let texts = (self.0.iter()).map(|(path, text)| (path.as_str(), text.as_str()));
-        texts.filter(|(path, _)| extensions.contains(&extension(path)))
+        texts.filter(move |(path, _)| path.ends_with(ending))
     }
 
     /// Returns true if `path` is a file, or a folder that contains one.
@@ -71,12 +71,6 @@ pub fn joined(folder: &str, path: &str) -> Option<String> {
         }
     }
     Some(parts.join("/"))
-}
-
-/// Returns the extension of a file's name; empty if it has none.
-pub fn extension(path: &str) -> &str {
-    let name = path.rsplit('/').next().unwrap_or(path);
-    name.rsplit_once('.').map_or("", |(_, extension)| extension)
 }
 
 /// Returns the folder of `path`; empty for the root.

@@ -615,16 +615,16 @@ pub struct ExcitationReport {
     /// The codebooks; empty for Gaussian noise.
     pub codebooks: Vec<CodebookReport>,
     /// Mean length of the recorded snippets, s; `None` if there are none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub moment_s: Option<f64>,
     /// Distances by which recorded snippets were chosen or rejected; `None` if there was no choice.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub moments: Option<Distances>,
     /// Change of the loudness to which the excitation was limited, because it was louder than its recordings, dB.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub lowered_db: Option<f64>,
     /// The level track; `None` for a steady level.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub track: Option<TrackReport>,
     /// Reason for the choice of the source.
     pub source: String,

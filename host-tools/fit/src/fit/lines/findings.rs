@@ -24,7 +24,6 @@ pub struct Findings {
     /// Reason for finding no lines.
     pub none_because: Option<NoLines>,
     /// Wanders. Several lines can share one.
-    #[serde(default)]
     pub wanders: Vec<Wander>,
 }
 
@@ -45,7 +44,6 @@ pub struct Line {
     /// Lowest and highest amplitude among the trials that show the line, m/s².
     pub amplitude_range_m_s2: (f64, f64),
     /// Index of the line's wander among those of the findings; `None` if the line does not wander.
-    #[serde(default)]
     pub wander: Option<usize>,
 }
 
