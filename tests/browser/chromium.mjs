@@ -4,6 +4,11 @@ import { spawnSync } from "node:child_process";
 import { createRequire } from "node:module";
 import path from "node:path";
 
+import { virtualTime } from "./time.mjs";
+
+// What only a fault needs, on however busy a computer.
+const PATIENCE_MS = 600_000;
+
 const { chromium } = createRequire(path.join(process.env.STYLUS_NODE_MODULES, "package.json"))("playwright-core");
 
 // The first of these programs that is there, unless STYLUS_BROWSER names one.
@@ -19,6 +24,7 @@ function program() {
 export function launched() {
   return chromium.launch({
     executablePath: program(),
+    timeout: PATIENCE_MS,
     args: ["--no-sandbox", "--autoplay-policy=user-gesture-required", "--disable-dev-shm-usage"],
   });
 }
@@ -27,12 +33,14 @@ export function launched() {
 export const PHONE = { viewport: { width: 400, height: 800 }, hasTouch: true, isMobile: true };
 
 export class Opened {
-  // Opens the file at `place`. Nothing but that file can be reached.
-  static async open(browser, place, { autoplay: _autoplay, ...options } = {}, { waits = true, init } = {}) {
+  // Opens the file at `place`, in virtual time unless `isReal`. Nothing but that file can be reached.
+  static async open(browser, place, options = {}, { waits = true, isReal = false, init } = {}) {
     const context = await browser.newContext({ offline: true, viewport: { width: 1240, height: 1000 }, ...options });
+    context.setDefaultTimeout(PATIENCE_MS);
     const page = await context.newPage();
+    if (!isReal) await page.addInitScript(virtualTime);
     if (init) await page.addInitScript(init);
-    const opened = new Opened(context, page);
+    const opened = new Opened(context, page, isReal);
     const own = `file://${place}`;
     // Data of the page itself is no request of the network.
     page.on("request", (request) => {
@@ -43,13 +51,14 @@ export class Opened {
     });
     page.on("pageerror", (fault) => opened.complaints.push(String(fault)));
     await page.goto(own);
-    if (waits) await opened.wait(() => globalThis.rubPage?.node && rubPage.times.ready !== null);
+    if (waits) await opened.loaded(() => globalThis.rubPage?.newKernel && rubPage.node && rubPage.times.ready !== null);
     return opened;
   }
 
-  constructor(context, page) {
+  constructor(context, page, isReal) {
     this.context = context;
     this.page = page;
+    this.isReal = isReal;
     this.requests = [];
     this.complaints = [];
   }
@@ -62,12 +71,32 @@ export class Opened {
     return this.page.evaluate(action, argument);
   }
 
-  wait(condition, argument) {
-    return this.page.waitForFunction(condition, argument, { timeout: 60_000, polling: 20 });
+  // Waits for what takes no time of the page: work that the browser does beside it.
+  async loaded(condition, argument) {
+    const begin = Date.now();
+    while (!(await this.value(condition, argument))) {
+      if (Date.now() > begin + PATIENCE_MS) throw new Error(`never: ${condition}`);
+      await new Promise((resolve) => setTimeout(resolve, 20));
+    }
   }
 
-  settle(ms) {
-    return this.page.waitForTimeout(ms);
+  // Waits for what the page does in its time: in virtual time for a minute at most.
+  async wait(condition, argument) {
+    if (this.isReal) return this.loaded(condition, argument);
+    for (let ms = 0; !(await this.value(condition, argument)); ms += 10) {
+      if (ms > 60_000) throw new Error(`not within a minute: ${condition}`);
+      await this.advance(10);
+    }
+  }
+
+  // Lets virtual time pass, in all frames.
+  async advance(ms) {
+    for (const frame of this.page.frames()) {
+      await frame.evaluate((ms) => stylusTime.advance(ms), ms).catch((fault) => {
+        // A frame that comes or goes meanwhile has no time.
+        if (frame === this.page.mainFrame() || !/destroyed|detached/.test(fault.message)) throw fault;
+      });
+    }
   }
 
   press(key) {
@@ -99,22 +128,10 @@ export class Opened {
     return this.session.send(method, parameters);
   }
 
-  // Rubs the patch with the mouse for `seconds`, back and forth over `reach` to either side of its middle.
-  async rub(seconds, reach = 0.3, each = async () => {}) {
-    const { x, y, width, height } = await this.box("#patch");
-    const at = (time) => [
-      x + width * (0.5 - reach * Math.cos(3 * time)),
-      y + height * (0.5 + 0.1 * Math.sin(2 * time)),
-    ];
-    await this.page.mouse.move(...at(0));
-    await this.page.mouse.down();
-    const begin = Date.now();
-    while (Date.now() < begin + 1000 * seconds) {
-      await this.page.mouse.move(...at((Date.now() - begin) / 1000));
-      await each();
-      await this.settle(6);
-    }
-    await this.page.mouse.up();
+  // Rubs the patch for `seconds` of virtual time. Returns what `probe` found after each move.
+  rub(seconds, { reach = 0.3, lifts = true, probe = () => null } = {}) {
+    const how = `{ reach: ${reach}, lifts: ${lifts}, probe: ${probe} }`;
+    return this.value(`stylusTime.rub(${seconds}, ${how})`);
   }
 
   // Pairs of texts whose boxes overlap, in the page and in each of its pictures.

@@ -63,13 +63,13 @@ const titled = (page, title) =>
 
 // Plays sounds until the page has counted them.
 async function play(page, sounds, byKeys = true) {
-  const heard = (index) => page.value(
-    (n) => JSON.parse(localStorage.getItem(Object.keys(localStorage)[0])).plays[n], index);
+  const heard = (index) => JSON.parse(localStorage.getItem(Object.keys(localStorage)[0])).plays[index];
   for (const index of sounds) {
-    const before = await heard(index);
+    const before = await page.value(heard, index);
     if (byKeys) await page.press("abx"[index]);
     else await page.page.click(`#play-${index}`);
-    while ((await heard(index)) === before) await page.settle(10);
+    await page.loaded(([index, before]) =>
+      JSON.parse(localStorage.getItem(Object.keys(localStorage)[0])).plays[index] > before, [index, before]);
   }
 }
 

@@ -13,7 +13,7 @@ const PAGES = [
 
 // Opens a page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
 async function opened(file, use, options = {}) {
-  const page = await Opened.open(browser, file, options, { waits: false });
+  const page = await Opened.open(browser, file, options, { waits: false, isReal: true });
   try {
     // What is folded, too.
     await page.value(() => document.querySelectorAll("details").forEach((part) => (part.open = true)));
@@ -103,7 +103,7 @@ async function pointed() {
         group.dispatchEvent(event);
         const image = group.querySelector("image");
         if (image && !image.pixels) {
-          await new Promise((done) => setTimeout(done, 100));
+          while (!image.pixels) await new Promise((done) => setTimeout(done, 10));
           group.dispatchEvent(event);
         }
         const box = document.querySelector(".reading");

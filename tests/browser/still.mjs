@@ -14,11 +14,6 @@ if (!page || !out) {
 const browser = await launched();
 const opened = await Opened.open(browser, path.resolve(page), { viewport: { width: 1000, height: 1145 } });
 await opened.press(String(await opened.value(() => rubPage.textures.length)));
-let isTaken = false;
-const begin = Date.now();
-await opened.rub(4, 0.3, async () => {
-  if (isTaken || Date.now() < begin + 3000) return;
-  isTaken = true;
-  await opened.page.screenshot({ path: out });
-});
+await opened.rub(3, { lifts: false });
+await opened.page.screenshot({ path: out });
 await browser.close();

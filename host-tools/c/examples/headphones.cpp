@@ -5,7 +5,8 @@
 //
 // Strokes by the clock take the place of a device. FULL_SCALE_V is the peak of your jack for a full-scale sine, 1 V
 // until you have measured it, because cards and volume controls differ. V_PER_M_S2 is your actuator's, 0.05 until then.
-// Ends with a failure if the player failed, or needed more of the processor's time for a buffer than the buffer lasts.
+// Ends with 1 if the player or PortAudio failed, and with 3 if the player needed more of the processor's time for a
+// buffer than the buffer lasts.
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -32,10 +33,12 @@ void check(PaError status)
         throw std::runtime_error(std::string("PortAudio: ") + Pa_GetErrorText(status));
 }
 
-/// What the callback plays and counts. Others read the counts when the stream has stopped.
+/// What the callback plays and counts. Others read the counts when the stream has stopped, but for `heard`: the frames
+/// so far, once one of them was not silent.
 struct playback {
     stylus::player player;
     double rate_hz;
+    std::atomic<unsigned long> heard{0};
     unsigned long frames = 0, underflows = 0, failures = 0, late = 0;
     double worst_share = 0.0, power = 0.0;
 };
@@ -62,6 +65,8 @@ int play(const void *, void *output, unsigned long frames, const PaStreamCallbac
         samples[2 * index] = samples[2 * index + 1] = samples[index];
     }
     playback.frames += frames;
+    if (playback.power > 0.0)
+        playback.heard = playback.frames;
     playback.failures += failed;
     playback.late += share > 1.0;
     playback.worst_share = std::fmax(playback.worst_share, share);
@@ -110,6 +115,7 @@ try {
     const PaDeviceInfo &about = *Pa_GetDeviceInfo(device);
     const double rate_hz = about.defaultSampleRate;
     playback playback{stylus::player(static_cast<std::uint32_t>(rate_hz)), rate_hz};
+    const auto frames = static_cast<unsigned long>(seconds * rate_hz);
     playback.player.choose(library, index, 1);
     playback.player.set_gain(static_cast<float>(v_per_m_s2 / full_scale_v),
                              static_cast<float>(std::fmin(1.0, limit_v / full_scale_v)));
@@ -122,8 +128,9 @@ try {
     std::atomic<bool> is_over{false};
     std::thread control([&] { stroke(playback.player, is_over); });
     const PaError started = Pa_StartStream(stream);
-    if (started == paNoError)
-        Pa_Sleep(static_cast<long>(seconds * 1000.0));
+    // By the samples that were taken, because a busy system may take them late.
+    while (started == paNoError && Pa_IsStreamActive(stream) == 1 && playback.heard < frames)
+        Pa_Sleep(10);
     is_over = true;
     control.join();
     Pa_Sleep(50); // What plays fades.
@@ -134,7 +141,9 @@ try {
     std::printf("%lu samples, %.6f V RMS\n", playback.frames, rms_v);
     std::printf("buffers: %lu failed, %lu late, the slowest took %.3f of its time; PortAudio told %lu underflows\n",
                 playback.failures, playback.late, playback.worst_share, playback.underflows);
-    return playback.failures + playback.late > 0 || !(rms_v > 0.0);
+    if (playback.failures > 0 || playback.heard < frames)
+        return 1;
+    return playback.late > 0 ? 3 : 0;
 } catch (const std::exception &fault) {
     std::fprintf(stderr, "%s\n", fault.what());
     return 1;

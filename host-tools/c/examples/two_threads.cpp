@@ -46,18 +46,21 @@ try {
     const auto buffers = static_cast<unsigned long>(seconds * rate_hz / buffer);
     bool failed = false;
     auto next = clock::now();
-    for (unsigned long index = 0; index < buffers && !failed; index++) {
+    // And until something is heard, because a busy system may begin the other thread late.
+    unsigned long index = 0;
+    for (; (index < buffers || power == 0.0) && !failed; index++) {
         std::this_thread::sleep_until(next += std::chrono::microseconds(5000));
         failed = player.fill(samples.data(), samples.size()) != STYLUS_OK;
         for (const float sample : samples) {
-            power += sample * sample / (static_cast<double>(buffers) * buffer);
+            power += sample * sample;
             peak = std::fmax(peak, std::fabs(sample));
         }
     }
     is_over = true;
     control.join();
-    std::printf("%.6f V RMS, %.6f V at most\n", std::sqrt(power), peak);
-    return failed || power == 0.0 || peak > 1.0f;
+    const double rms_v = std::sqrt(power / (static_cast<double>(index) * buffer));
+    std::printf("%.6f V RMS, %.6f V at most\n", rms_v, peak);
+    return failed || peak > 1.0f;
 } catch (const std::exception &fault) {
     std::fprintf(stderr, "%s\n", fault.what());
     return 1;

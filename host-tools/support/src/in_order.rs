@@ -32,18 +32,37 @@ pub fn in_order<I: Sync, T: Send, E: Send>(
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+    use std::sync::mpsc;
+    use std::time::Duration;
+
     use super::*;
 
     #[test]
     fn the_first_item_that_fails_is_told_even_if_a_later_one_fails_sooner() {
         let items: Vec<u64> = (0..200).collect();
         assert_eq!(in_order(&items, |n| Ok::<_, ()>(2 * n)).unwrap()[199], 398);
+        // Two threads, so that one goes on while the first item waits in the other.
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(2);
+        let threads = threads.build().expect("it can be made");
         for first in [3, 90, 199] {
-            let failed = in_order(&items, |&n| {
-                if n == first {
-                    std::thread::sleep(std::time::Duration::from_millis(5));
-                }
-                if n < first { Ok(()) } else { Err(n) }
+            let (sender, later) = mpsc::channel();
+            let later = Mutex::new(later);
+            let failed = threads.install(|| {
+                in_order(&items, |&n| {
+                    if n < first {
+                        return Ok(());
+                    }
+                    if n > first {
+                        let _ = sender.send(());
+                    } else if first < 199 {
+                        // Minutes, which only a fault needs.
+                        let later = later.lock().expect("nothing panics");
+                        let told = later.recv_timeout(Duration::from_mins(10));
+                        told.expect("a later item fails in the meantime");
+                    }
+                    Err(n)
+                })
             });
             assert_eq!(failed, Err(first));
         }

