@@ -26,6 +26,7 @@ fn of_links_the_command_line_wins_over_the_environment() {
         let variables = [
             ("XDG_RUNTIME_DIR", runtime.as_str()),
             ("STYLUS_LINK", variable),
+            ("STYLUS_TIMEOUT", "600"),
         ];
         let command = format!("status --no-broker {line}");
         run_with(&bench, &variables, &command).status.code()
