@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::process::{Child, ChildStderr, ChildStdin};
+use std::time::Duration;
 
 use crate::support::{Bench, attached, holds, interrupt, json, near, wait_for};
 use fake_stylus::{FakeStylus, Hand};
@@ -60,7 +61,10 @@ impl<'a> Operator<'a> {
         self.until("in a straight line");
         self.hand.goal_counts = Some(goal);
         self.stylus.set_hand(self.hand.clone());
-        wait_for("the tip", || self.stylus.place() == goal);
+        wait_for("the tip", || {
+            self.stylus.pass(Duration::from_millis(20));
+            self.stylus.place() == goal
+        });
         writeln!(self.keyboard).unwrap();
     }
 

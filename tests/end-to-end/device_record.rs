@@ -133,11 +133,11 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
 fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
-    let child = spawn(&bench, "--texture silk --speeds 100 --forces 1 --yes");
-    wait_for("the recording", || stylus.count("stylus/record/start") > 0);
-    std::thread::sleep(Duration::from_millis(300));
-    stylus.lose_samples(100);
-    let report = report(&child.wait_with_output().unwrap());
+    stylus.lose_samples(Duration::from_millis(300), 100);
+    let report = report(&record(
+        &bench,
+        "--texture silk --speeds 100 --forces 1 --yes",
+    ));
     let row = &report["recorded"][0];
     let lost = row["loss"]["in_device"].as_u64().unwrap();
     assert!((4..=5).contains(&lost), "{row}");
@@ -151,11 +151,8 @@ fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
     for (torn, is_kept) in [(40, true), (2_000, false)] {
         let (stylus, bench) = attached(FakeStylus::start());
         stylus.set_hand(hand(100.0, 1.0));
-        let child = spawn(&bench, "--texture silk --speeds 100 --forces 1 --yes");
-        wait_for("the recording", || stylus.count("stylus/record/start") > 0);
-        std::thread::sleep(Duration::from_millis(1_200));
-        stylus.tear_samples(torn);
-        let output = child.wait_with_output().unwrap();
+        stylus.tear_samples(Duration::from_millis(1_200), torn);
+        let output = record(&bench, "--texture silk --speeds 100 --forces 1 --yes");
         if is_kept {
             let row = &report(&output)["recorded"][0];
             assert_eq!(row["interpolated"], torn, "{row}");
@@ -344,7 +341,9 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     stylus.fail(|faults| faults.lose_block_every = Some(10));
     let child = bench.spawn(["record", "a.csv", "--strokes", "--json"]);
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
-    std::thread::sleep(Duration::from_millis(700));
+    // Enough blocks for several holes.
+    let end = stylus.time() + Duration::from_millis(700);
+    wait_for("the blocks", || stylus.time() >= end);
     interrupt(&child);
     let report = report(&child.wait_with_output().unwrap());
     let rows = columns(&bench, "a.csv");

@@ -4,12 +4,12 @@ use std::cell::Cell;
 use std::thread;
 use std::time::Duration;
 
-use crate::support::{attached, holds, json};
+use crate::support::{attached, connected, holds, json};
 use fake_stylus::FakeStylus;
 use fake_stylus::device::response_for;
 use fake_stylus::library::texture;
 use host_tools::dsp::response::PERIOD;
-use host_tools::link::{Device, LinkError, Timeouts};
+use host_tools::link::LinkError;
 use host_tools::procedures::response::{Bench, DeviceBench, Failure, Probe};
 use model_format::encode;
 use model_format::link::{
@@ -21,7 +21,7 @@ use serde_json::Value;
 #[test]
 fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     let (stylus, bench) = attached(FakeStylus::start());
-    let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
+    let device = connected(&stylus);
     let response = response_for(&device.settings().unwrap());
     let id = device.propose_response(&response).unwrap();
     let period = (0..MAX_PROBE_SAMPLES as i16).map(|n| n.wrapping_mul(7_919));
@@ -75,7 +75,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
         &bench.succeed("status"),
         &["STALE: output-gain changed since"],
     );
-    let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
+    let device = connected(&stylus);
     device.set_response(ResponseChange::Clear { id }).unwrap();
     drop(device);
     assert_eq!(
@@ -87,7 +87,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
 #[test]
 fn a_probe_that_is_muted_because_the_host_was_late_is_played_again_and_never_taken_for_silence() {
     let stylus = FakeStylus::start();
-    let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
+    let device = connected(&stylus);
     let codes = [0, 8_000, 0, -8_000].repeat(PERIOD / 4);
     let probe = Probe {
         codes: &codes,
@@ -101,7 +101,7 @@ fn a_probe_that_is_muted_because_the_host_was_late_is_played_again_and_never_tak
         arrivals.set(arrivals.get() + 1);
         if late.get() > 0 && arrivals.get().is_multiple_of(20) {
             late.set(late.get() - 1);
-            thread::sleep(Duration::from_millis(4 * u64::from(LINK_LOST_AFTER_MS)));
+            stylus.pass(Duration::from_millis(4 * u64::from(LINK_LOST_AFTER_MS)));
         }
         true
     };
@@ -123,7 +123,7 @@ fn a_probe_that_is_muted_because_the_host_was_late_is_played_again_and_never_tak
 #[test]
 fn a_probe_whose_samples_are_torn_is_no_measurement() {
     let stylus = FakeStylus::start();
-    let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
+    let device = connected(&stylus);
     let mut bench = DeviceBench::new(&device, &|| true).unwrap();
     let probe = Probe {
         codes: &[0; PERIOD],
@@ -132,7 +132,7 @@ fn a_probe_whose_samples_are_torn_is_no_measurement() {
         through: ProbeThrough::Nothing,
     };
     bench.play(&probe).unwrap();
-    stylus.tear_samples(u32::MAX);
+    stylus.tear_samples(Duration::ZERO, u32::MAX);
     let told = bench.play(&probe);
     assert!(
         matches!(&told, Err(Failure::Link(LinkError::Lossy { what, .. })) if what.contains("torn")),

@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
-use crate::support::{Bench, attached, holds, json, text};
+use crate::support::{Bench, attached, connected, holds, json, text};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Hand};
-use host_tools::link::{Device, Timeouts};
 use host_tools::procedures::self_test::{self, Options, Verdict};
 use serde_json::Value;
 
@@ -119,7 +118,7 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
     };
     let (stylus, _bench) = on(board);
     let failing = || {
-        let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
+        let device = connected(&stylus);
         let options = Options {
             traffic_s: 0.1,
             rest_s: 0.1,
@@ -181,7 +180,7 @@ fn a_second_link_has_the_timeout_that_is_given() {
         faults.late = Duration::from_millis(1_300);
         faults.disguise = Some(|info| info.serial = "another".parse().unwrap());
     });
-    let refused = bench.refuse(&format!("selftest --also {} --timeout 5", other.link()));
+    let refused = bench.refuse(&format!("selftest --also {} --timeout 600", other.link()));
     holds(&refused, &["this is device another"]);
     assert_eq!(stylus.count("stylus/selftest"), 0);
 }

@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
+use crate::support::connected;
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Hand};
 use host_tools::link::capture::{Calibration, Capture, Loss};
 use host_tools::link::upload::upload;
-use host_tools::link::{Device, Timeouts};
 use host_tools::procedures::self_test::judge::Traffic;
 use host_tools::procedures::self_test::{self, Line, Options, Verdict, judge};
 use model_format::AdcCode;
@@ -70,8 +70,7 @@ impl Measured {
     /// The measurements of a healthy device.
     fn healthy() -> Self {
         let stylus = FakeStylus::start();
-        let address = stylus.link().parse().expect("it is an address");
-        let device = Device::connect(&address, Timeouts::default()).expect("it listens");
+        let device = connected(&stylus);
         let (info, status) = (device.info().clone(), device.status().expect("it answers"));
         let board = Board::default();
         let mut after = status.clone();
@@ -377,8 +376,7 @@ fn no_line_that_is_printed_is_without_a_change_that_makes_it_fail() {
     let stylus = FakeStylus::start();
     stylus.set_hand(Hand::moving(30.7, 2.0));
     let link = stylus.link();
-    let address = link.parse().expect("it is an address");
-    let mut device = Device::connect(&address, Timeouts::default()).expect("it listens");
+    let mut device = connected(&stylus);
     let uploaded = upload(&mut device, &library(1, 20, 1), |_| ()).expect("there is room");
     device.activate(uploaded.slot).expect("it is there");
     let options = Options {

@@ -48,10 +48,10 @@ fn an_update_after_which_the_old_image_runs_fails_and_says_which_one_runs() {
 fn an_upload_is_refused_with_the_name_of_the_update_that_has_the_link_and_the_update_goes_on() {
     let (stylus, bench) = before_an_update(NEW);
     bench.write("a.lib", fake_stylus::library::library(1, 20, 1));
-    // The update sends dozens of chunks, so that it has the link until the upload is refused.
-    stylus.fail(|faults| faults.late = std::time::Duration::from_millis(500));
+    // The update waits in the middle of its upload, so that it has the link until the upload is refused.
+    stylus.fail(|faults| faults.holds_after = Some(10));
     let update = bench.spawn(["update", "new.image"]);
-    wait_for("a chunk", || stylus.count("stylus/upload/chunk") > 0);
+    wait_for("chunks", || stylus.count("stylus/upload/chunk") >= 3);
     let who = format!("in use by `stylus update` (process {})", update.id());
     holds(&bench.refuse("upload a.lib"), &[&who]);
     stylus.fail(|_| ());

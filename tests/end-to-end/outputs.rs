@@ -341,7 +341,7 @@ fn signalled(
         None => has_begun(bench),
     };
     while !is_time() && child.try_wait().unwrap().is_none() {
-        let is_late = begin.elapsed() > Duration::from_mins(2);
+        let is_late = begin.elapsed() > Duration::from_mins(10);
         assert!(!is_late, "{arguments} does not begin");
         thread::sleep(Duration::from_micros(200));
     }
@@ -350,6 +350,21 @@ fn signalled(
 }
 
 const RENDER: &str = "render good.lib --texture silk --speed 100 --force 1 --seconds 600 --out out";
+
+/// Returns the signal that ended the rendering `arguments`, to which `signal` is sent as soon as it has begun to write.
+/// The rendering is repeated, each time after `prepare`, if a busy computer has sent the signal after its end.
+fn rendering_ended_by(
+    bench: &Bench,
+    env: &str,
+    arguments: &str,
+    signal: &str,
+    prepare: impl Fn(),
+) -> Option<i32> {
+    (0..100).find_map(|_| {
+        prepare();
+        signalled(bench, (env, arguments), signal, None)
+    })
+}
 
 /// At any moment the output is complete or missing, and an earlier result stays.
 #[test]
@@ -372,19 +387,26 @@ fn an_interrupt_leaves_all_or_nothing_and_no_hidden_file() {
         (simulate, "-TERM", 15, Some(long)),
     ] {
         let before = content(&bench.path("."));
-        let ended_by = signalled(&bench, (as_ever, command), signal, after);
+        let ended_by = if command == RENDER {
+            rendering_ended_by(&bench, as_ever, command, signal, || {
+                let _ = fs::remove_file(bench.path("out"));
+            })
+        } else {
+            signalled(&bench, (as_ever, command), signal, after)
+        };
         assert!(!has_begun(&bench), "{command}");
         if ended_by.is_some() {
             assert_eq!(ended_by, Some(number), "{command}");
             assert_eq!(content(&bench.path(".")), before, "{command} {signal}");
         } else {
-            assert!(command != RENDER, "it was done before the signal came");
+            assert!(command != RENDER, "no signal ends it");
         }
         let _ = fs::remove_dir_all(bench.path("out"));
     }
-    bench.write("out", "earlier\n");
     let again = format!("{RENDER} --overwrite");
-    assert_eq!(signalled(&bench, (as_ever, &again), "-INT", None), Some(2));
+    let earlier = || bench.write("out", "earlier\n");
+    let ended_by = rendering_ended_by(&bench, as_ever, &again, "-INT", earlier);
+    assert_eq!(ended_by, Some(2));
     assert_eq!(bench.read("out"), b"earlier\n");
 }
 

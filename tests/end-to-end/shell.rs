@@ -23,7 +23,7 @@ fn of_links_the_command_line_wins_over_the_environment() {
     let (here, nowhere) = (stylus.link(), "tcp:127.0.0.1:1");
     let status = |variable: &str, line: &str| {
         let command = format!("status {line}");
-        let variables = [("STYLUS_LINK", variable)];
+        let variables = [("STYLUS_LINK", variable), ("STYLUS_TIMEOUT", "600")];
         run_with(&bench, &variables, &command).status.code()
     };
     let flag = |link: &str| format!("--link {link}");

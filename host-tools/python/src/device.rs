@@ -432,7 +432,7 @@ fn played(
         plan,
         || !ended.get() && !steps.is_ended(),
         |driven, status| {
-            heard.hear(status);
+            heard.hear(driven, status);
             steps.set_done((driven.seconds * 1000.0) as u64);
             // Only idle means stopped, because the output may still fade out of the previous play.
             ended.set(status.output.activity == Activity::Idle);

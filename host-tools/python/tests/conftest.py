@@ -22,6 +22,10 @@ SPEEDS_MM_S = (80.0, 160.0)
 FORCES_N = (0.5, 1.0)
 
 
+# Timeout of an answer that only a fault reaches, however busy this computer is, s.
+ANSWER_S = 600
+
+
 def needed(name: str) -> str:
     program = os.environ.get(name)
     assert program, f"set {name}: `tests/run` does, or build it by cargo"
@@ -36,7 +40,8 @@ class Command:
 
     def run(self, *arguments: object) -> subprocess.CompletedProcess[str]:
         words = [needed("STYLUS_PROGRAM"), *map(str, arguments)]
-        return subprocess.run(words, cwd=self.folder, capture_output=True, text=True)
+        patient = {"STYLUS_TIMEOUT": str(ANSWER_S), **os.environ}
+        return subprocess.run(words, cwd=self.folder, capture_output=True, text=True, env=patient)
 
     def succeed(self, *arguments: object) -> str:
         done = self.run(*arguments)
@@ -55,10 +60,17 @@ class Command:
 
 @pytest.fixture
 def ctrl_c():
-    """A function that presses Ctrl-C so many seconds later. A program in the background of a shell ignores it, so that
-    Python's own handler is set here."""
+    """An event at which Ctrl-C is pressed. A program in the background of a shell ignores it, so that Python's own
+    handler is set here."""
+    begun = threading.Event()
+
+    def press() -> None:
+        begun.wait()
+        os.kill(os.getpid(), signal.SIGINT)
+
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield lambda after_s: threading.Timer(after_s, os.kill, (os.getpid(), signal.SIGINT)).start()
+    threading.Thread(target=press, daemon=True).start()
+    yield begun
     signal.signal(signal.SIGINT, before)
 
 

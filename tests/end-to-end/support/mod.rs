@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use fake_stylus::FakeStylus;
+use host_tools::link::{Device, Timeouts};
 use serde_json::Value;
 use tempfile::TempDir;
 pub use test_helpers::{holds, near, noise};
@@ -165,10 +167,43 @@ impl Bench {
     }
 }
 
+/// Longest wait for an answer or for a condition, s. Only a fault takes so long, however busy this computer is.
+const LONGEST_WAIT_S: u16 = 600;
+
 /// A fake stylus, and a folder whose commands use the stylus's link.
-pub fn attached(stylus: fake_stylus::FakeStylus) -> (fake_stylus::FakeStylus, Bench) {
-    let bench = Bench::new().with("STYLUS_LINK", stylus.link());
+pub fn attached(stylus: FakeStylus) -> (FakeStylus, Bench) {
+    let bench = Bench::new()
+        .with("STYLUS_LINK", stylus.link())
+        .with("STYLUS_TIMEOUT", LONGEST_WAIT_S.to_string());
     (stylus, bench)
+}
+
+/// Connects this process to `stylus`.
+pub fn connected(stylus: &FakeStylus) -> Device {
+    let address = stylus.link().parse().expect("it is an address");
+    let timeouts = Timeouts::scaled_to(Duration::from_secs(LONGEST_WAIT_S.into()));
+    Device::connect(&address, timeouts).expect("it listens")
+}
+
+/// Plays by the command `arguments` until at least `time` has passed at the device, and another two readings of the
+/// status. Then ends the command by Ctrl-C, and returns its output.
+#[cfg(unix)]
+pub fn play_for(
+    time: Duration,
+    stylus: &FakeStylus,
+    bench: &Bench,
+    arguments: impl IntoIterator<Item = &'static str>,
+) -> Output {
+    stylus.take_heard();
+    let play = bench.spawn(arguments);
+    wait_for("the play", || stylus.count("stylus/play") > 0);
+    let begin = stylus.time();
+    wait_for("its time", || stylus.time() >= begin + time);
+    // The command asks again once it has seen the answer before.
+    let readings = stylus.count("stylus/status") + 2;
+    wait_for("the status", || stylus.count("stylus/status") >= readings);
+    interrupt(&play);
+    play.wait_with_output().expect("it ends")
 }
 
 /// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces. `axes` turns an
@@ -326,14 +361,12 @@ fn wav_of<T: hound::Sample>(spec: hound::WavSpec, samples: impl Iterator<Item = 
     bytes.into_inner()
 }
 
-/// Waits until `is_there` returns true. Only a fault makes it wait for the five minutes after which it panics.
+/// Waits until `is_there` returns true.
 pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
     let begin = Instant::now();
+    let longest = Duration::from_secs(LONGEST_WAIT_S.into());
     while !is_there() {
-        assert!(
-            begin.elapsed() < Duration::from_secs(300),
-            "{what} did not come"
-        );
+        assert!(begin.elapsed() < longest, "{what} did not come");
         std::thread::sleep(Duration::from_millis(5));
     }
 }

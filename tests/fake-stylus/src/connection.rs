@@ -20,14 +20,17 @@ pub struct Faults {
     pub close_every: Option<usize>,
     /// True to send no answer at all.
     pub silent: bool,
-    /// Delay of every answer.
+    /// Delay of every answer, in real time.
     pub late: Duration,
+    /// Number of frames of a connection whose answers are sent. Further answers wait until this fault is gone.
+    pub holds_after: Option<usize>,
     /// The last of every so many answers is damaged in transit.
     pub corrupt_every: Option<usize>,
     /// The last of every so many blocks of a recording is lost in transit.
     pub lose_block_every: Option<usize>,
-    /// True to refuse every request that needs the flash, like a device whose storage is busy.
-    pub busy: bool,
+    /// Path of a request. From the first that arrives, every request that needs the flash is refused, like by a device
+    /// whose storage is busy.
+    pub busy_from: Option<&'static str>,
     /// True to never notice the loss of a link, so that the output continues without a host.
     pub ignores_lost_link: bool,
     /// True to count one tick of each millisecond as missed.
@@ -54,6 +57,8 @@ pub struct Connection {
     encoded: Vec<u8>,
     /// Bytes to send, each with the time at which they are due.
     waiting: Vec<(Instant, Vec<u8>)>,
+    /// Answers that [`Faults::holds_after`] holds back.
+    held: Vec<(Instant, Vec<u8>)>,
     frames: usize,
     answers: usize,
     blocks: usize,
@@ -74,6 +79,7 @@ impl Connection {
             is_open: true,
             encoded: Vec::new(),
             waiting: Vec::new(),
+            held: Vec::new(),
             frames: 0,
             answers: 0,
             blocks: 0,
@@ -87,7 +93,7 @@ impl Connection {
 
     /// True if no answer waits to be sent.
     pub fn has_sent_all(&self) -> bool {
-        self.waiting.is_empty()
+        self.waiting.is_empty() && self.held.is_empty()
     }
 
     /// Reads what has arrived, and returns true unless the host has closed the connection.
@@ -149,20 +155,24 @@ impl Connection {
         }
         self.answers += 1;
         if faults.noise {
-            self.waiting.push((Instant::now(), vec![0, 0xff, 3, 7, 0]));
-            self.waiting.push((Instant::now(), vec![0x55; 3000]));
-            self.waiting.push((Instant::now(), vec![0]));
+            for noise in [vec![0, 0xff, 3, 7, 0], vec![0x55; 3000], vec![0]] {
+                self.waiting.push((Instant::now(), noise));
+            }
         }
-        if faults
-            .corrupt_every
-            .is_some_and(|n| self.answers.is_multiple_of(n))
-        {
+        let is_corrupt = |n| self.answers.is_multiple_of(n);
+        let encoded = if faults.corrupt_every.is_some_and(is_corrupt) {
             // The length is impossible for a COBS frame of these bytes.
-            self.waiting
-                .push((Instant::now() + faults.late, vec![0xfe, 1, 2, 0]));
+            vec![0xfe, 1, 2, 0]
         } else {
-            self.send_later(answer, faults.late);
-        }
+            encoded(answer)
+        };
+        let is_held = faults.holds_after.is_some_and(|n| self.frames > n);
+        let queue = if is_held {
+            &mut self.held
+        } else {
+            &mut self.waiting
+        };
+        queue.push((Instant::now() + faults.late, encoded));
     }
 
     /// Queues a block of a recording, unless [`Faults::lose_block_every`] loses it.
@@ -172,18 +182,15 @@ impl Connection {
             .lose_block_every
             .is_none_or(|n| !self.blocks.is_multiple_of(n))
         {
-            self.send_later(block, Duration::ZERO);
+            self.waiting.push((Instant::now(), encoded(block)));
         }
     }
 
-    fn send_later(&mut self, frame: &[u8], late: Duration) {
-        let mut encoded = cobs::encode_vec(frame);
-        encoded.push(0);
-        self.waiting.push((Instant::now() + late, encoded));
-    }
-
-    /// Sends what is due.
-    pub fn flush(&mut self) {
+    /// Sends what is due, subject to `faults`.
+    pub fn flush(&mut self, faults: &Faults) {
+        if faults.holds_after.is_none() {
+            self.waiting.append(&mut self.held);
+        }
         let now = Instant::now();
         let (due, later): (Vec<_>, Vec<_>) = std::mem::take(&mut self.waiting)
             .into_iter()
@@ -193,4 +200,11 @@ impl Connection {
             self.is_open &= self.stream.write_all(&bytes).is_ok();
         }
     }
+}
+
+/// Returns a frame as it is sent.
+fn encoded(frame: &[u8]) -> Vec<u8> {
+    let mut encoded = cobs::encode_vec(frame);
+    encoded.push(0);
+    encoded
 }

@@ -4,8 +4,8 @@
 //! and follows it, so that a mistake in how the parts are put together shows without a board. There are two ways to use
 //! it:
 //!
-//! - [`FakeStylus`] runs in real time behind a TCP port, and a host talks to it like to a board. Faults of the device
-//!   and of the link can be injected.
+//! - [`FakeStylus`] runs behind a TCP port, and a host talks to it like to a board. Its clock follows real time as far
+//!   as the host keeps up. Faults of the device and of the link can be injected.
 //! - [`SteppedStylus`](device::SteppedStylus) runs in virtual time, one millisecond after the other, and a test calls
 //!   the application's requests itself.
 #![expect(
@@ -15,6 +15,7 @@
 
 pub mod actuator;
 mod board;
+mod clock;
 mod connection;
 pub mod device;
 pub mod flash;

@@ -1,11 +1,11 @@
-//! A device behind a TCP port, in real time.
+//! A device behind a TCP port.
 
 use std::net::TcpListener;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Waker};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use model_format::link::{
     ImageVersion, LinkId, MotionSample, MotionTopic, RecordBlock, RecordBlockTopic,
@@ -20,6 +20,7 @@ use stylus_boot::record::{EXCHANGED, Record, Store, mark};
 
 use crate::actuator::Actuator;
 use crate::board::Board;
+use crate::clock::Clock;
 use crate::connection::{Connection, Faults};
 use crate::device::{Flash, SharedControl, SteppedStylus};
 use crate::flash::{Damage, Memory, SimulatedFlash};
@@ -30,11 +31,15 @@ use crate::requests::{Requests, frame, path_of};
 /// a long job.
 const STORAGE_STEPS: usize = 64;
 
+/// Pause of a thread that waits for another.
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// Path of a frame that has none.
+const UNKNOWN: &str = "?";
+
 /// A frame that arrived.
 #[derive(Clone, Debug)]
 pub struct Heard {
-    /// Time of its arrival.
-    pub at: Instant,
     /// Path of the frame's endpoint or topic, "?" if there is none.
     pub path: &'static str,
     /// The motion in the frame, if the frame is a motion message without an answer.
@@ -50,6 +55,14 @@ pub struct StartedImage {
     pub is_on_trial: bool,
 }
 
+/// Samples to lose or to tear.
+#[derive(Clone, Copy)]
+struct Due {
+    /// Time from the recording's start to the first of them.
+    after: Duration,
+    samples: u32,
+}
+
 /// State that the test's thread and the device's thread share.
 #[derive(Default)]
 struct Inner {
@@ -61,13 +74,20 @@ struct Inner {
     test_codes: usize,
     /// Words of the slots' flash to damage: the offset of each word, and the kind of damage.
     damage: Vec<(usize, Damage)>,
-    lose_samples: u32,
-    tear_samples: u32,
+    lose_samples: Option<Due>,
+    tear_samples: Option<Due>,
     connections: usize,
+    /// Time since the device's start.
+    time: Duration,
+    /// Time that the test still lets pass.
+    to_pass: Duration,
     is_over: bool,
 }
 
 /// A stylus that a host reaches by TCP. It runs in its own thread until it is dropped.
+///
+/// Its clock follows real time, but waits for a host that is late; see [`FakeStylus::pass`] for tests of a host that is
+/// silent.
 ///
 /// The stylus has two links, a serial port and USB. Each serves the host that came first, and closes the connection of
 /// another one.
@@ -172,6 +192,20 @@ impl FakeStylus {
         lock(&self.inner).place
     }
 
+    /// Time since the device's start, by the device's clock.
+    pub fn time(&self) -> Duration {
+        lock(&self.inner).time
+    }
+
+    /// Lets `time` pass at the device, whatever the host says meanwhile, and waits until it has passed.
+    pub fn pass(&self, time: Duration) {
+        lock(&self.inner).to_pass += time;
+        while !lock(&self.inner).to_pass.is_zero() {
+            assert!(!self.thread.as_ref().is_none_or(JoinHandle::is_finished));
+            thread::sleep(PAUSE);
+        }
+    }
+
     /// Replaces the board that the self test measures.
     pub fn set_board(&self, board: Board) {
         lock(&self.inner).board = board;
@@ -187,14 +221,16 @@ impl FakeStylus {
         lock(&self.inner).damage.push((offset, damage));
     }
 
-    /// Loses the next `samples` samples before they reach the recorder. A call replaces one that has not begun yet.
-    pub fn lose_samples(&self, samples: u32) {
-        lock(&self.inner).lose_samples = samples;
+    /// Loses `samples` samples of the present or next recording before they reach the recorder, from the time `after`
+    /// its start on. A call replaces one that has not begun yet.
+    pub fn lose_samples(&self, after: Duration, samples: u32) {
+        lock(&self.inner).lose_samples = Some(Due { after, samples });
     }
 
-    /// Tears the next `samples` samples: not all of their conversions belong to their tick.
-    pub fn tear_samples(&self, samples: u32) {
-        lock(&self.inner).tear_samples = samples;
+    /// Tears `samples` samples, at a time like [`FakeStylus::lose_samples`]: not all of their conversions belong to
+    /// their tick.
+    pub fn tear_samples(&self, after: Duration, samples: u32) {
+        lock(&self.inner).tear_samples = Some(Due { after, samples });
     }
 
     /// Returns the frames that have arrived since the last call, and forgets them.
@@ -272,9 +308,10 @@ struct Wire<'a> {
 
 impl Wire<'_> {
     /// Accepts the connection of a host that has connected, if no other host is connected.
-    fn accept(&mut self, shared: &Mutex<Inner>) {
+    fn accept(&mut self, shared: &Mutex<Inner>, clock: &mut Clock) {
         if self.connection.as_ref().is_some_and(|open| !open.is_open()) {
             self.connection = None;
+            clock.end(self.id);
         }
         let Ok((stream, _)) = self.listener.accept() else {
             return;
@@ -283,6 +320,7 @@ impl Wire<'_> {
         if !self.connection.as_mut().is_some_and(Connection::is_held) {
             lock(shared).connections += 1;
             self.connection = Some(Connection::new(stream));
+            clock.connect(self.id);
         }
     }
 }
@@ -297,26 +335,36 @@ fn serve(listeners: &Listeners, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut
     let requests = Requests::new(control.clone());
     let mut storage = pin!(requests.serve_storage(&mut storage));
     let mut context = Context::from_waker(Waker::noop());
-    let begin = Instant::now();
+    let mut clock = Clock::new(time(&control));
+    let mut recorded = Duration::ZERO;
+    let mut is_busy = false;
     let mut wires = listeners.each_ref().map(|(id, listener)| Wire {
         id: *id,
         listener,
         connection: None,
     });
     while set_scene(&control, shared) {
-        wires.iter_mut().for_each(|wire| wire.accept(shared));
+        for wire in &mut wires {
+            wire.accept(shared, &mut clock);
+        }
         for (offset, damage) in std::mem::take(&mut lock(shared).damage) {
             fate.damage(offset, damage);
         }
         let faults = lock(shared).faults.clone();
-        let blocks = catch_up(&control, begin.elapsed(), &faults);
+        let to_pass = lock(shared).to_pass;
+        let passed = clock.pass(to_pass);
+        let is_alone = wires.iter().all(|wire| wire.connection.is_none());
+        let is_free = is_alone || requests.is_storage_busy();
+        clock.follow(&control.borrow().status(), is_free);
+        let blocks = catch_up(&control, clock.time(), &faults, shared, &mut recorded);
+        lock(shared).to_pass -= passed;
         let frames = wires.each_mut().map(|wire| {
             let open = wire.connection.as_mut();
             open.map_or_else(Vec::new, Connection::receive)
         });
         // A connection is read with a timeout; without one the loop would use a whole core.
-        if wires.iter().all(|wire| wire.connection.is_none()) {
-            thread::sleep(Duration::from_millis(1));
+        if is_alone {
+            thread::sleep(PAUSE);
         }
         // Read again, because the test may have changed the faults during the wait for frames.
         let faults = lock(shared).faults.clone();
@@ -333,9 +381,11 @@ fn serve(listeners: &Listeners, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut
         send_blocks(&mut wires, &blocks, &faults);
         for (index, frames) in frames.into_iter().enumerate() {
             for bytes in frames {
-                note(shared, &bytes);
+                let path = note(shared, &bytes);
+                is_busy = faults.busy_from.is_some_and(|from| is_busy || path == from);
                 let id = wires[index].id;
-                let answer = requests.serve(id, &bytes, faults.busy);
+                let answer = requests.serve(id, &bytes, is_busy);
+                clock.hear(id, path, &control.borrow().status());
                 let answers = step().into_iter().chain(answer.map(|answer| (id, answer)));
                 // The connection that closes with this frame receives no answer any more.
                 let open = wires[index].connection.as_mut();
@@ -349,7 +399,7 @@ fn serve(listeners: &Listeners, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut
         // Jobs go on without a connection, but nobody receives the answers.
         answer_all(&mut wires, step().into_iter(), &faults);
         let open = wires.iter_mut().filter_map(|wire| wire.connection.as_mut());
-        open.for_each(Connection::flush);
+        open.for_each(|open| open.flush(&faults));
         let mut open = wires.iter().filter_map(|wire| wire.connection.as_ref());
         if requests.wants_restart() && open.all(Connection::has_sent_all) {
             return;
@@ -376,30 +426,37 @@ fn connection_of<'a>(wires: &'a mut [Wire<'_>; 2], id: LinkId) -> Option<&'a mut
     connection.filter(|open| open.is_open())
 }
 
-/// Gives the device what the test has set (hand, board, samples to lose or tear), and gives the test the device's place
-/// and its number of test codes. Returns false if the device must end.
+/// Time since the device's start.
+fn time(control: &SharedControl) -> Duration {
+    let ticks = control.borrow_mut().device().now();
+    Duration::from_micros(ticks * 1_000_000 / u64::from(SAMPLE_RATE_HZ))
+}
+
+/// Gives the device what the test has set (hand, board), and gives the test the device's time, its place and its number
+/// of test codes. Returns false if the device must end.
 fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut inner = lock(shared);
+    inner.time = time(control);
     let mut control = control.borrow_mut();
     let device = control.device();
     device.hand = inner.hand.clone();
     inner.place = device.place;
     inner.test_codes = device.test_codes;
     device.board = inner.board.clone();
-    device.lose_samples += std::mem::take(&mut inner.lose_samples);
-    device.tear_samples += std::mem::take(&mut inner.tear_samples);
     !inner.is_over
 }
 
-/// Runs the device until its clock shows `time`, and returns the blocks that were recorded.
+/// Runs the device until its clock shows `end`, and returns the blocks that were recorded. `recorded` is the time since
+/// the recording's start, if there is a recording.
 fn catch_up(
     control: &SharedControl,
-    time: Duration,
+    end: Duration,
     faults: &Faults,
+    shared: &Mutex<Inner>,
+    recorded: &mut Duration,
 ) -> Vec<(LinkId, RecordBlock)> {
-    let tick = time.as_micros() as u64 * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
     let mut blocks = Vec::new();
-    while control.borrow_mut().device().now() < tick {
+    while time(control) < end {
         let mut device = control.borrow_mut();
         if faults.ignores_lost_link {
             device.keep_alive(LinkId::Serial);
@@ -408,6 +465,18 @@ fn catch_up(
         hardware.missed += u32::from(faults.misses_ticks);
         hardware.late_outputs += u32::from(faults.puts_out_late);
         hardware.slower_by = faults.slower_by;
+        if hardware.record_counters().recording {
+            let inner = &mut *lock(shared);
+            let due = |samples: &mut Option<Due>| {
+                let due = samples.take_if(|due| due.after <= *recorded);
+                due.map_or(0, |due| due.samples)
+            };
+            hardware.lose_samples += due(&mut inner.lose_samples);
+            hardware.tear_samples += due(&mut inner.tear_samples);
+            *recorded += Duration::from_millis(1);
+        } else {
+            *recorded = Duration::ZERO;
+        }
         drop(device);
         blocks.extend(control.millisecond());
     }
@@ -427,14 +496,16 @@ fn send_blocks(wires: &mut [Wire<'_>; 2], blocks: &[(LinkId, RecordBlock)], faul
     }
 }
 
-fn note(shared: &Mutex<Inner>, bytes: &[u8]) {
+/// Notes a frame that has arrived, and returns its path.
+fn note(shared: &Mutex<Inner>, bytes: &[u8]) -> &'static str {
     let Some((header, body)) = VarHeader::take_from_slice(bytes) else {
-        return;
+        return UNKNOWN;
     };
+    let path = path_of(&header).unwrap_or(UNKNOWN);
     let is_motion = header.key == VarKey::Key8(MotionTopic::TOPIC_KEY);
     lock(shared).heard.push(Heard {
-        at: Instant::now(),
-        path: path_of(&header).unwrap_or("?"),
+        path,
         motion: is_motion.then(|| postcard::from_bytes(body).ok()).flatten(),
     });
+    path
 }

@@ -85,7 +85,8 @@ pub enum LinkError {
         timeout: Duration,
     },
     #[error(
-        "{link}: nothing could be sent for {:.1} s: check the cable, then try again{}", after.as_secs_f64(),
+        "{link}: nothing could be sent for {:.1} s: check the cable and end other programs that keep this computer \
+         busy, then try again{}", after.as_secs_f64(),
         longer(*after)
     )]
     Stalled {

@@ -223,6 +223,8 @@ pub struct Heard {
     reasons: MuteReasons,
     mutes_before: u32,
     missed_before: u32,
+    /// Number of motions, and the device's uptime, ms, at the first and at the last status.
+    paces: Option<[(u64, u64); 2]>,
     vibration: Vibration,
 }
 
@@ -246,6 +248,7 @@ impl Heard {
             reasons: MuteReasons::NONE,
             mutes_before: mutes(before),
             missed_before: before.tick.missed,
+            paces: None,
             vibration: Vibration {
                 before_m_s2: vibration_m_s2(before),
                 greatest_m_s2: 0.0,
@@ -253,8 +256,10 @@ impl Heard {
         }
     }
 
-    /// Adds a status.
-    pub fn hear(&mut self, status: &Status) {
+    /// Adds a status, which was received when `driven` had been sent.
+    pub fn hear(&mut self, driven: &Driven, status: &Status) {
+        let pace = (driven.motions, status.uptime_ms);
+        self.paces = Some([self.paces.map_or(pace, |[first, _]| first), pace]);
         self.mutes = mutes(status).saturating_sub(self.mutes_before);
         self.missed_ticks = status.tick.missed.saturating_sub(self.missed_before);
         // An output at rest is muted, too, and says nothing about the play.
@@ -291,11 +296,11 @@ impl Heard {
     /// Returns why a play that has sent `driven` counts as failed, with the remedy.
     ///
     /// A play fails if it has at least two statuses and each shows the output muted. It also fails if less than half of
-    /// its motions could be sent and their rate was below [`MIN_MOTION_RATE_HZ`], because the output then mutes between
-    /// motions.
+    /// its motions could be sent and their rate by the device's clock was below [`MIN_MOTION_RATE_HZ`], because the
+    /// output then mutes between motions.
     pub fn failure(&self, driven: &Driven) -> Option<String> {
         let due = driven.motions + driven.skipped;
-        let per_second = driven.motions as f64 / driven.seconds.max(f64::MIN_POSITIVE);
+        let per_second = self.motions_per_second(driven);
         let is_slow = per_second < f64::from(MIN_MOTION_RATE_HZ);
         let motions = (driven.motions < due.div_ceil(2) && is_slow).then(|| {
             format!(
@@ -315,11 +320,28 @@ impl Heard {
         }
     }
 
+    /// Returns the rate of motions by the device's clock, which for a virtual stylus is not this computer's; by this
+    /// computer's clock before there are two statuses.
+    fn motions_per_second(&self, driven: &Driven) -> f64 {
+        match self.paces {
+            Some([(sent, from_ms), (sent_last, to_ms)]) if to_ms > from_ms => {
+                (sent_last - sent) as f64 * 1e3 / (to_ms - from_ms) as f64
+            }
+            _ => driven.motions as f64 / driven.seconds.max(f64::MIN_POSITIVE),
+        }
+    }
+
     fn remedy(&self) -> &'static str {
         if self.reasons.contains(MuteReason::ForceRail) {
             "connect the force sensor, or give a motion with --speed and --force"
         } else if self.reasons.contains(MuteReason::Fault) {
             "read `stylus status`, then restart the device"
+        } else if [MuteReason::LinkLost, MuteReason::Stale]
+            .into_iter()
+            .any(|reason| self.reasons.contains(reason))
+        {
+            "this computer or the link was too late: close other programs that use the link or keep this computer \
+             busy, then play again"
         } else {
             "read `stylus status`, close other programs that use the link, then play again"
         }

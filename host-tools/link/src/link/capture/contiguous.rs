@@ -82,7 +82,7 @@ pub fn capture(
                 link: device.address().to_string(),
                 what: format!(
                     "{:.1} s were recorded, and no {seconds} s of them without a hole ({loss}): close other programs \
-                     that use the link, or use USB",
+                     that use the link or keep this computer busy, or use USB",
                     most_ticks as f64 / f64::from(rate_hz)
                 ),
             });

@@ -146,6 +146,8 @@ impl Device {
         let timeouts = self.requester.timeouts;
         let mut limit = self.limit(timeouts.reconnect);
         loop {
+            // Asked before the attempt, so that there is one after a pause of this computer.
+            let is_last = limit.has_passed();
             match self
                 .runtime()
                 .block_on(Self::identify(&self.address, timeouts, self.is_any))
@@ -164,7 +166,7 @@ impl Device {
                 }
                 // Another protocol stays another one, however long the wait.
                 Err(failure @ LinkError::Version { .. }) => return Err(failure),
-                Err(failure) if limit.has_passed() => {
+                Err(failure) if is_last => {
                     let explained = explained(failure, &self.address);
                     return Err(self.runtime().block_on(explained));
                 }
@@ -218,12 +220,13 @@ impl Device {
         let timeout = self.requester.timeouts.flash;
         let mut limit = self.limit(timeout);
         loop {
+            let is_last = limit.has_passed();
             match self.request_within::<E>(name, timeout, request) {
                 // The device's queue of jobs for the flash is full.
                 Err(LinkError::Frame {
                     error: WireError::FailedToSpawn,
                     ..
-                }) if !limit.has_passed() => thread::sleep(BUSY_INTERVAL),
+                }) if !is_last => thread::sleep(BUSY_INTERVAL),
                 answer => return answer,
             }
         }

@@ -87,12 +87,14 @@ impl Device {
         let activated = self.request_flash::<ActivateEndpoint>("activation", &slot)??;
         let mut limit = self.limit(self.timeouts().answer);
         loop {
+            // Asked before the reading, so that an old reading does not decide after a pause of this computer.
+            let is_last = limit.has_passed();
             let status = self.status()?;
             let crc32 = activated.library.crc32;
             if status.active == Some(slot) && status.library_crc32 == crc32 {
                 return Ok(activated);
             }
-            if limit.has_passed() {
+            if is_last {
                 return Err(self.not_verified(format!(
                     "slot {slot} was activated, but the status reports {} as active: activate it again",
                     status
@@ -179,12 +181,14 @@ impl Device {
         };
         let mut limit = self.limit(self.timeouts().answer);
         loop {
-            // The output first falls to mid-scale by the ramp of `mute-ramp`.
+            // The output first falls to mid-scale by the ramp of `mute-ramp`. The limit is asked before the reading, so
+            // that an old reading does not decide after a pause of this computer.
+            let is_last = limit.has_passed();
             let output = self.status()?.output;
             if output.activity == Activity::Idle {
                 return Ok((was_playing, output));
             }
-            if limit.has_passed() {
+            if is_last {
                 return Err(self.not_verified(
                     "the device was stopped, but its output is not at rest: stop it again, or disconnect its power"
                         .to_owned(),

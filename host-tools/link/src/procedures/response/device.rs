@@ -86,7 +86,8 @@ impl<'a> DeviceBench<'a> {
             }
             if last >= end {
                 let link = self.device.address().to_string();
-                let what = "the recording of the probe has a hole: close other programs that use the link, or use USB";
+                let what = "the recording of the probe has a hole: close other programs that use the link or keep this \
+                            computer busy, or use USB";
                 let what = what.to_owned();
                 return Err(LinkError::Lossy { link, what }.into());
             }

@@ -358,7 +358,7 @@ fn keep_playing(
             !is_over.get() && !interrupt.is_raised()
         },
         |driven, status| {
-            heard.hear(status);
+            heard.hear(driven, status);
             live.borrow_mut().show(driven, status, heard);
             // Only an idle output has stopped, because otherwise it may still be fading out from the previous playback.
             is_over.set(status.output.activity == Activity::Idle);
