@@ -2,7 +2,7 @@
 
 use crate::hatt;
 use crate::support::{
-    Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, near, noise, scaled, text, wav,
+    Bench, RATE_HZ, all_pole, denim_rig_of, holds, near, noise, scaled, text, wav,
 };
 use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;

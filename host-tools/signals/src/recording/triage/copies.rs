@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn other_recordings_of_one_spectrum_are_no_copies() {
-        let takes: Vec<Vec<f64>> = (0..60).map(noise).collect();
+        let takes: Vec<Vec<f64>> = (0..60).map(bounded_noise).collect();
         assert!(copies_of(&takes).iter().all(Option::is_none));
         // Recordings without a signal are not copies either.
         assert_eq!(
