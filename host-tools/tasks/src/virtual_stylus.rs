@@ -24,12 +24,17 @@ fn folder() -> PathBuf {
     workspace::root().join("tests/virtual-stylus")
 }
 
-/// Returns cargo for the host, in the virtual stylus's workspace. It shares the folder of the product's own builds, so
-/// that common dependencies are built once.
+/// Returns the folder of the virtual stylus's builds. It is not the folder of the product's own builds, because a build
+/// would wait there for the end of theirs.
+fn target_folder() -> PathBuf {
+    workspace::target_folder("virtual-stylus")
+}
+
+/// Returns cargo for the host, in the virtual stylus's workspace.
 fn cargo(subcommand: &str, progress: Progress) -> Command {
     let mut cargo = Command::new("cargo");
     cargo.current_dir(folder());
-    cargo.env("CARGO_TARGET_DIR", workspace::host_target_folder());
+    cargo.env("CARGO_TARGET_DIR", target_folder());
     cargo.arg(subcommand).args(progress.argument());
     cargo.args(["--locked", "--ignore-rust-version"]);
     cargo
@@ -98,7 +103,7 @@ pub fn build_as_tested() -> Result<PathBuf> {
 
 fn built(cargo: &mut Command) -> Result<PathBuf> {
     process::run(cargo)?;
-    process::built(workspace::host_target_folder().join("debug/virtual-stylus"))
+    process::built(target_folder().join("debug/virtual-stylus"))
 }
 
 /// Runs the tests that count ticks, such that they write the page's table.

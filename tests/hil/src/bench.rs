@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use host_tools::link::play::{Drive, Driven, drive};
-use host_tools::link::{Device, LinkAddress};
-use host_tools::playing::motion::MotionPath;
-use host_tools::procedures::self_test::Line;
 use model_format::link::{Activity, MotionSample, MotionSource, PlayRequest, Selection, Status};
 use model_format::{MillimetresPerSecond, Newton};
+use stylus_link::link::play::{Drive, Driven, drive};
+use stylus_link::link::{Device, LinkAddress};
+use stylus_link::procedures::self_test::Line;
+use stylus_signals::playing::motion::MotionPath;
 
 use crate::board::Board;
 use crate::error::{Error, Result};

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use host_tools::link::LinkError;
+use stylus_link::link::LinkError;
 
 /// A failure of the bench, as opposed to a value outside its limits.
 #[derive(Debug, thiserror::Error)]

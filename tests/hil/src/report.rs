@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use host_tools::procedures::self_test::{Line, Verdict};
 use serde::Serialize;
+use stylus_link::procedures::self_test::{Line, Verdict};
 
 /// One test.
 #[derive(Clone, Debug, PartialEq, Serialize)]

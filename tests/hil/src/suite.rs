@@ -5,8 +5,8 @@
 
 use std::path::PathBuf;
 
-use host_tools::link::upload::upload;
 use model_format::link::{Setting, SettingChange, SettingSet, Settings, SlotState};
+use stylus_link::link::upload::upload;
 
 use crate::bench::Bench;
 use crate::checks::{self, cycles, endurance, faults, playing, self_test};

@@ -10,9 +10,9 @@ use hil::board::Board;
 use hil::checks::{cycles, endurance, faults, playing, self_test, upload};
 use hil::library::{Played, played};
 use hil::suite::{Kept, run};
-use host_tools::link::{Device, Timeouts};
-use host_tools::procedures::self_test::Verdict;
 use model_format::link::{Activity, Setting, SettingChange};
+use stylus_link::link::{Device, Timeouts};
+use stylus_link::procedures::self_test::Verdict;
 
 const LENGTHS: Lengths = Lengths {
     play_ms: 40,

@@ -4,9 +4,9 @@ use std::panic::resume_unwind;
 use std::thread;
 use std::time::Duration;
 
-use host_tools::link::capture::Stream;
-use host_tools::procedures::self_test::judge::{self, Traffic};
 use model_format::link::{LIBRARY_CRC, MotionSource, MuteReason, Status, UploadBegin};
+use stylus_link::link::capture::Stream;
+use stylus_link::procedures::self_test::judge::{self, Traffic};
 
 use crate::bench::Bench;
 use crate::checks::playing::count;

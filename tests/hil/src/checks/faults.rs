@@ -3,8 +3,8 @@
 
 use std::ops::Range;
 
-use host_tools::link::capture::Stream;
 use model_format::link::{Fault, FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
+use stylus_link::link::capture::Stream;
 
 use crate::bench::{Bench, request};
 use crate::board::Image;

@@ -1,10 +1,10 @@
 //! Playing by both sources of motion, the stop, and the mutes.
 
-use host_tools::link::LinkError;
-use host_tools::procedures::self_test::Line;
 use model_format::link::{
     Activity, MotionSource, MuteReason, Selection, Setting, SettingChange, SettingsError, Status,
 };
+use stylus_link::link::LinkError;
+use stylus_link::procedures::self_test::Line;
 
 use crate::bench::{Bench, is_playing, request};
 use crate::error::{Error, Result};

@@ -1,7 +1,7 @@
 //! The product's own self test, and a list of the tests that need an instrument.
 
-use host_tools::procedures::self_test::{self, Line, Options, judge};
 use model_format::link::{SelfTestRequest, SelfTestValues};
+use stylus_link::procedures::self_test::{self, Line, Options, judge};
 
 use crate::bench::Bench;
 use crate::error::Result;

@@ -1,7 +1,7 @@
 //! An upload: the library is listed afterwards and can be activated.
 
-use host_tools::link::upload::upload;
 use model_format::link::LIBRARY_CRC;
+use stylus_link::link::upload::upload;
 
 use crate::bench::Bench;
 use crate::error::Result;

@@ -1,9 +1,9 @@
 //! The self test: a healthy board passes, each fault fails the line that names it, and no state is left changed.
 
-use host_tools::procedures::self_test::{Line, Verdict, judge};
 use model_format::link::{
     InfoEndpoint, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues, Setting, SlotId,
 };
+use stylus_link::procedures::self_test::{Line, Verdict, judge};
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
 use virtual_stylus::model::pin::Drive;

@@ -6,12 +6,12 @@ use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use host_tools::link::capture::capture;
-use host_tools::link::play::{Drive, drive};
-use host_tools::link::upload::upload;
-use host_tools::link::{Device, LinkAddress, LinkError, Timeouts};
-use host_tools::procedures::self_test::{self, Verdict};
 use model_format::link::MuteReasons;
+use stylus_link::link::capture::capture;
+use stylus_link::link::play::{Drive, drive};
+use stylus_link::link::upload::upload;
+use stylus_link::link::{Device, LinkAddress, LinkError, Timeouts};
+use stylus_link::procedures::self_test::{self, Verdict};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::motion::Motion;

@@ -3,6 +3,7 @@
 mod bench;
 mod flash;
 mod motion;
+mod pace;
 mod probe;
 mod registers;
 mod usb;

@@ -3,7 +3,6 @@
 use fake_stylus::device::{MOTION, change};
 use hil::checks::faults::ENDING;
 use hil::injection::Injected;
-use host_tools::procedures::calibrate::AtRest;
 use model_format::link::{
     ActivateEndpoint, Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic,
     ResetReason, Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId,
@@ -12,6 +11,7 @@ use model_format::link::{
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::update::sign;
+use stylus_link::procedures::calibrate::AtRest;
 use virtual_stylus::model::flash::Moment;
 use virtual_stylus::model::usb::host::{Host, Mishap};
 
