@@ -13,14 +13,10 @@ use hil::board::{Board, Images, Probe, VirtualBoard};
 use hil::error::{Error, Result};
 use hil::report::{Report, Test};
 use hil::suite::{overwrites, run};
-<<<<<<< HEAD
-use host_tools::link::{Device, LinkAddress, Timeouts};
-=======
->>>>>>> stylus
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-use stylus_link::link::{Device, LinkAddress, Route, Timeouts};
+use stylus_link::link::{Device, LinkAddress, Timeouts};
 
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
