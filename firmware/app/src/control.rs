@@ -76,9 +76,6 @@ pub trait Device {
     fn set_mute(&mut self, muted: bool);
 
     /// Returns the plan of `selection`, which [`plan_of`] computes from the library in RAM, and its rate.
-    ///
-    /// # Errors
-    /// There is no library, or the texture or scene cannot be played.
     fn plan(
         &self,
         selection: &Selection,
@@ -142,15 +139,9 @@ pub trait Device {
     fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault>;
 
     /// Begins a recording.
-    ///
-    /// # Errors
-    /// The errors of `Recorder::start`.
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError>;
 
     /// Ends the recording.
-    ///
-    /// # Errors
-    /// The errors of `Recorder::stop`.
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError>;
 
     /// The next whole block of the recording, if there is one. The queue of samples is read also while nothing is
@@ -437,9 +428,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `StopEndpoint` for either link, and ends the lease.
-    ///
-    /// # Errors
-    /// Nothing is played.
     pub fn stop(&mut self) -> Result<OutputStatus, StopError> {
         self.player.stop()?;
         self.lease.end();
@@ -469,9 +457,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `RecordStartEndpoint`. The blocks go to `from`.
-    ///
-    /// # Errors
-    /// A recording is under way.
     pub fn record_start(&mut self, from: LinkId) -> Result<RecordStarted, RecordError> {
         let started = self.device.start_recording()?;
         self.listener = from;
@@ -484,9 +469,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `RecordStopEndpoint`.
-    ///
-    /// # Errors
-    /// No recording is under way.
     pub fn record_stop(&mut self) -> Result<RecordStopped, RecordError> {
         self.device.stop_recording()
     }
@@ -521,9 +503,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Returns the change that `from` has proposed with `token`, and ends the proposal.
-    ///
-    /// # Errors
-    /// No proposal of this link has this token.
     pub fn take_proposal(
         &mut self,
         from: LinkId,

@@ -70,9 +70,6 @@ impl Lease {
 
     /// Checks that `link` may move what is played. Unlike a request to play, a motion is refused even after the other
     /// link's lease has lapsed, because what is played belongs to the other link.
-    ///
-    /// # Errors
-    /// The other link holds the lease.
     pub fn check_motion(&mut self, link: LinkId) -> Result<(), HeldBy> {
         match self.held {
             Some((holder, _)) if holder != link => Err(self.refuse(holder)),

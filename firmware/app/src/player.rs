@@ -166,9 +166,6 @@ impl Player {
     }
 
     /// Fades out and stops.
-    ///
-    /// # Errors
-    /// Nothing is played.
     pub fn stop(&mut self) -> Result<(), StopError> {
         match self.phase {
             Phase::Playing(..) | Phase::FadingOut(Then::Play(..)) => {

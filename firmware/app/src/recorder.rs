@@ -90,9 +90,6 @@ impl<'q> Recorder<'q> {
     }
 
     /// Begins a recording with the next sample after those in the queue.
-    ///
-    /// # Errors
-    /// A recording is under way.
     pub fn start(&mut self) -> Result<RecordStarted, RecordError> {
         if self.recording {
             return Err(RecordError::Recording);
@@ -115,9 +112,6 @@ impl<'q> Recorder<'q> {
     }
 
     /// Ends the recording; a block that is not full is dropped.
-    ///
-    /// # Errors
-    /// No recording is under way.
     pub fn stop(&mut self) -> Result<RecordStopped, RecordError> {
         if !self.recording {
             return Err(RecordError::NotRecording);

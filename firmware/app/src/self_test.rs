@@ -40,9 +40,6 @@ pub trait Bench {
     fn output(&mut self) -> impl Future<Output = Result<OutputValues, SelfTestError>>;
 
     /// Reads the output's pin and moves nothing.
-    ///
-    /// # Errors
-    /// The converter does not answer.
     fn rest(&mut self) -> impl Future<Output = Result<RestValues, SelfTestError>>;
 
     /// Time since the start, µs, which wraps after 71 minutes.

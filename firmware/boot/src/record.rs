@@ -276,9 +276,6 @@ impl<F: NorFlash> Store<F> {
     /// Writes the record again if a later start could read a different one: a word does not read the same each time, or
     /// this record and the previous one disagree on whether to exchange images. Also writes it again if a
     /// [`Store::renew`] of this run could lack room. Called at the start, because an erasure may take seconds.
-    ///
-    /// # Errors
-    /// The flash does not keep it.
     pub async fn settle(&mut self) -> Result<(), NotKept> {
         if self.is_settled && self.has_room() {
             return Ok(());
@@ -289,9 +286,6 @@ impl<F: NorFlash> Store<F> {
     /// Writes the record again unless this run has written one. Called before something is given up that an older
     /// record would need, because no number of reads proves that a word is whole. Never erases, because something may
     /// be played.
-    ///
-    /// # Errors
-    /// The flash does not keep it.
     pub async fn renew(&mut self) -> Result<(), NotKept> {
         if self.is_renewed {
             return Ok(());

@@ -83,9 +83,6 @@ impl Bank {
     }
 
     /// Locks the bank and returns the status with which the operation has ended.
-    ///
-    /// # Errors
-    /// The status shows a fault.
     pub fn end(self) -> Result<Sr, Sr> {
         let registers = self.registers();
         let status = registers.sr().read();

@@ -8,9 +8,6 @@ use stylus_kernel::{Motion, MotionError, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 /// Plays the first texture of `library` into `output`, at the texture's sample rate, in steps of 2⁻²⁰ m/s². `motion`
 /// returns the tool's motion at a sample; it is called once per update interval of ten samples.
-///
-/// # Errors
-/// The bytes are not a library.
 pub fn play(
     library: &[u8],
     motion: impl Fn(usize) -> Motion,

@@ -37,9 +37,6 @@ impl Motion {
     };
 
     /// Creates a motion. The speed's sign is dropped, and a negative force counts as no contact.
-    ///
-    /// # Errors
-    /// A speed or force that is not finite.
     pub fn new(speed: MillimetresPerSecond, force: Newton) -> Result<Self, MotionError> {
         if !speed.0.is_finite() {
             return Err(MotionError::Speed);

@@ -52,9 +52,6 @@ impl Handler<typelevel::USART3> for LineErrors {
 }
 
 /// Sets up the port and returns its sender and receiver.
-///
-/// # Errors
-/// The clock cannot produce the baud rate.
 pub fn open(
     usart: Peri<'static, peripherals::USART3>,
     tx: Peri<'static, PD8>,

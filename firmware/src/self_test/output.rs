@@ -84,9 +84,6 @@ async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
 
 /// Measures everything. Afterwards, even after a failure, the output belongs to the tick again and the amplifier is as
 /// before.
-///
-/// # Errors
-/// The converter does not answer, or the output does not accept a code.
 pub async fn measure() -> Result<OutputValues, SelfTestError> {
     let read_back = ReadBack::start().await?;
     let by_hand = ByHand::take();
@@ -113,9 +110,6 @@ pub async fn measure() -> Result<OutputValues, SelfTestError> {
 }
 
 /// Reads the pin as the tick drives it. Changes neither the output nor the amplifier.
-///
-/// # Errors
-/// The converter does not answer.
 pub async fn rest() -> Result<RestValues, SelfTestError> {
     let read_back = ReadBack::start().await?;
     let mut sum = 0;

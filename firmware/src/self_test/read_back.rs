@@ -51,9 +51,6 @@ async fn becomes(is_there: impl Fn() -> bool, what: &'static str) -> Result<(), 
 
 impl ReadBack {
     /// Wakes, calibrates and enables the converter (RM0433 sections 25.4.6 to 25.4.9).
-    ///
-    /// # Errors
-    /// The converter does not answer in time.
     pub async fn start() -> Result<Self, SelfTestError> {
         // From here on a failure drops this value, which puts the converter to sleep.
         let read_back = Self(());
@@ -105,9 +102,6 @@ impl ReadBack {
     }
 
     /// Waits for the end of the conversion that was ordered, and returns its code.
-    ///
-    /// # Errors
-    /// The conversion does not end in time.
     #[expect(clippy::unused_self, reason = "the value is the right to do it")]
     #[expect(
         clippy::result_large_err,

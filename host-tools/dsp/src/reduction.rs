@@ -47,9 +47,6 @@ pub struct NoSuchAxis {
 }
 
 /// Reduces `axes`, one to three signals of equal length in m/s², to one signal. Removes the mean of each axis in place.
-///
-/// # Errors
-/// The requested axis does not exist.
 pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxis> {
     for axis in axes.iter_mut() {
         remove_mean(axis);
@@ -105,9 +102,6 @@ impl View {
     }
 
     /// Reduces `axes`, as many as the recording has and about their means, in the same way.
-    ///
-    /// # Errors
-    /// The requested axis does not exist.
     pub fn reduce(&self, axes: &[Vec<f64>]) -> Result<Vec<f64>, NoSuchAxis> {
         match self.by {
             Reduction::Pca => Ok(projected(axes, &self.direction)),

@@ -359,9 +359,6 @@ fn noise_in_words(
 ///
 /// For trials judged by blocks, the library is fitted again to the blocks between, with the options of `record`. Trials
 /// judged by other recordings are played from `library` as it is. The result does not depend on the number of threads.
-///
-/// # Errors
-/// See [`prepare`].
 pub fn evaluate(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -438,9 +435,6 @@ impl Evaluation {
     }
 
     /// Reads the judge of trial `index` of the evaluated set, and plays what it judges.
-    ///
-    /// # Errors
-    /// A recording that cannot be used any more.
     pub fn compare(
         &self,
         set: &RecordingSet,

@@ -52,9 +52,6 @@ impl Judge {
 /// `record` names the recording; else the recording itself. Without a record nothing is known to be held out.
 ///
 /// `takes` is empty, or has an entry per trial.
-///
-/// # Errors
-/// A recording that cannot be read.
 pub fn judges(
     set: &RecordingSet,
     takes: Vec<Take>,
@@ -189,9 +186,6 @@ pub enum Take {
 ///
 /// The content of a take decides whether the fit has seen it: the bytes of its file, and the correlation of its signal
 /// with the trial's signal. A copy under another name, scaled or inverted, is therefore recognised.
-///
-/// # Errors
-/// A recording that cannot be used.
 pub fn takes(
     set: &RecordingSet,
     others: &RecordingSet,

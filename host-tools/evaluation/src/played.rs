@@ -86,9 +86,6 @@ pub fn in_words(parts: &PartsSpec) -> String {
 }
 
 /// Calls `work` with the parts of `texture` that `played` selects.
-///
-/// # Errors
-/// Those of `work`, or parts that cannot be encoded as a library.
 pub fn with<T>(
     texture: &Texture<'_>,
     played: Played,

@@ -157,9 +157,6 @@ pub struct Parameters {
 impl Parameters {
     /// The parameters in a TOML text: the tables `coil`, `amplifier`, `body`, `hand` and `accelerometer`, and any
     /// number of `[[faults]]`.
-    ///
-    /// # Errors
-    /// A text of another form, or a value out of its range.
     pub fn from_toml(text: &str) -> Result<Self> {
         let parameters: Self =
             toml::from_str(text).map_err(|error| Error::Form(error.to_string()))?;
@@ -168,9 +165,6 @@ impl Parameters {
     }
 
     /// A preset by its name, one of [`PRESETS`], with `/light`, `/firm` or `/free` after it for another hand.
-    ///
-    /// # Errors
-    /// A name that no preset has.
     pub fn preset(name: &str) -> Result<Self> {
         let unknown = || Error::NoPreset(name.to_owned());
         // The figures of every preset are those of a light grip.
@@ -241,9 +235,6 @@ impl Parameters {
     }
 
     /// Checks that every value is one that a plant may have, so that its steps stay finite.
-    ///
-    /// # Errors
-    /// A value out of its range.
     pub fn check(&self) -> Result<()> {
         // In the form of a table, one list of ranges by key checks all tables, those of faults too.
         let table = toml::Table::try_from(self).map_err(|error| Error::Form(error.to_string()))?;

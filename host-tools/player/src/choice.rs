@@ -51,9 +51,6 @@ impl Without {
 }
 
 /// Returns the plan of `selection` from `library`, without the parts in `without`.
-///
-/// # Errors
-/// A texture or scene that does not exist, or a scene that cannot be played.
 pub fn plan_of<'a>(
     library: &Library<'a>,
     selection: Selection,

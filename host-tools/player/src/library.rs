@@ -16,9 +16,6 @@ struct Bytes {
 
 impl SharedLibrary {
     /// Decodes `bytes`.
-    ///
-    /// # Errors
-    /// Bytes that are no library, or a damaged one.
     pub fn decode(bytes: Vec<u8>) -> Result<Self, DecodeError> {
         let outline = Library::decode(&bytes)?.outline(&bytes);
         Ok(Self(Arc::new(Bytes { bytes, outline })))

@@ -86,9 +86,6 @@ struct Shared {
 
 /// Creates a player at `output_rate_hz`: the handle that moves it and the one that fills buffers. It is silent until
 /// something is chosen.
-///
-/// # Errors
-/// An output rate that is not played.
 pub fn player(output_rate_hz: u32) -> Result<(Mover, Filler), Fault> {
     let (least, most, step) = OUTPUT_RATES_HZ;
     let is_played = (least..=most).contains(&output_rate_hz) && output_rate_hz.is_multiple_of(step);
@@ -125,17 +122,11 @@ pub struct Mover {
 
 impl Mover {
     /// Moves at a speed, mm/s, signed by the direction, with a force, N. The position is the integral of the speed.
-    ///
-    /// # Errors
-    /// A number that is not finite.
     pub fn rub(&self, speed_mm_s: f64, force_n: f64) -> Result<(), Fault> {
         self.follow(BlockMotion::new(speed_mm_s, force_n))
     }
 
     /// Moves by `motion` in the next block, and continues at its speed in the blocks after it.
-    ///
-    /// # Errors
-    /// A motion that [`BlockMotion::check`] refuses.
     pub fn follow(&self, motion: BlockMotion) -> Result<(), Fault> {
         motion.check().map_err(Fault::Motion)?;
         self.shared.moves.put(Told::Block(motion).words());
@@ -144,9 +135,6 @@ impl Mover {
 
     /// Moves to a position, mm, with a force, N, at `time_s` of the caller's clock. The speed follows from the previous
     /// position, and the texture is played at this one.
-    ///
-    /// # Errors
-    /// A number that is not finite.
     pub fn reach(&self, time_s: f64, position_mm: f64, force_n: f64) -> Result<(), Fault> {
         let motion = BlockMotion {
             begin_mm: position_mm,
@@ -171,9 +159,6 @@ impl Mover {
     /// Plays `selection` from `library` with the noise of `seed`, as soon as what is playing has faded out. This takes
     /// at most two blocks; at another sample rate, the interpolator must be empty, too. Allocates memory, and frees
     /// what was played before.
-    ///
-    /// # Errors
-    /// A texture or scene that does not exist or cannot be played.
     pub fn choose(
         &self,
         library: &SharedLibrary,
@@ -198,9 +183,6 @@ impl Mover {
 
     /// Multiplies what is played, m/s², by `gain`, and clamps it to `limit` on either side: volts, if the gain is in
     /// V per m/s². The gain changes over a block, the limit at once.
-    ///
-    /// # Errors
-    /// [`Fault::Gain`].
     pub fn set_gain(&self, gain: f32, limit: f32) -> Result<(), Fault> {
         if !gain.is_finite() || limit.is_nan() || limit < 0.0 {
             return Err(Fault::Gain);

@@ -34,9 +34,6 @@ pub fn choice<T: ValueEnum>(name: &str, text: &str) -> PyResult<T> {
 }
 
 /// The conditioning of recordings, by the names of the command's options.
-///
-/// # Errors
-/// A choice that there is not.
 pub fn conditioning(reduce: &str, high_pass: &str) -> PyResult<Conditioning> {
     let problem = |problem: String| refused(format!("high_pass is '{high_pass}': it {problem}"));
     Ok(Conditioning {
@@ -46,9 +43,6 @@ pub fn conditioning(reduce: &str, high_pass: &str) -> PyResult<Conditioning> {
 }
 
 /// Checks a number by the rule of an option of the command.
-///
-/// # Errors
-/// A number that the rule refuses.
 pub fn checked(
     name: &str,
     value: f64,
@@ -58,17 +52,11 @@ pub fn checked(
 }
 
 /// Checks a number that must be finite and above zero.
-///
-/// # Errors
-/// Another number.
 pub fn positive(name: &str, value: f64) -> PyResult<f64> {
     checked(name, value, number::positive)
 }
 
 /// Checks a number that must be finite and at least zero.
-///
-/// # Errors
-/// Another number.
 pub fn not_negative(name: &str, value: f64) -> PyResult<f64> {
     checked(name, value, number::not_negative)
 }
@@ -101,9 +89,6 @@ pub fn array<T: Element>(py: Python<'_>, values: Vec<T>) -> Py<PyArray1<T>> {
 }
 
 /// `values`, row by row, as an array of `rows` rows.
-///
-/// # Errors
-/// Values that make no such array.
 pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyArray2<T>>> {
     let columns = values.len() / rows.max(1);
     let flat = PyArray1::from_vec(py, values);
@@ -242,9 +227,6 @@ impl<'py, T: FromPyObjectOwned<'py>> FromPyObject<'_, 'py> for Several<T> {
 }
 
 /// Checks that an array of 32-bit words can be copied, and copies it.
-///
-/// # Errors
-/// More words than a result has.
 pub fn words(name: &str, words: &PyReadonlyArray1<'_, i32>) -> PyResult<Vec<i32>> {
     Left::of(MOST_NUMBERS).take(name, words.len())?;
     Ok(words.as_array().to_vec())
@@ -270,9 +252,6 @@ pub struct Channels {
 }
 
 /// The channels of an array-like.
-///
-/// # Errors
-/// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
     // As many as a file may have.

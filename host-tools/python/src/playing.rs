@@ -31,9 +31,6 @@ pub enum LibraryLike<'py> {
 
 impl LibraryLike<'_> {
     /// The library that is meant.
-    ///
-    /// # Errors
-    /// A file that is none.
     pub fn library(&self, py: Python<'_>) -> PyResult<Py<Library>> {
         match self {
             Self::Library(library) | Self::Of { library } => Ok(library.clone().unbind()),

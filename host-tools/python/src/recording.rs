@@ -327,9 +327,6 @@ fn unit_of(name: Option<&str>) -> PyResult<Option<TimeUnit>> {
 }
 
 /// The set that an argument stands for.
-///
-/// # Errors
-/// A set that cannot be opened, or an argument that is none.
 pub fn recordings(source: &Bound<'_, PyAny>) -> PyResult<RecordingSet> {
     set_of(source, &Assumed::default())
 }

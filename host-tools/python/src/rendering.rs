@@ -51,9 +51,6 @@ pub enum Played {
 }
 
 /// Renders what is `played` from the library of `bytes`.
-///
-/// # Errors
-/// A texture that is not there, a duration that no rendering has; an interrupt.
 pub fn rendered<'py>(
     py: Python<'py>,
     bytes: Arc<[u8]>,

@@ -109,9 +109,6 @@ pub enum AfterEnd {
 }
 
 /// Runs `work` as [`run`] does, with a choice of the caller's behaviour after it has ended the work.
-///
-/// # Errors
-/// As [`run`].
 pub fn run_until<T: Send + 'static>(
     py: Python<'_>,
     total: u64,

@@ -54,9 +54,6 @@ pub struct Inputs<'a> {
 
 /// Writes the page and its pictures into the existing `folder`, and calls `progress` after each texture. Returns the
 /// page's path.
-///
-/// # Errors
-/// The folder cannot be written to, or a recording cannot be used any more.
 pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
     let mut report = Report::new(inputs, folder);
     report.overview();

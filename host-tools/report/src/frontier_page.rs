@@ -25,9 +25,6 @@ const CYCLES: Quantity = Quantity::new("cycles per sample, Cortex-M7, modelled",
 const ERROR: Quantity = Quantity::new("RMS error", "dB");
 
 /// Writes the page.
-///
-/// # Errors
-/// A picture cannot be laid out, or the file cannot be written.
 pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     let mut page = Page::new("What accuracy costs in time");
     if frontier.simulated {

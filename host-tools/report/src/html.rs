@@ -202,9 +202,6 @@ impl Page {
     }
 
     /// Writes the page into a file. The file is written completely or not at all.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.finish().as_bytes())
     }

@@ -43,17 +43,11 @@ impl Overwrite {
     }
 
     /// Checks a file that will be written.
-    ///
-    /// # Errors
-    /// The errors of [`output::check_file`].
     pub fn file(&self, path: &Path) -> Result<()> {
         output::check_file(path, self.is_asked(), &inputs(path))
     }
 
     /// Checks a file that will be written. It may be the input `own`, if that is extended in place.
-    ///
-    /// # Errors
-    /// The errors of [`output::check_file`].
     pub fn file_in_place(&self, path: &Path, own: &Path) -> Result<()> {
         let mut others = inputs(path);
         others.retain(|input| input != own);
@@ -61,18 +55,12 @@ impl Overwrite {
     }
 
     /// Checks a folder that will be written.
-    ///
-    /// # Errors
-    /// The errors of [`output::check_folder`].
     pub fn folder(&self, path: &Path) -> Result<()> {
         output::check_folder(path, self.is_asked(), &inputs(path))
     }
 }
 
 /// Checks a file in a folder that grows. An earlier file is replaced without asking.
-///
-/// # Errors
-/// The errors of [`output::check_file`].
 pub fn check_in_growing_folder(path: &Path) -> Result<()> {
     output::check_file(path, true, &inputs(path))
 }
@@ -143,17 +131,11 @@ pub struct RenderedFile {
 
 impl RenderedFile {
     /// Checks that the file can be written.
-    ///
-    /// # Errors
-    /// The errors of [`Overwrite::file`].
     pub fn check(&self) -> Result<()> {
         self.overwrite.file(&self.out)
     }
 
     /// Writes `rendering` to the file, and prints what the file holds; `source` names what was rendered.
-    ///
-    /// # Errors
-    /// Settings, a plant or a rendering are refused, or the file cannot be written.
     pub fn render(&self, mut rendering: Rendering<'_>, source: &str) -> Result<()> {
         if self.pin || self.plant.is_some() {
             return self.write_pin(&mut rendering, source);

@@ -35,17 +35,11 @@ impl Recordings {
     }
 
     /// Opens the set.
-    ///
-    /// # Errors
-    /// See [`RecordingSet::open_with`].
     pub fn open(&self) -> Result<RecordingSet> {
         RecordingSet::open_with(&self.inputs, &self.assumed)
     }
 
     /// Opens other takes of the same trials, if given. The same values are assumed where their files lack them.
-    ///
-    /// # Errors
-    /// See [`RecordingSet::open_with`].
     pub fn open_takes(&self, takes: Option<&PathBuf>) -> Result<Option<RecordingSet>> {
         let open =
             |path: &PathBuf| RecordingSet::open_with(std::slice::from_ref(path), &self.assumed);
@@ -77,9 +71,6 @@ pub fn trial_force(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Returns the values of the `option`, one for all axes or one for each; `None` if it was not given.
-///
-/// # Errors
-/// Another number of values.
 pub fn of_axes(option: &str, given: &[f64]) -> Result<Option<[f64; 3]>> {
     match *given {
         [] => Ok(None),
@@ -161,9 +152,6 @@ impl ConstantMotion {
 
     /// Returns the motion in the file `motion`; else the constant motion that was given; else one with the speed and
     /// force `own`.
-    ///
-    /// # Errors
-    /// The motion cannot be read or used.
     pub fn or_in(
         &self,
         motion: Option<&Path>,
@@ -235,9 +223,6 @@ pub struct TextureAlong {
 impl TextureAlong {
     /// Calls `render` with the texture, the motion, its duration, s, and the seed. Warnings about them are printed
     /// before.
-    ///
-    /// # Errors
-    /// The library, the texture or the motion cannot be used; or the error of `render`.
     pub fn with(
         &self,
         render: impl FnOnce(Texture<'_>, &MotionPath, f64, u64) -> Result<()>,

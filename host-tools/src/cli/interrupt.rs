@@ -100,9 +100,6 @@ pub struct Interrupt(());
 
 impl Interrupt {
     /// Starts to listen. The first signal only raises a flag; the second one ends the process.
-    ///
-    /// # Errors
-    /// The system refuses a thread or a signal handler.
     pub fn listen() -> Result<Self> {
         IS_HEARD.store(true, Ordering::SeqCst);
         #[cfg(unix)]

@@ -32,17 +32,11 @@ pub fn is_full() -> bool {
 }
 
 /// Prints to standard output.
-///
-/// # Errors
-/// The output does not accept the whole text.
 pub fn print(text: &str) -> Result<()> {
     print_to(&mut io::stdout().lock(), &visible(text))
 }
 
 /// Prints a value as JSON.
-///
-/// # Errors
-/// The errors of [`print()`].
 pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&to_json(value))
 }
@@ -54,9 +48,6 @@ pub fn to_json(value: &impl serde::Serialize) -> String {
 }
 
 /// Prints bytes that this program itself has made, such as a script for a shell, to standard output without changes.
-///
-/// # Errors
-/// The errors of [`print()`].
 pub fn print_exactly(bytes: &[u8]) -> Result<()> {
     let mut output = io::stdout().lock();
     (output.write_all(bytes).and_then(|()| output.flush()))
@@ -107,9 +98,6 @@ pub fn failed(failure: &Error) {
 }
 
 /// Prints a text that clap has composed: help on standard output, or an error in the command line on standard error.
-///
-/// # Errors
-/// The errors of [`print()`], for help.
 pub fn answer(answer: &clap::Error) -> Result<()> {
     let styled = answer.render();
     let plain = styled.to_string();

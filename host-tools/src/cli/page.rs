@@ -174,9 +174,6 @@ fn fitted(set: &RecordingSet, arguments: &Arguments) -> Result<(Vec<u8>, Option<
 }
 
 /// Writes the page with a progress bar.
-///
-/// # Errors
-/// The errors of [`rub_page::write`].
 pub fn write(inputs: &Inputs<'_>, path: &Path) -> Result<Written> {
     let bar = progress::bar(inputs.library.len() as u64, "page");
     let written = rub_page::write(inputs, path, || bar.inc(1))?;

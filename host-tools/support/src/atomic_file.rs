@@ -29,9 +29,6 @@ pub fn write_with<T>(
 }
 
 /// Writes `bytes` to `path`, whole or not at all.
-///
-/// # Errors
-/// Something at `path` that is not a regular file, or a file that cannot be created, written or replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_together(&[(path, bytes)])
 }

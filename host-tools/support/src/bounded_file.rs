@@ -50,9 +50,6 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
 impl Limit {
     /// Opens the file at `path`. It must be a regular file within the size limit, because it is read more than once or
     /// not in sequence. Devices and pipes are refused before they are opened.
-    ///
-    /// # Errors
-    /// The file cannot be opened, is not a regular file, or is larger than the limit.
     pub fn open(&self, path: &Path) -> Result<File> {
         // To open a pipe would mean to wait for its other end.
         let found = std::fs::metadata(path).map_err(|source| absent("open", path, source))?;
@@ -78,9 +75,6 @@ impl Limit {
     }
 
     /// Reads the file at `path`.
-    ///
-    /// # Errors
-    /// The file cannot be read, or is larger than the limit.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
         let file = File::open(path).map_err(|source| absent("read", path, source))?;
         // On Unix a folder can be opened, and reading it fails with words that name no remedy.
@@ -101,9 +95,6 @@ impl Limit {
     }
 
     /// Reads the text file at `path`.
-    ///
-    /// # Errors
-    /// See [`Limit::read`]; or the text is not UTF-8, with the line.
     pub fn read_text(&self, path: &Path) -> Result<String> {
         String::from_utf8(self.read(path)?).map_err(|failure| {
             let before = &failure.as_bytes()[..failure.utf8_error().valid_up_to()];

@@ -132,9 +132,6 @@ impl CsvTable {
 
     /// Returns the first line that is not a comment, as the names of the columns. A table without such a line has no
     /// names.
-    ///
-    /// # Errors
-    /// A line cannot be read.
     pub fn header(&self) -> Result<Header<'_>> {
         let mut rows = self.rows()?;
         let (names, line) = match rows.next_row()? {
@@ -149,9 +146,6 @@ impl CsvTable {
     }
 
     /// Returns the comments above the first line that is not a comment.
-    ///
-    /// # Errors
-    /// A line cannot be read.
     pub fn comments(&self) -> Result<String> {
         let (mut lines, mut comments) = (self.lines()?, String::new());
         while lines.advance()? && !lines.is_content() {
@@ -161,9 +155,6 @@ impl CsvTable {
     }
 
     /// Returns all lines with fields, including the header.
-    ///
-    /// # Errors
-    /// The file cannot be opened.
     pub fn rows(&self) -> Result<Rows<'_>> {
         let mut parser = csv_core::ReaderBuilder::new();
         parser.delimiter(self.first_lines.separator as u8);
@@ -180,9 +171,6 @@ impl CsvTable {
     }
 
     /// Returns the lines below the header.
-    ///
-    /// # Errors
-    /// The header cannot be read.
     pub fn rows_below_header(&self) -> Result<Rows<'_>> {
         let mut rows = self.rows()?;
         rows.next_row()?;
@@ -461,9 +449,6 @@ impl Header<'_> {
     }
 
     /// Returns the index of the column `name`, or of one with [this name in other signs](is_named), if there is one.
-    ///
-    /// # Errors
-    /// Two columns of this name.
     pub fn column(&self, name: &str) -> Result<Option<usize>> {
         match self.exact_column(name)? {
             None => self.single(name, |column| is_named(column, name)),
@@ -472,9 +457,6 @@ impl Header<'_> {
     }
 
     /// Returns the index of the column with exactly this name, if there is one.
-    ///
-    /// # Errors
-    /// Two columns of this name.
     pub fn exact_column(&self, name: &str) -> Result<Option<usize>> {
         self.single(name, |column| column == name)
     }
@@ -539,9 +521,6 @@ pub struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     /// Returns the next row; `None` at the end.
-    ///
-    /// # Errors
-    /// The number of fields differs from that of the first row, or the row cannot be read.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
         let line = loop {
             let line = if let Some(labels) = self.labels.take() {

@@ -34,9 +34,6 @@ pub fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a finite number that is not negative.
-///
-/// # Errors
-/// See [`positive`].
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
@@ -45,33 +42,21 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 /// Parses the speed of a motion, in mm/s; its sign is the direction.
-///
-/// # Errors
-/// See [`positive`].
 pub fn speed(text: &str) -> Result<f64, String> {
     within(text, speed_fault)
 }
 
 /// Parses the force of a motion, in N; at or below zero there is no contact.
-///
-/// # Errors
-/// See [`positive`].
 pub fn force(text: &str) -> Result<f64, String> {
     within(text, force_fault)
 }
 
 /// Parses the speed of a recording, in mm/s, above zero.
-///
-/// # Errors
-/// See [`positive`].
 pub fn recorded_speed(text: &str) -> Result<f64, String> {
     positive(text).and_then(|_| speed(text))
 }
 
 /// Parses the force of a recording, in N, above zero.
-///
-/// # Errors
-/// See [`positive`].
 pub fn recorded_force(text: &str) -> Result<f64, String> {
     positive(text).and_then(|_| force(text))
 }
@@ -82,9 +67,6 @@ fn within(text: &str, fault: fn(f64) -> Option<String>) -> Result<f64, String> {
 }
 
 /// Parses a relative tolerance.
-///
-/// # Errors
-/// See [`positive`].
 pub fn tolerance(text: &str) -> Result<f64, String> {
     /// With a larger tolerance, neighbouring nodes of an ordinary grid would count as the same node.
     const MOST: f64 = 0.25;

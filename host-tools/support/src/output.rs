@@ -201,9 +201,6 @@ pub struct OutputFolder {
 
 impl OutputFolder {
     /// Begins to write the folder `path`. With `overwrite`, it will replace an earlier result.
-    ///
-    /// # Errors
-    /// See [`check_folder`].
     pub fn begin(path: &Path, overwrite: bool) -> Result<Self> {
         check_folder(path, overwrite, &[])?;
         let place = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());

@@ -61,9 +61,6 @@ fn without_its_path(failure: io::Error) -> io::Error {
 }
 
 /// Checks that a file can be created in `folder`, with a file that has no name.
-///
-/// # Errors
-/// The operating system's reason.
 pub(crate) fn try_in(folder: &Path) -> io::Result<()> {
     let made = tempfile::tempfile_in(folder);
     made.map(drop).map_err(without_its_path)
@@ -77,9 +74,6 @@ pub struct Temporary {
 impl Temporary {
     /// Creates a file in `folder` with these permissions, or with those of an ordinary file. The process's umask
     /// restricts them further.
-    ///
-    /// # Errors
-    /// The operating system's reason.
     #[cfg_attr(
         not(unix),
         expect(unused_variables, reason = "permissions are those of the folder")
@@ -103,9 +97,6 @@ impl Temporary {
     }
 
     /// Creates a folder in `folder` with the permissions of an ordinary folder.
-    ///
-    /// # Errors
-    /// The operating system's reason.
     pub fn folder_in(folder: &Path) -> io::Result<Self> {
         let builder = &mut tempfile::Builder::new();
         #[cfg(unix)]

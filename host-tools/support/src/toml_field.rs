@@ -101,9 +101,6 @@ impl Field {
     }
 
     /// Requires that a condition holds.
-    ///
-    /// # Errors
-    /// The condition does not hold.
     pub fn require(&self, holds: bool, problem: impl FnOnce() -> String) -> Checked {
         if holds {
             Ok(())
@@ -113,9 +110,6 @@ impl Field {
     }
 
     /// Requires a value above `low` and at most `high`; NaN is outside.
-    ///
-    /// # Errors
-    /// The value is outside.
     pub fn over(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require(value > low && value <= high, || {
             format!("must be above {low} and at most {high}, but is {value}")
@@ -123,9 +117,6 @@ impl Field {
     }
 
     /// Requires a value from `low` to `high`; NaN is outside.
-    ///
-    /// # Errors
-    /// The value is outside.
     pub fn within(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require((low..=high).contains(&value), || {
             format!("must be from {low} to {high}, but is {value}")
@@ -144,9 +135,6 @@ impl Field {
     }
 
     /// Requires a list of `least` to `most` entries.
-    ///
-    /// # Errors
-    /// The list is shorter or longer.
     pub fn count(&self, count: usize, least: usize, most: usize) -> Checked {
         self.require((least..=most).contains(&count), || {
             format!("must have {least} to {most} entries, but has {count}")

@@ -66,9 +66,6 @@ pub struct Arguments {
 }
 
 /// Parses a number with its unit: s, m or h.
-///
-/// # Errors
-/// The text has another form.
 pub fn duration(text: &str) -> std::result::Result<Duration, String> {
     let units = [('s', 1), ('m', 60), ('h', 3600)];
     let mut parsed = units.iter().filter_map(|&(unit, seconds)| {

@@ -36,9 +36,6 @@ struct Built {
 }
 
 /// Builds the module and keeps it. Returns a message on the result.
-///
-/// # Errors
-/// There is no toolchain, the build fails, the module names a folder of this machine, or a file cannot be written.
 pub fn write() -> Result<String> {
     let Built {
         bytes, compiler, ..

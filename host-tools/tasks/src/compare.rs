@@ -39,9 +39,6 @@ pub struct Cost {
 
 impl EmulatorReport {
     /// Reads a whole report. Lines that are not costs belong to the played words.
-    ///
-    /// # Errors
-    /// The last line is missing or not the last, or a cost is malformed.
     pub fn parse(text: &str) -> Result<Self> {
         let mut report = Self::default();
         let lines: Vec<&str> = text.lines().map(str::trim_end).collect();

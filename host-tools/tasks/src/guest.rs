@@ -50,9 +50,6 @@ pub fn compiler_flags(processor: Processor) -> String {
 }
 
 /// Builds the guest, and returns its image.
-///
-/// # Errors
-/// There is no toolchain, or the build fails.
 pub fn build(toolchain: &Toolchain, processor: Processor) -> Result<PathBuf> {
     let target_folder = workspace::target_folder(processor.name());
     let mut cargo = toolchain.cargo("build", &folder(), &target_folder);

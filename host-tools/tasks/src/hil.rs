@@ -50,9 +50,6 @@ pub struct Arguments {
 }
 
 /// Runs the suite.
-///
-/// # Errors
-/// A build fails, probe-rs is needed and missing, or a test fails.
 pub fn run(arguments: &Arguments) -> Result<()> {
     // Building an example selects the same features as the tests, with which the library of the host's tools is already
     // built.

@@ -32,9 +32,6 @@ pub fn severity(compiler: &str) -> &'static [&'static str] {
 }
 
 /// Lints the packages, the image, the bootloader and the guest of QEMU. A warning is a failure if [`severity`] says so.
-///
-/// # Errors
-/// There is no toolchain, or a warning is a failure.
 pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     const PROCESSOR: Processor = Processor::CortexM7;
     check_clippy(toolchain)?;

@@ -23,9 +23,6 @@ impl Progress {
 
 /// Runs `command` to its end. Returns the exit code that this program has to return: that of `command`, or 1 if a
 /// signal ended it.
-///
-/// # Errors
-/// The program cannot be started.
 pub fn become_like(command: &mut Command) -> Result<u8> {
     let status = command.status();
     let status = status.with_context(|| format!("cannot run {}", name(command)))?;
@@ -34,9 +31,6 @@ pub fn become_like(command: &mut Command) -> Result<u8> {
 }
 
 /// Runs `command` to its end. Its output goes to the screen.
-///
-/// # Errors
-/// The program cannot be started, or ends with a failure.
 pub fn run(command: &mut Command) -> Result<()> {
     let status = command.status();
     let status = status.with_context(|| format!("cannot run {}", name(command)))?;
@@ -75,9 +69,6 @@ fn name(command: &Command) -> String {
 }
 
 /// Returns the version that `program` prints after the word "version".
-///
-/// # Errors
-/// The program cannot be run, or prints no version.
 pub fn version(program: &PathBuf) -> Result<String> {
     let text = output(Command::new(program).arg("--version"))?;
     let mut words = text
@@ -102,9 +93,6 @@ pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
 }
 
 /// Returns `file`, which a build must have written.
-///
-/// # Errors
-/// The file does not exist.
 pub fn built(file: PathBuf) -> Result<PathBuf> {
     if !file.is_file() {
         bail!(

@@ -23,9 +23,6 @@ const TIME_LIMIT: Duration = Duration::from_mins(15);
 const TAIL_LINES: usize = 20;
 
 /// Returns the emulator's file: the one on the search path, or the one that `tests/run` unpacked.
-///
-/// # Errors
-/// QEMU is missing.
 pub fn find() -> Result<PathBuf> {
     let unpacked = workspace::tools_folder().join("debian/programs").join(QEMU);
     process::find(
@@ -42,9 +39,6 @@ pub fn find() -> Result<PathBuf> {
 }
 
 /// Returns QEMU's version in the form that QEMU prints: numbers with points.
-///
-/// # Errors
-/// QEMU is missing or prints no version.
 pub fn version() -> Result<String> {
     process::version(&find()?)
 }
@@ -52,9 +46,6 @@ pub fn version() -> Result<String> {
 /// Runs `image` to its end, with `job` in its memory if given, and returns its output.
 ///
 /// Virtual time advances by 256 ns per instruction, whatever the host does, so that the image's counts repeat exactly.
-///
-/// # Errors
-/// QEMU is missing, the image fails, or it does not end in time.
 pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<String> {
     let job = job.map(JobFile::write).transpose()?;
     let mut child = command(processor, image, job.as_ref())?

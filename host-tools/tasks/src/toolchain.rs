@@ -42,9 +42,6 @@ pub enum Toolchain {
 
 impl Toolchain {
     /// Returns the first toolchain found that builds for the target.
-    ///
-    /// # Errors
-    /// No such toolchain is installed.
     pub fn find() -> Result<Self> {
         if let Some(sysroot) = sysroot(Path::new("rustc"))
             && sysroot
@@ -70,9 +67,6 @@ impl Toolchain {
     }
 
     /// Returns the compiler's own name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
-    ///
-    /// # Errors
-    /// The compiler cannot be run.
     pub fn compiler_version(&self) -> Result<String> {
         match self {
             Self::Installed { .. } => version_of(Path::new("rustc")),
@@ -81,9 +75,6 @@ impl Toolchain {
     }
 
     /// Returns the version of the compiler, without its name.
-    ///
-    /// # Errors
-    /// The compiler cannot be run.
     pub fn compiler(&self) -> Result<String> {
         let version = self.compiler_version()?;
         Ok(version
@@ -132,9 +123,6 @@ impl std::fmt::Display for Toolchain {
 }
 
 /// Returns the name and version of the compiler in use.
-///
-/// # Errors
-/// The compiler cannot be run.
 pub fn version_in_use() -> Result<String> {
     version_of(Path::new("rustc"))
 }
@@ -160,9 +148,6 @@ fn sysroot(rustc: &Path) -> Option<PathBuf> {
 }
 
 /// Returns the linker that comes with the toolchain in use. It links files for any system.
-///
-/// # Errors
-/// The toolchain has no such linker.
 pub fn rust_lld() -> Result<PathBuf> {
     let mut asked = Command::new("rustc");
     let folder = process::output(asked.args(["--print", "target-libdir"]))?;
@@ -195,9 +180,6 @@ fn debian_first() -> OsString {
 }
 
 /// Checks that `toolchain` can lint.
-///
-/// # Errors
-/// Clippy is missing.
 pub fn check_clippy(toolchain: &Toolchain) -> Result<()> {
     match toolchain {
         Toolchain::Debian if debian_folder().join("cargo-clippy").is_file() => Ok(()),

@@ -43,9 +43,6 @@ fn cargo(subcommand: &str, progress: Progress) -> Command {
 /// Runs the product's image for interactive use, with the virtual stylus's own `arguments`, and returns its exit code.
 /// Image and emulator are built at the same time, because the end of either build keeps only one core busy. The
 /// progress of the longer build, the emulator's, is shown.
-///
-/// # Errors
-/// A build fails, or the run cannot be started.
 pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<u8> {
     eprintln!(
         "building the emulator, and beside it the image for the STM32H743: {FIRST_BUILD} the first time, on two idle \
@@ -85,18 +82,12 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
 }
 
 /// Builds the virtual stylus's program, and returns its path. `progress` sets how much is printed.
-///
-/// # Errors
-/// The build fails.
 pub fn build(progress: Progress) -> Result<PathBuf> {
     built(cargo("build", progress).args(["--bin", "virtual-stylus"]))
 }
 
 /// Builds like [`build`], but with the features that the tests enable in common dependencies, so that after a run of
 /// the tests nothing is built again.
-///
-/// # Errors
-/// The build fails.
 pub fn build_as_tested() -> Result<PathBuf> {
     built(cargo("test", Progress::Quiet).args(["--no-run", "--test", "models"]))
 }
@@ -107,9 +98,6 @@ fn built(cargo: &mut Command) -> Result<PathBuf> {
 }
 
 /// Runs the tests that count ticks, such that they write the page's table.
-///
-/// # Errors
-/// A build or a test fails.
 pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let mut test = tests(toolchain, product)?;
@@ -118,9 +106,6 @@ pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
 }
 
 /// Runs only the test of endurance, with these environment variables.
-///
-/// # Errors
-/// A build or the test fails.
 pub fn soak(toolchain: &Toolchain, variables: [(&str, u64); 2]) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let mut test = tests(toolchain, product)?;
@@ -149,9 +134,6 @@ fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
 }
 
 /// Lints the virtual stylus. A warning is a failure if [`lint::severity`] says so.
-///
-/// # Errors
-/// There is a warning, or the build fails.
 pub fn lint() -> Result<()> {
     let mut clippy = cargo("clippy", Progress::Quiet);
     let severity = lint::severity(&toolchain::version_in_use()?);

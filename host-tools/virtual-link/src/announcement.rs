@@ -29,9 +29,6 @@ pub struct Announcement {
 
 impl Announcement {
     /// Announces a virtual stylus of this process with these links, as `stylus --link` accepts them.
-    ///
-    /// # Errors
-    /// A runtime folder that cannot be used, or a file that cannot be written.
     pub fn new(links: &[String]) -> io::Result<Self> {
         Self::within(&runtime_folder::own()?, links)
     }
@@ -53,9 +50,6 @@ impl Announcement {
     }
 
     /// Writes the virtual time of the virtual stylus.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
     pub fn tell_time(&mut self, time: Duration) -> io::Result<()> {
         self.locked.rewind()?;
         write_time(&mut self.locked, time)

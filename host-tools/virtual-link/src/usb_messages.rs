@@ -44,9 +44,6 @@ pub fn encode(message: &impl Serialize) -> Vec<u8> {
 }
 
 /// Removes the first message from the front of `bytes`, and returns it, or `None` if it is not yet complete.
-///
-/// # Errors
-/// Bytes that are not a message.
 pub fn take<T: for<'a> Deserialize<'a>>(bytes: &mut VecDeque<u8>) -> io::Result<Option<T>> {
     let unusable = || {
         io::Error::new(

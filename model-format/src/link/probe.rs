@@ -94,9 +94,6 @@ impl ProbeStart {
     }
 
     /// Checks the request. Returns the rate and the number of samples of the whole probe.
-    ///
-    /// # Errors
-    /// A value out of its range.
     #[expect(
         clippy::result_large_err,
         reason = "without allocation the error is as large as its longest text"

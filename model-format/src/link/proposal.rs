@@ -81,9 +81,6 @@ impl SettingsChange {
     }
 
     /// Returns the settings after this change of `settings`.
-    ///
-    /// # Errors
-    /// A value that the setting may not have.
     pub fn applied_to(&self, settings: Settings) -> Result<Settings, SettingsError> {
         match self {
             Self::Set(values) => values

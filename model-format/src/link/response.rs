@@ -240,9 +240,6 @@ impl Response {
 
     /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that none
     /// of `settings` makes the response stale, see [`Response::stale`].
-    ///
-    /// # Errors
-    /// The first fault that the check finds.
     pub fn check(&self, settings: &Settings) -> Result<(), ResponseError> {
         for rate in PlayRate::ALL {
             check_equaliser(&self.sections(rate).biquads()).map_err(|(section, problem)| {

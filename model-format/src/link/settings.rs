@@ -338,9 +338,6 @@ impl Settings {
     }
 
     /// Returns these settings with one changed.
-    ///
-    /// # Errors
-    /// A value that the setting may not have.
     pub fn with(mut self, change: SettingChange) -> Result<Self, SettingsError> {
         self.0[change.setting as usize] = change.setting.check(change.value)?;
         Ok(self)

@@ -250,9 +250,6 @@ impl SteppedStylus {
     }
 
     /// Uploads a library, or the rest of one whose upload has begun, like a host.
-    ///
-    /// # Errors
-    /// The refusal of a request.
     pub fn upload(&mut self, bytes: &[u8]) -> Result<UploadCommitted, UploadError> {
         self.request(async |storage, stage| {
             let begun = storage.upload_begin(stage, announcement(bytes)).await?;
@@ -264,17 +261,11 @@ impl SteppedStylus {
     }
 
     /// Activates the library in `slot`.
-    ///
-    /// # Errors
-    /// The errors of `Storage::activate`.
     pub fn activate(&mut self, slot: SlotId) -> Result<Activated, ActivateError> {
         self.request(async |storage, stage| storage.activate(stage, slot).await)
     }
 
     /// Plays `request` for the host on the serial port.
-    ///
-    /// # Errors
-    /// The errors of `Control::play`.
     pub fn play(&self, request: PlayRequest) -> Result<Playing, PlayError> {
         self.control.borrow_mut().play(LinkId::Serial, request)
     }
@@ -313,17 +304,11 @@ impl SteppedStylus {
     }
 
     /// Proposes new values of settings and applies them, like a host.
-    ///
-    /// # Errors
-    /// More values than there are settings, or a refusal of either step.
     pub fn change_settings(&mut self, values: &[SettingChange]) -> Result<Settings, SettingsError> {
         self.propose_and_apply(SettingsChange::of(values)?)
     }
 
     /// Proposes a reset of the settings and applies it, like a host.
-    ///
-    /// # Errors
-    /// A refusal of either step.
     pub fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
         self.propose_and_apply(SettingsChange::Reset)
     }

@@ -94,9 +94,6 @@ pub fn put(memory: &mut Memory, slot: SlotId, bytes: &[u8], sequence: u32) {
 }
 
 /// Uploads `bytes` directly into `store`, in chunks of `chunk` bytes.
-///
-/// # Errors
-/// The errors of [`Uploader`]'s methods.
 pub async fn upload<F: MappedFlash>(
     uploader: &mut Uploader,
     store: &mut SlotStore<F>,

@@ -13,9 +13,6 @@ use model_format::{
 };
 
 /// Writes the seeds of every target into the target's folder below `root`.
-///
-/// # Errors
-/// A folder or file cannot be written.
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     #[cfg(feature = "parsers")]
     crate::parsers::seeds::write(root)?;

@@ -142,9 +142,6 @@ impl Bench {
     }
 
     /// Reads the status.
-    ///
-    /// # Errors
-    /// A lost link, a missing answer, or an interrupt.
     pub fn status(&self) -> Result<Status> {
         if self.is_interrupted() {
             return Err(Error::Interrupted);
@@ -184,9 +181,6 @@ impl Bench {
     }
 
     /// Waits for `ms` of the device's clock.
-    ///
-    /// # Errors
-    /// The errors of [`Bench::wait_until`].
     pub fn wait(&self, ms: u64) -> Result<Status> {
         let end = self.status()?.uptime_ms + ms;
         self.wait_until("the device's clock did not go on", ms + 1_000, |status| {
@@ -195,9 +189,6 @@ impl Bench {
     }
 
     /// Waits until the device answers after a reset. The reset shows in the device's clock, which starts again.
-    ///
-    /// # Errors
-    /// The device does not answer again, or it does not reset, or the user ends the run.
     pub fn wait_for_restart(&mut self, before: &Status) -> Result<Status> {
         /// Number of attempts. Each takes as long as the link needs to return.
         const ATTEMPTS: u32 = 5;

@@ -67,9 +67,6 @@ impl Board {
 
     /// Resets the processor: a virtual stylus by its reset pin, a board as its probe does it, which may be a request to
     /// the core.
-    ///
-    /// # Errors
-    /// There is no control of the board, or it fails.
     pub fn reset(&mut self) -> Result<()> {
         match self {
             Self::ByHand => Err(by_hand()),
@@ -84,9 +81,6 @@ impl Board {
     }
 
     /// Writes `image` into the flash and starts it. The libraries and settings in flash stay.
-    ///
-    /// # Errors
-    /// There is no control of the board, or it fails.
     pub fn flash(&mut self, image: Image) -> Result<()> {
         match self {
             Self::ByHand => Err(by_hand()),
@@ -155,9 +149,6 @@ const MOTION: &str = "time_s,speed_mm_s,force_n\n0,0,0\n1,120,1\n100000,120,1\n"
 
 impl VirtualBoard {
     /// Starts `program` with the product's image on blank flash.
-    ///
-    /// # Errors
-    /// The virtual stylus cannot be started.
     pub fn start(program: PathBuf, images: Images) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let motion = folder.path().join("motion.csv");

@@ -53,9 +53,6 @@ pub enum Injected {
 }
 
 /// Requests a fault.
-///
-/// # Errors
-/// The link fails.
 pub fn inject(bench: &Bench, fault: Injected) -> Result<()> {
     Ok(bench.device.publish::<FaultTopic>(&(fault as u8))?)
 }

@@ -124,9 +124,6 @@ pub struct Kept {
 
 impl Kept {
     /// Saves the settings. `library` is the file to upload at the end.
-    ///
-    /// # Errors
-    /// The link fails.
     pub fn save(bench: &Bench, library: Option<PathBuf>) -> Result<Self> {
         Ok(Self {
             settings: bench.device.settings()?,
@@ -146,9 +143,6 @@ impl Kept {
 
     /// Sets the coil's settings to their present values, with a power limit of at most `MOST_POWER_W`, so that the
     /// device plays even if nobody has set them. [`Kept::restore`] undoes that.
-    ///
-    /// # Errors
-    /// The link fails, or the device refuses a value.
     pub fn make_playable(&self, bench: &Bench) -> Result<()> {
         for setting in SettingSet::REQUIRED.iter() {
             let value = match setting {
@@ -161,9 +155,6 @@ impl Kept {
     }
 
     /// Silences the device, and restores what was saved. After a failure the remaining steps are still tried.
-    ///
-    /// # Errors
-    /// The first failure.
     pub fn restore(&self, bench: &mut Bench) -> Result<()> {
         if bench.device.status().is_err() {
             bench.device.reconnect()?;
@@ -210,9 +201,6 @@ fn silence(bench: &Bench) -> Result<()> {
 }
 
 /// Describes the libraries that the run will overwrite, one text per library.
-///
-/// # Errors
-/// The link fails.
 pub fn overwrites(bench: &Bench) -> Result<Vec<String>> {
     let slots = bench.device.slots()?;
     let names = ["A", "B"].into_iter().zip(&slots.slots);

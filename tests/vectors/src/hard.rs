@@ -36,9 +36,6 @@ pub enum Way {
 
 impl<'a> HardCase<'a> {
     /// Reads the first of the cases in `bytes`. Returns the case and the bytes after it; `None` if there are no bytes.
-    ///
-    /// # Errors
-    /// The bytes are not a case.
     pub fn take(bytes: &'a [u8]) -> Result<Option<(Self, &'a [u8])>, postcard::Error> {
         if bytes.is_empty() {
             return Ok(None);
@@ -56,9 +53,6 @@ impl<'a> HardCase<'a> {
     }
 
     /// Plays the case. Each call that computes a sample goes through `measure`. Returns a digest of all samples.
-    ///
-    /// # Errors
-    /// The bytes are not a library.
     pub fn play<A: Arithmetic>(
         &self,
         measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,

@@ -22,9 +22,6 @@ pub enum PlayError {
 }
 
 /// Plays `vector` of `library` into `sink` along [`motion`]. Returns the number of samples at full scale.
-///
-/// # Errors
-/// The bytes are not a library, or the library lacks the texture.
 pub fn run<M: Arithmetic>(
     library: &[u8],
     vector: &Vector,

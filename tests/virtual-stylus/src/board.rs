@@ -56,9 +56,6 @@ pub struct StylusBoard {
 
 impl StylusBoard {
     /// The board with `pins` at its converter.
-    ///
-    /// # Errors
-    /// The emulator's description of the part does not fit the models.
     pub fn new(
         pins: Box<dyn Pins>,
         electrical: Electrical,

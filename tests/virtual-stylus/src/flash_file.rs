@@ -56,9 +56,6 @@ impl FlashFile {
     }
 
     /// Overwrites the file with `contents`.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn write(&mut self, contents: &Contents) -> Result<()> {
         let bytes = contents.to_bytes();
         let mut write = || {

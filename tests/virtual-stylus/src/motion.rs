@@ -169,9 +169,6 @@ pub struct MotionLine {
 }
 
 /// Reads a motion file: `time_s,speed_mm_s,force_n`. Lines that start with `#` are skipped.
-///
-/// # Errors
-/// The file cannot be read, or a line has another form.
 pub fn read_csv(path: &std::path::Path) -> Result<Vec<MotionLine>> {
     let told = |error: csv::Error| Error::Motion(format!("{}: {error}", path.display()));
     let mut reader = csv::ReaderBuilder::new()

@@ -153,9 +153,6 @@ pub struct Part {
 
 impl Part {
     /// The part as the power comes on, with `pins` at its converter. `defects` passes its defects to the core.
-    ///
-    /// # Errors
-    /// The emulator's description of the part does not fit the models.
     pub fn new(
         pins: Box<dyn Pins>,
         electrical: Electrical,
@@ -348,9 +345,6 @@ impl Part {
 
     /// Makes AXI SRAM's monitor report an error. In `flags`, bit 0 is a corrected error, and bit 1 an uncorrected one
     /// (section 3.4, RAMECC_M1SR).
-    ///
-    /// # Errors
-    /// The emulator's part has no such monitor.
     pub fn find_ram_error(&mut self, flags: u64) -> Result<(), Error> {
         let slot = self.rest.bus().slot("RAMECC1")?;
         let registers = registers(&mut self.rest, slot);

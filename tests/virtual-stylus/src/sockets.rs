@@ -73,9 +73,6 @@ pub struct SerialSocket {
 
 impl SerialSocket {
     /// Listens on `port` of the loopback interface (0 for any).
-    ///
-    /// # Errors
-    /// The port cannot be listened on.
     pub fn listen(port: u16) -> Result<Self> {
         Ok(Self {
             listener: Loopback::listen(port)?,
@@ -84,9 +81,6 @@ impl SerialSocket {
     }
 
     /// The port that the socket listens on.
-    ///
-    /// # Errors
-    /// The system does not report it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }
@@ -174,9 +168,6 @@ struct Program {
 
 impl UsbSocket {
     /// Listens on `port` of the loopback interface (0 for any).
-    ///
-    /// # Errors
-    /// The port cannot be listened on.
     pub fn listen(port: u16) -> Result<Self> {
         Ok(Self {
             listener: Loopback::listen(port)?,
@@ -187,9 +178,6 @@ impl UsbSocket {
     }
 
     /// The port that the socket listens on.
-    ///
-    /// # Errors
-    /// The system does not report it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }

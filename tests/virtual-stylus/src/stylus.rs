@@ -38,9 +38,6 @@ pub struct VirtualStylus {
 
 impl VirtualStylus {
     /// Puts the ELF file at `image` into the flash and switches the power on, without running anything yet.
-    ///
-    /// # Errors
-    /// The image cannot be read or does not fit the flash, or the emulator's part does not fit the models.
     pub fn new(image: &Path, options: Options) -> Result<Self> {
         let ram_noise = options.ram_noise;
         let (commands, stops, thread) = start(image, options)?;

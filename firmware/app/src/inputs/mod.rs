@@ -257,9 +257,6 @@ impl Timed {
     };
 
     /// The host's sample, received at `tick`.
-    ///
-    /// # Errors
-    /// Speed, force or position is not finite.
     pub fn from_host(sample: MotionSample, tick: u64) -> Result<Self, MotionRefused> {
         let motion = Motion::new(sample.speed, sample.force).map_err(|error| match error {
             MotionError::Speed => MotionRefused::Speed,

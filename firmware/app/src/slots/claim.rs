@@ -45,9 +45,6 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Claims the slot for an upload: the slot that is not active. While none is active, this is the slot that is worth
     /// less.
-    ///
-    /// # Errors
-    /// The errors of [`SlotStore::claim`].
     pub(crate) async fn claim_spare(&mut self, replaces_last: bool) -> Result<Claim, LastLibrary> {
         for slot in SlotId::ALL {
             self.give_second_chances(slot).await;

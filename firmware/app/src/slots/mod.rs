@@ -46,9 +46,6 @@ const STRIDE_BYTES: usize = 4096;
 /// as a bus fault.
 pub trait MappedFlash: NorFlash {
     /// The bytes of `range`, each word of which has been read without error since it was last written.
-    ///
-    /// # Errors
-    /// The range lies outside the flash.
     fn bytes(&self, range: Range<u32>) -> Result<&[u8], Self::Error>;
 }
 

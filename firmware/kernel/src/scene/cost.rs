@@ -181,9 +181,6 @@ impl Cost {
     }
 
     /// Returns the cost if it is within `budget` instructions per sample.
-    ///
-    /// # Errors
-    /// A cost above the budget.
     pub fn within(self, budget: u32) -> Result<Self, OverBudget> {
         if self.instructions() <= budget {
             Ok(self)

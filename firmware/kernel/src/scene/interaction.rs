@@ -40,9 +40,6 @@ impl Interaction {
 
     /// An interaction with `motion` at a position on the path, mm from its origin. Lines that are tied to position
     /// follow this position, too, unless [`Interaction::reaching`] sets a better one.
-    ///
-    /// # Errors
-    /// A position that is not finite.
     pub fn new(motion: Motion, position_mm: f32, contact: bool) -> Result<Self, InteractionError> {
         if !position_mm.is_finite() {
             return Err(InteractionError);

@@ -47,9 +47,6 @@ pub(super) struct PlannedTap {
 
 impl<'a> Plan<'a> {
     /// Compiles `scene` with the textures of `library`, after checking everything except the gain of its equaliser.
-    ///
-    /// # Errors
-    /// The fault that [`Scene::validate_decoded`] finds.
     pub fn new(scene: &Scene, library: &Library<'a>) -> Result<Self, SceneError> {
         scene.validate_decoded(library)?;
         let rate = scene.sample_rate_hz;

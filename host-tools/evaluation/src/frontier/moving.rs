@@ -163,9 +163,6 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
 
 /// Plays `texture` with `structure` during its rub, with an update every `interval` samples, and compares the output
 /// with `reference`.
-///
-/// # Errors
-/// A direct form cannot hold the texture.
 pub fn play(
     structure: Structure,
     texture: Texture<'_>,

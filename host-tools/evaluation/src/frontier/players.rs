@@ -21,9 +21,6 @@ use crate::texture::quantise::reflection;
 pub struct NotHeld;
 
 /// Returns the predictors with which `structure` plays `texture`; none for a lattice.
-///
-/// # Errors
-/// A direct form cannot hold the texture.
 pub(super) fn predictors(
     structure: Structure,
     texture: &Texture<'_>,
@@ -37,9 +34,6 @@ pub(super) fn predictors(
 }
 
 /// A filter of `structure` for `texture`.
-///
-/// # Errors
-/// A direct form cannot hold the texture.
 pub fn filter_of(structure: Structure, texture: &Texture<'_>) -> Result<Box<dyn Filter>, NotHeld> {
     Ok(match predictors(structure, texture)? {
         Some(predictors) => Box::new(Direct {

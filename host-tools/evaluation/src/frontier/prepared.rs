@@ -187,9 +187,6 @@ pub struct Material {
 
 impl Material {
     /// Two takes of the paper's protocol by the rig simulator, written below `folder`.
-    ///
-    /// # Errors
-    /// A folder that cannot be written.
     pub fn simulated(folder: &Path) -> Result<Self> {
         let paper = RigFile::paper();
         let [fit, held_out] = SEEDS.map(|seed| {
@@ -210,9 +207,6 @@ impl Material {
     }
 
     /// The first half of each recording of `set` to fit, its second half to judge by.
-    ///
-    /// # Errors
-    /// A recording that cannot be read.
     pub fn halves(set: &RecordingSet) -> Result<Self> {
         let mut material = Self {
             fit: set.clone(),

@@ -46,9 +46,6 @@ pub struct Voice<'a> {
 
 impl<'a> Voice<'a> {
     /// Creates a voice that plays `texture` with `structure`, at rest.
-    ///
-    /// # Errors
-    /// A direct form cannot hold the texture.
     pub fn new(structure: Structure, texture: Texture<'a>, seed: u64) -> Result<Self, NotHeld> {
         Ok(Self {
             texture,

@@ -51,9 +51,6 @@ pub struct Voice {
 
 impl Voice {
     /// Plays `model` with the device's kernel. Returns `None` if it is too loud.
-    ///
-    /// # Errors
-    /// A duration that the renderer refuses.
     pub fn of(model: Model, options: &Options, seed: u64) -> Result<Option<Self>> {
         let synthesised = synthesis(&model, options.synthesis_s, seed)?;
         Ok(synthesised.map(|synthesised| Self { model, synthesised }))
@@ -68,9 +65,6 @@ impl Voice {
 }
 
 /// Plays `seconds` of `model` with the device's kernel, m/s², after a warm-up. Returns `None` if it is too loud.
-///
-/// # Errors
-/// A duration that the renderer refuses.
 pub fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f64>>> {
     const NAME: &str = "removed node";
     let grid = Grid::new(vec![PLACE.0], vec![PLACE.1], vec![model.clone()]);

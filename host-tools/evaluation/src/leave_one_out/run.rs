@@ -18,9 +18,6 @@ impl Prepared<'_> {
     /// Removes every inner node and predicts it by each method. Calls `progress` after each node.
     ///
     /// The result does not depend on the number of threads.
-    ///
-    /// # Errors
-    /// A request that the kernel's renderer refuses.
     pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<LeaveOneOut> {
         let rows = Row::all();
         let targets = self.targets().into_par_iter();

@@ -131,9 +131,6 @@ impl Answers {
     }
 
     /// Reads the files of several listeners.
-    ///
-    /// # Errors
-    /// Those of [`Self::read`], or two files with the same answers.
     pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Self>> {
         let mut files: Vec<Self> = Vec::new();
         for path in paths {

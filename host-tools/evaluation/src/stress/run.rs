@@ -36,9 +36,6 @@ pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
 
 /// Plays one case.
 ///
-/// # Errors
-/// A case whose models cannot be encoded as a library.
-///
 /// # Panics
 /// Never: a lattice holds every texture.
 pub fn play(case: &Case) -> Result<Outcome> {
@@ -53,9 +50,6 @@ pub(crate) fn lattice(texture: &Texture<'_>) -> Box<dyn Filter> {
 
 /// Plays one case with the filters that `new_filter` creates for its texture, at rest each time. Returns `None` if it
 /// creates none.
-///
-/// # Errors
-/// A case whose models cannot be encoded as a library.
 pub fn play_with(
     case: &Case,
     new_filter: impl Fn(&Texture<'_>) -> Option<Box<dyn Filter>>,

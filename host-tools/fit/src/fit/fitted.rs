@@ -47,9 +47,6 @@ pub struct FittedTexture {
 impl FittedTexture {
     /// Fits the models of one texture to its recordings, with Gaussian excitation of steady level. `reports` says which
     /// recordings are used.
-    ///
-    /// # Errors
-    /// A texture of which no trial is used, or that a library cannot hold.
     pub(super) fn of(
         recordings: &Recordings<'_>,
         reports: &[TrialReport],
@@ -200,9 +197,6 @@ pub(super) struct Source<'s> {
 impl<'s> Source<'s> {
     /// Adds the excitation to each of `textures`. It is fitted to the signals that are `held`, in the order of the
     /// textures, or to recordings that are read again. Calls `progress` for each trial that is done.
-    ///
-    /// # Errors
-    /// A recording that cannot be read again; textures that cannot be encoded as a library.
     pub fn excite(
         &self,
         textures: &mut [FittedTexture],
@@ -224,9 +218,6 @@ impl<'s> Source<'s> {
 
     /// Reads the signals of a texture's trials again. It reads those that the fit used, or all trials if the texture
     /// has lines or the rig's noise is subtracted, because both are estimated from all trials.
-    ///
-    /// # Errors
-    /// A recording that cannot be read any more.
     pub fn takes(&self, texture: &FittedTexture) -> Result<Vec<Take<'s>>> {
         let is_cleaned = self.options.floor == FloorChoice::Subtract;
         if is_cleaned || !texture.lines.lines.is_empty() {
@@ -329,18 +320,12 @@ impl Fit {
     }
 
     /// Encodes the fit's textures as a library.
-    ///
-    /// # Errors
-    /// Textures that a library cannot hold.
     pub fn library(&self) -> Result<Vec<u8>> {
         encoded(&specs(&self.textures))
     }
 }
 
 /// Encodes a library of `specs`.
-///
-/// # Errors
-/// Textures that a library cannot hold.
 pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
     model_format::encode(specs)
         .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))

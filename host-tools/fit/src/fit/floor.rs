@@ -106,9 +106,6 @@ impl Floor {
 impl NoiseTake {
     /// Returns the noise in `trial`, whose `axes` are given. The recordings of the `texture` have this number of
     /// `channels`.
-    ///
-    /// # Errors
-    /// Another number of channels.
     pub fn of(
         trial: &Trial,
         axes: Vec<Vec<f64>>,
@@ -149,9 +146,6 @@ fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
 
 /// Reads the rig's noise from the recordings at `path`. They must be of the same sensor as the texture, with the same
 /// number of `channels`. A missing scale or sample rate is taken from the texture's trial `like`.
-///
-/// # Errors
-/// A recording that cannot be used, or that has another number of channels.
 pub(super) fn named(
     path: &Path,
     like: &Trial,

@@ -128,9 +128,6 @@ pub fn read<'s>(
 
 /// Fits models to the `recordings` of all textures of `set`, with Gaussian excitation of steady level. The recordings
 /// were read with `options`, or with an order at least as high.
-///
-/// # Errors
-/// Those of [`fit`].
 pub fn models(set: &RecordingSet, recordings: &[Recordings<'_>], options: &Options) -> Result<Fit> {
     let trials = reports::reports(recordings, options)?;
     let textures = recordings
@@ -144,9 +141,6 @@ pub fn models(set: &RecordingSet, recordings: &[Recordings<'_>], options: &Optio
 }
 
 /// Fits models as [`models`] does, and adds what excites them in the same `part` of the recordings.
-///
-/// # Errors
-/// Those of [`fit`].
 pub fn fit_recordings(
     set: &RecordingSet,
     recordings: Vec<Recordings<'_>>,

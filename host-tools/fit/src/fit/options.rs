@@ -154,9 +154,6 @@ pub struct Options {
 }
 
 /// Returns the playing rate of `rate_hz` samples per second.
-///
-/// # Errors
-/// A rate that the stylus does not play.
 pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
     PlayRate::of(rate_hz).ok_or_else(|| {
         let rates = PlayRate::ALL.map(|rate| rate.hz().to_string()).join(" or ");

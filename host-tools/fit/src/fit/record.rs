@@ -102,9 +102,6 @@ pub struct FittedTrial {
 impl FitRecord {
     /// Returns the record of a fit of `set` with `options` that produced the library `bytes`. It does not yet hold the
     /// excitations and lines.
-    ///
-    /// # Errors
-    /// A recording that cannot be read any more.
     pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
         let contents = in_order(&set.trials, content_of)?;
         Ok(Self::with_contents(set, options, bytes, &contents))
@@ -112,9 +109,6 @@ impl FitRecord {
 
     /// Returns the record of `fit`, which was made with `options` from the strokes in `files` and produced the library
     /// `bytes`. `scale_m_s2` is the acceleration of a sample value of 1 that the user gave, m/s².
-    ///
-    /// # Errors
-    /// A recording that cannot be read any more.
     pub fn of_strokes(
         files: &[PathBuf],
         scale_m_s2: Option<f64>,
@@ -189,9 +183,6 @@ impl FitRecord {
 
     /// Reads the record next to the library at `path`, whose content is `bytes`. `None` if there is no record, or it is
     /// of another library.
-    ///
-    /// # Errors
-    /// A record that cannot be read or understood.
     pub fn beside(path: &Path, bytes: &[u8]) -> Result<Option<Self>> {
         let path = Self::path_for(path);
         let text = match RECORD.read(&path) {
@@ -211,9 +202,6 @@ impl FitRecord {
     }
 
     /// Reads a record from `text`; `path` is only named in errors.
-    ///
-    /// # Errors
-    /// Text that is no record.
     pub fn from_text(path: &Path, text: &[u8]) -> Result<Self> {
         serde_json::from_slice(text).map_err(|failure| {
             let problem = format!("is no record of a fit ({failure}): remove it, or fit again");
@@ -223,9 +211,6 @@ impl FitRecord {
 
     /// Returns `set` as the fit read it: with the speeds and forces that the fit used. A recording without a scale, a
     /// unit of times or a statement on even times gets those that the user gave for the fit.
-    ///
-    /// # Errors
-    /// A recording that cannot be read. See [`RecordingSet::snapped`].
     pub fn as_fitted(&self, mut set: RecordingSet) -> Result<RecordingSet> {
         let told = self.trials.iter().filter(|own| own.was_told());
         let told: HashMap<&str, &FittedTrial> =
@@ -265,9 +250,6 @@ impl FitRecord {
     }
 
     /// Returns whether the fit used a part of `trial`, even if its file had another name.
-    ///
-    /// # Errors
-    /// A recording that cannot be read.
     pub fn used(&self, trial: &Trial) -> Result<bool> {
         let asked = FittedTrial::of(trial)?;
         Ok(self
@@ -329,9 +311,6 @@ fn digits(hash: u64) -> String {
 }
 
 /// Hash of the bytes of a trial's recording, or of its samples in memory.
-///
-/// # Errors
-/// A recording that cannot be read.
 pub(super) fn content_of(trial: &Trial) -> Result<u64> {
     if let Some(held) = &trial.held {
         return Ok(held.content());

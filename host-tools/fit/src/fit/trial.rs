@@ -230,25 +230,16 @@ pub struct Signal {
 }
 
 /// Reads `trial` like a fit does. Evaluations read with this function too, so that they use the same samples.
-///
-/// # Errors
-/// A file that cannot be used, or that lacks the requested axis.
 pub fn signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
     triaged(trial, conditioning)?.into_signal(trial, conditioning.reduction)
 }
 
 /// Like [`signal`], but nothing is cut: every sample keeps its time.
-///
-/// # Errors
-/// Those of [`signal`].
 pub fn whole_signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
     signal_of_judged(trial, &[], conditioning)
 }
 
 /// Like [`signal`], but without running triage; `verdicts` are what it found on this trial before.
-///
-/// # Errors
-/// Those of [`signal`].
 pub(super) fn signal_of_judged(
     trial: &Trial,
     verdicts: &[Verdict],
@@ -294,9 +285,6 @@ fn spectrum(trial: &Trial, samples: &[f64], max_lag: usize) -> Result<PaddedSpec
 
 /// Reads and analyses the `part` of `trial` that is fitted, for models of the highest order of `options` at their rate.
 /// Triage examines the whole trial, at 5 kHz. Returns the analysis and the whole signal.
-///
-/// # Errors
-/// A file that cannot be used, or that lacks the requested axis.
 pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis, Signal)> {
     let (analysis, signal, _) = analyse_axes(trial, options, part)?;
     Ok((analysis, signal))

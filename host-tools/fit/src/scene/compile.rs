@@ -26,9 +26,6 @@ pub struct CompiledScene {
 
 impl CompiledScene {
     /// Returns the stages that the kernel runs.
-    ///
-    /// # Errors
-    /// A scene that the kernel cannot play.
     pub fn plan<'a>(&self, library: &Library<'a>) -> Result<Plan<'a>> {
         Plan::new(&self.scene, library)
             .map_err(|error| Error::Request(format!("scene '{}': {error}", self.scene.name)))

@@ -55,9 +55,6 @@ pub struct StageCost {
 
 impl CostReport {
     /// Returns the cost of `scene`, whose surfaces have these `names`, against `budget` instructions per tick.
-    ///
-    /// # Errors
-    /// A scene that the kernel cannot play.
     pub fn new(
         scene: &Scene,
         names: &[String],
@@ -225,9 +222,6 @@ pub struct SceneSummary {
 
 impl SceneSummary {
     /// Returns the summary of `scene`, which is one of `library`.
-    ///
-    /// # Errors
-    /// A scene that does not match the library.
     pub fn of(scene: &Scene, library: &Library<'_>) -> Result<Self> {
         let names = surface_names(scene, library);
         let report = CostReport::new(scene, &names, library, cost::BUDGET)?;

@@ -151,9 +151,6 @@ pub struct SceneFile {
 
 impl SceneFile {
     /// Reads the file at `path`.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or that [`SceneFile::from_toml`] refuses.
     pub fn read(path: &Path) -> Result<Self> {
         let text = TEXT.read_text(path)?;
         Self::from_toml(path, &text)

@@ -12,9 +12,6 @@ use crate::support::error::{Error, Result};
 use crate::support::nearest::{listed, nearly};
 
 /// Encodes `library` with `scenes` added. They replace scenes of the same name; all others stay the same.
-///
-/// # Errors
-/// A scene that the library cannot hold.
 pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
     let textures: Vec<TextureSpec> = library
         .textures()

@@ -29,9 +29,6 @@ pub(crate) fn spec_of(
 }
 
 /// Returns the library's entry for texture `name`, with the nodes of `grid` quantised.
-///
-/// # Errors
-/// A node that is too loud, with its speed and force.
 pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
     Ok(spec_of(
         name,
@@ -43,9 +40,6 @@ pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<T
 
 /// Returns the stored nodes of `grid`, whose models are at `sample_rate_hz`. θ takes the fewest bytes that preserve
 /// every node's spectrum.
-///
-/// # Errors
-/// A node that is too loud, with its speed and force.
 pub(crate) fn stored_nodes(name: &str, grid: &Grid, sample_rate_hz: u32) -> Result<Vec<NodeSpec>> {
     Ok(theta::store(
         grid,
@@ -55,9 +49,6 @@ pub(crate) fn stored_nodes(name: &str, grid: &Grid, sample_rate_hz: u32) -> Resu
 }
 
 /// Returns the bytes of a library with one texture, to judge a model. They never go to a file.
-///
-/// # Errors
-/// A node that is too loud; a grid that cannot be encoded as a library.
 pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
     // The bytes are not kept, so the weakest claim of provenance is enough.
     let spec = texture_spec(name, Provenance::Simulated, grid)?;
@@ -80,17 +71,11 @@ const LIBRARY: Limit = Limit {
 };
 
 /// Reads a library's bytes.
-///
-/// # Errors
-/// A file that cannot be read, or is larger than any library.
 pub fn read_library(path: &Path) -> Result<Vec<u8>> {
     LIBRARY.read(path)
 }
 
 /// Decodes a library; `path` is only named in errors.
-///
-/// # Errors
-/// Bytes that are not a valid library, with the position of the fault.
 pub fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
     Library::decode(bytes).map_err(|source| Error::Library {
         path: path.to_owned(),

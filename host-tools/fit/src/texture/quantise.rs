@@ -13,9 +13,6 @@ use crate::support::in_order::in_order;
 use crate::texture::grid::Grid;
 
 /// Returns all nodes of `grid` as codes.
-///
-/// # Errors
-/// A node that is too loud.
 pub fn nodes(name: &str, grid: &Grid) -> Result<Vec<NodeSpec>> {
     let nodes: Vec<_> = grid.nodes().collect();
     in_order(&nodes, |(speed_mm_s, force_n, model)| {

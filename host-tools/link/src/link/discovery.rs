@@ -109,9 +109,6 @@ impl From<&Attached> for Row {
 }
 
 /// Lists the links to attached devices, which are asked for their identity.
-///
-/// # Errors
-/// A computer that does not list its USB devices.
 pub fn rows() -> Result<Vec<Row>> {
     let mut found = attached()?;
     ask(found.iter_mut(), LONGEST, &identity);
@@ -119,9 +116,6 @@ pub fn rows() -> Result<Vec<Row>> {
 }
 
 /// Lists the links to attached devices, without asking the devices.
-///
-/// # Errors
-/// A computer that does not list its USB devices.
 fn attached() -> Result<Vec<Attached>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -202,9 +196,6 @@ fn identity(link: &LinkAddress) -> Identity {
 /// other link might be meant.
 ///
 /// Devices behind probes are asked only if no stylus is on USB, because one board may be attached by both ports.
-///
-/// # Errors
-/// No device, or several.
 pub fn only() -> Result<(LinkAddress, Option<String>)> {
     let mut found = attached()?;
     if !found.iter().any(|attached| attached.kind == Kind::Usb) {

@@ -17,9 +17,6 @@ const ST_LINK_PRODUCT_IDS: [u16; 8] = [
 ];
 
 /// Returns the links on USB.
-///
-/// # Errors
-/// A computer that does not list its USB devices.
 pub(super) async fn on_usb() -> Result<Vec<LinkAddress>> {
     let serials = usb::serial_numbers().await?.into_iter();
     Ok(serials.map(|serial| LinkAddress::Usb { serial }).collect())

@@ -61,9 +61,6 @@ pub struct Driven {
 /// every 0.2 s.
 ///
 /// Neither starts nor stops the output: see [`Device::play`] and [`Device::stop`].
-///
-/// # Errors
-/// A lost link, a missing answer, or a refused motion.
 pub fn drive(
     device: &Device,
     plan: &Drive,

@@ -34,9 +34,6 @@ pub struct UpdateFile {
 
 impl UpdateFile {
     /// Reads the file at `path`. The device checks its signature.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or is no update.
     pub fn read(path: &Path) -> crate::support::error::Result<Self> {
         let bytes = UPDATE.read(path)?;
         let header = ImageHeader::read(&bytes);
@@ -137,9 +134,6 @@ pub fn update(
 
 /// Checks by `trial`, the device's report after the restart, that an image with the version in the header `wanted`
 /// runs.
-///
-/// # Errors
-/// Another image that runs, or an update that was rolled back.
 fn check_exchanged(device: &Device, trial: &UpdateReport, wanted: &ImageHeader) -> Result<()> {
     if let UpdatePhase::RolledBack { version, cause } = trial.phase {
         return Err(device.not_verified(format!(

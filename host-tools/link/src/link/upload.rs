@@ -48,9 +48,6 @@ pub fn upload(
 
 /// Uploads like [`upload`]. If `replaces_last`, the upload may erase the last readable library. A device that restarts
 /// before the upload is complete then has none.
-///
-/// # Errors
-/// Those of [`upload`].
 pub fn upload_over(
     device: &mut Device,
     library: &[u8],

@@ -111,9 +111,6 @@ pub struct BrokenFrame;
 
 impl FrameDecoder {
     /// Decodes one byte, and returns the frame that the byte ends, if it ends one.
-    ///
-    /// # Errors
-    /// The bytes before this zero are not a frame, or are too long for one.
     pub fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, BrokenFrame>> {
         if byte != 0 {
             // Bytes that never hold a zero, such as another program's output, would fill the memory without this bound.

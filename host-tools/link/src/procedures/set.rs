@@ -166,9 +166,6 @@ pub struct Folder {
 
 impl Folder {
     /// Opens a folder, and creates it if it does not exist.
-    ///
-    /// # Errors
-    /// A folder that cannot be created, or whose list has other columns or cannot be read.
     pub fn open(path: &Path) -> Result<Self> {
         fs::create_dir_all(path).map_err(Error::io("create", path))?;
         let list = path.join(TRIALS_FILE);
@@ -229,9 +226,6 @@ impl Folder {
     }
 
     /// Writes a trial's file and its line in the list; both replace those of an earlier recording of the same trial.
-    ///
-    /// # Errors
-    /// A file or a list that cannot be written.
     pub fn add(
         &mut self,
         planned: &PlannedTrial,

@@ -94,9 +94,6 @@ impl Strokes {
 
     /// Writes a CSV file for [`crate::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`,
     /// `force_n`. A lost sample is written as not a number, so that no segment includes it.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
     pub fn write(
         &self,
         path: &Path,

@@ -42,9 +42,6 @@ struct PagePlan<'a> {
 }
 
 /// Writes the page for `plan`. Returns its size in bytes.
-///
-/// # Errors
-/// A sound cannot be resampled, or the file cannot be written.
 pub fn write(plan: &Plan, path: &Path) -> Result<usize> {
     let text = page(plan)?;
     atomic_file::write(path, text.as_bytes())?;

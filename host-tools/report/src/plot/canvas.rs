@@ -79,9 +79,6 @@ pub fn text_width(text: &str, shown: u32) -> i32 {
 }
 
 /// Makes a picture: its heading, and below it the content that `draw` draws. `draw` returns the panels' data.
-///
-/// # Errors
-/// plotters cannot lay out the picture.
 pub fn picture(
     caption: &Caption<'_>,
     (width, height): (u32, u32),
@@ -134,9 +131,6 @@ pub fn picture(
 }
 
 /// Makes a picture of one chart below its legend. `draw` draws in the chart.
-///
-/// # Errors
-/// plotters cannot lay out the picture.
 pub fn chart(
     caption: &Caption<'_>,
     size: (u32, u32),

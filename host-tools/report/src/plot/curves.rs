@@ -41,9 +41,6 @@ pub struct FrontSeries {
 /// Each of `names` is written to the lower left of its place, where no choice beats it.
 ///
 /// A series or front without a drawable point has no entry in the legend.
-///
-/// # Errors
-/// The picture cannot be laid out.
 pub fn front_chart(
     caption: &Caption<'_>,
     (x, y): (Quantity, Quantity),
@@ -180,9 +177,6 @@ const HIGHEST_HZ: f64 = 1000.0;
 ///
 /// Amplitudes are scaled by √(2 / (N · rate)), so that those of noise do not depend on the length N. Their unit is
 /// m/s²/√Hz. The longer signal is shortened, as it is for C.
-///
-/// # Errors
-/// The picture cannot be laid out.
 pub fn spectra(
     caption: &Caption<'_>,
     (recorded, synthesised): (&[f64], &[f64]),

@@ -104,9 +104,6 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
 
 /// Draws axes without names and the bar of `scale`, for a map whose cells a page draws. The data has one cell, whose
 /// value is the end of the scale.
-///
-/// # Errors
-/// The picture cannot be laid out.
 pub fn map_axes(caption: &Caption<'_>, quantity: Quantity, scale: Scale) -> Result<Svg> {
     picture(caption, (NARROW, 340), |area| {
         let (chart, bar) = area.split_horizontally(at(NARROW - BAR));

@@ -65,9 +65,6 @@ impl Svg {
     }
 
     /// Writes the picture into a file. The file is written completely or not at all.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.text.as_bytes())
     }

@@ -16,9 +16,6 @@ pub struct Curve<'a> {
 }
 
 /// Draws levels from 10 Hz to 1 kHz over octaves, with dashed lines at ± `within_db` over `band_hz`.
-///
-/// # Errors
-/// The picture cannot be laid out.
 pub fn responses(
     caption: &Caption<'_>,
     curves: &[Curve<'_>],

@@ -40,9 +40,6 @@ fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
 
 /// Draws spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, on one scale. The
 /// recording's kurtosis decides the length of the windows of both signals.
-///
-/// # Errors
-/// The signals have no power, or the picture cannot be laid out.
 pub fn spectrograms(
     caption: &Caption<'_>,
     (recorded, synthesised): (&[f64], &[f64]),

@@ -25,9 +25,6 @@ const BESIDE: u32 = 64;
 
 /// Draws signals, m/s², each with its name, one below the other: the middle 100 ms on the left, and the middle 2 s on
 /// the right, both with the envelope, ± the RMS over windows of 10 ms. All signals have one scale.
-///
-/// # Errors
-/// The picture cannot be laid out.
 pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64) -> Result<Svg> {
     let middle = |signal: &'_ [f64], seconds: f64| {
         let len = ((seconds * rate_hz).round() as usize).min(signal.len());

@@ -137,9 +137,6 @@ impl NodesData {
 
 impl Data {
     /// Collects the data of `inputs`, and calls `progress` after each texture.
-    ///
-    /// # Errors
-    /// A recording cannot be used any more.
     pub fn of(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<Self> {
         let library = inputs.library;
         let thinning = inputs

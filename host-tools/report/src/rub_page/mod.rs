@@ -122,9 +122,6 @@ pub struct Written {
 }
 
 /// Writes the page, and calls `progress` after each of the library's textures.
-///
-/// # Errors
-/// A recording cannot be used any more, or the file cannot be written.
 pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<Written> {
     let (text, written) = page(inputs, progress)?;
     atomic_file::write(path, text.as_bytes())?;

@@ -14,9 +14,6 @@ const STEP_DB: f64 = 10.0;
 const RMS: Quantity = Quantity::new("RMS level", "m/s²");
 
 /// Returns the pictures as template elements, with the names that the scripts use. All textures share their scales.
-///
-/// # Errors
-/// A picture cannot be laid out.
 pub fn templates(data: &Data) -> Result<String> {
     // A library that is all silence has no peak, and axes from zero to zero cannot be laid out.
     let peak = if data.full_scale_m_s2 > 0.0 {

@@ -125,9 +125,6 @@ impl Export {
     }
 
     /// Writes the file, whole or not at all.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, &self.bytes)
     }

@@ -15,9 +15,6 @@ use crate::support::error::{Error, Result};
 pub const RATE_HZ: u32 = PIN_RATE_HZ;
 
 /// Returns the default settings with `changes`, each of which is a setting's name and its value.
-///
-/// # Errors
-/// There is no setting with this name, or the value is not allowed.
 pub fn settings<'a>(changes: impl IntoIterator<Item = (&'a str, f32)>) -> Result<Settings> {
     let change = |settings: Settings, (name, value)| {
         let setting = Setting::named(name)
@@ -127,9 +124,6 @@ pub struct PinSummary {
 
 /// Writes what a stylus with `settings` puts out for `rendering` as a WAV file: 32-bit floating point, in volts
 /// relative to mid-scale, [`RATE_HZ`] codes per second.
-///
-/// # Errors
-/// A rendering at a rate that no stylus plays, more codes than a WAV file can count, or a file that cannot be written.
 pub fn render_pin_wav(
     rendering: &mut Rendering<'_>,
     settings: &Settings,
@@ -140,9 +134,6 @@ pub fn render_pin_wav(
 
 /// Writes the acceleration of the tip of `plant`, in m/s² after each code, that the codes of [`render_pin_wav`] cause.
 /// The amplifier is on.
-///
-/// # Errors
-/// See [`render_pin_wav`].
 pub fn render_tip_wav(
     rendering: &mut Rendering<'_>,
     settings: &Settings,

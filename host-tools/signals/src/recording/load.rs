@@ -28,9 +28,6 @@ pub fn read(trial: &Trial) -> Result<Samples> {
 }
 
 /// Like [`read`], at `model_rate_hz`.
-///
-/// # Errors
-/// See [`read`].
 pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     let path = trial.file.as_path();
     let cut = Cut {

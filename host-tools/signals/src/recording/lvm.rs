@@ -49,9 +49,6 @@ enum Times {
 }
 
 /// Returns whether the file at `path` is a LabVIEW file.
-///
-/// # Errors
-/// The file is not a regular file, or cannot be read.
 pub(super) fn is_lvm(path: &Path) -> Result<bool> {
     let mut beginning = Vec::new();
     let read = (TABLE.open(path)?).take(64).read_to_end(&mut beginning);

@@ -148,9 +148,6 @@ impl Pattern {
     /// Reads the names of all recordings in `folder` and its subfolders, in sorted order. Returns the information from
     /// those that match, and the paths of the others, for display. A name that is not UTF-8 does not match, because no
     /// list can contain it.
-    ///
-    /// # Errors
-    /// The folder cannot be read, or no recording in it matches.
     pub fn read(&self, folder: &Path) -> Result<(Vec<Named>, Vec<String>)> {
         let mut paths = Vec::new();
         collect(folder, Path::new(""), &mut paths)?;

@@ -113,9 +113,6 @@ impl RecordingSet {
     }
 
     /// Opens inputs like [`RecordingSet::open`], with values for what they lack.
-    ///
-    /// # Errors
-    /// An input cannot be opened, and the errors of [`RecordingSet::open`].
     pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
         for input in inputs {
             if let Err(source) = std::fs::metadata(input) {

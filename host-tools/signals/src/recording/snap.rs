@@ -349,9 +349,6 @@ impl RecordingSet {
     /// Returns the set with the speeds and forces of each texture moved to nominal values, and a line for each texture
     /// in which something was moved. With a rule based on gaps, a texture whose values do not belong to a grid stays
     /// the same.
-    ///
-    /// # Errors
-    /// Values cannot be separated with the tolerance.
     pub fn snapped(mut self, snap: Snap) -> Result<(Self, Vec<String>)> {
         let groups = self.by_texture().into_iter();
         let groups: Vec<(String, Vec<usize>)> = groups

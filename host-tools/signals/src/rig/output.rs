@@ -81,9 +81,6 @@ impl fmt::Display for Summary {
 ///
 /// The folder is written whole or not at all. With `overwrite`, an earlier simulated set in `out` is replaced at the
 /// end.
-///
-/// # Errors
-/// The folder contains other files, or cannot be written.
 pub fn simulate_to_folder(
     rig: &RigFile,
     seed: u64,

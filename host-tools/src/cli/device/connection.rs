@@ -39,9 +39,6 @@ pub struct Link {
 
 impl Link {
     /// Connects to the stylus.
-    ///
-    /// # Errors
-    /// See [`Device::connect`].
     pub fn connect(&self) -> Result<Device> {
         if let Some(link) = &self.link {
             return self.connect_to(link);
@@ -54,9 +51,6 @@ impl Link {
     }
 
     /// Connects like [`Link::connect`], also to a stylus that speaks another version of the protocol.
-    ///
-    /// # Errors
-    /// No stylus is attached, several are attached and none is named, or the link cannot be opened.
     pub fn connect_to_any(&self) -> Result<Device> {
         let link = match &self.link {
             Some(link) => link.clone(),
@@ -74,9 +68,6 @@ impl Link {
     }
 
     /// Connects to the stylus at `link`, such as a second one of the same stylus.
-    ///
-    /// # Errors
-    /// See [`Device::connect`].
     pub fn connect_to(&self, link: &LinkAddress) -> Result<Device> {
         Ok(Device::connect(link, self.timeouts())?)
     }

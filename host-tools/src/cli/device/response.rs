@@ -59,9 +59,6 @@ pub struct ResponseReport {
 
 impl ResponseArguments {
     /// Checks the file of the picture that will be written.
-    ///
-    /// # Errors
-    /// The errors of [`Overwrite::file`].
     pub fn check_output(&self) -> Result<()> {
         let svg = self.svg.as_ref();
         svg.map_or(Ok(()), |svg| self.overwrite.file(svg))

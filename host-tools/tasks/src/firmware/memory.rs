@@ -58,9 +58,6 @@ pub(super) fn region(name: &str) -> Option<(u64, u64)> {
 
 impl Memory {
     /// Reads the use of memories from the bytes of an image.
-    ///
-    /// # Errors
-    /// The bytes are not an image.
     pub fn of(image: &[u8]) -> Result<Self> {
         let file = ElfFile32::<Endianness>::parse(image)?;
         let mut uses = Vec::new();
@@ -107,9 +104,6 @@ impl Memory {
     }
 
     /// Checks that the image leaves the required free space.
-    ///
-    /// # Errors
-    /// The image uses too much of a memory.
     pub fn check_limits(&self) -> Result<()> {
         for Use { name, used, .. } in &self.0 {
             let limit = LIMITS.iter().find(|(limited, _)| limited == name);

@@ -73,9 +73,6 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
 }
 
 /// Builds like [`build`]. `progress` decides how much of the build is shown.
-///
-/// # Errors
-/// The errors of [`build`].
 pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> Result<PathBuf> {
     let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
     let bytes = read(&kept)?;
@@ -147,9 +144,6 @@ fn build_in(
 }
 
 /// Returns the use of each memory by the image in `file`.
-///
-/// # Errors
-/// The file cannot be read, or is not an image.
 pub fn memory(file: &Path) -> Result<Memory> {
     Memory::of(&read(file)?)
 }
@@ -169,9 +163,6 @@ const PROBE_RS: [&str; 5] = [
 ];
 
 /// Returns the program that flashes images.
-///
-/// # Errors
-/// probe-rs is not installed.
 pub fn probe_rs() -> Result<PathBuf> {
     process::find(
         "probe-rs",
@@ -180,9 +171,6 @@ pub fn probe_rs() -> Result<PathBuf> {
 }
 
 /// Flashes the image in `file` to the board on the probe and starts it, without staying attached.
-///
-/// # Errors
-/// probe-rs is missing or fails.
 pub fn download(file: &Path) -> Result<()> {
     let program = probe_rs()?;
     let probe = |subcommand: &str| {
@@ -195,9 +183,6 @@ pub fn download(file: &Path) -> Result<()> {
 }
 
 /// Flashes the image in `file` to the board on the probe, and shows its log until Ctrl-C.
-///
-/// # Errors
-/// probe-rs is missing or fails.
 pub fn flash(file: &Path) -> Result<()> {
     let mut command = Command::new(probe_rs()?);
     command.args(PROBE_RS).arg(file);

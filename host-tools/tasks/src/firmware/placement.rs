@@ -66,9 +66,6 @@ struct Function {
 }
 
 /// Checks the image with these bytes.
-///
-/// # Errors
-/// The bytes are not an image, a root or the relocations are missing, or a root reaches flash.
 pub fn check(image: &[u8]) -> Result<()> {
     let file = ElfFile32::<Endianness>::parse(image)?;
     check_roots(&functions(&file), &references(&file)?)

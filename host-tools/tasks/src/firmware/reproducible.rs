@@ -12,9 +12,6 @@ use crate::workspace::{self, Folders};
 
 /// Builds the image here, and again from a copy of the sources in another folder, with another output folder and, on
 /// Unix, another name for the folder of cargo's own files. Returns the image's length, bytes.
-///
-/// # Errors
-/// A build fails; the images differ; or the image names a folder of this machine.
 pub fn check(toolchain: &Toolchain) -> Result<usize> {
     let first = read(&build(toolchain, Image::Product)?)?;
     let here = Folders::here(FOLDER);

@@ -12,9 +12,6 @@ pub struct Tree(BTreeMap<String, String>);
 
 impl Tree {
     /// Reads the files below `root`.
-    ///
-    /// # Errors
-    /// Git is missing or lists nothing, or a file cannot be read.
     pub fn read(root: &Path) -> io::Result<Self> {
         let mut git = Command::new("git");
         git.args("ls-files -z --cached --others --exclude-standard".split(' '));

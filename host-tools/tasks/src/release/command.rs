@@ -65,9 +65,6 @@ impl System {
     }
 
     /// Checks that compiler and linker can build for the system.
-    ///
-    /// # Errors
-    /// A tool is missing.
     pub fn check(&self) -> Result<()> {
         let [linker, package] = self.linker;
         process::find(linker, &format!("`apt-get install {package}` on Debian"))?;
@@ -83,9 +80,6 @@ impl System {
 }
 
 /// Builds the command for `system`, and returns its file.
-///
-/// # Errors
-/// The build fails.
 pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
     let folder = built_by_cargo(
         system,
@@ -98,9 +92,6 @@ pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
 
 /// Builds the packages or targets that `named` selects by cargo's arguments, for `system` and with the additional
 /// linker arguments `linked`. Returns the folder of the built files.
-///
-/// # Errors
-/// The build fails.
 pub fn built_by_cargo(
     system: &System,
     build: &Build,

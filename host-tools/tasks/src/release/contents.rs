@@ -21,9 +21,6 @@ const ROOTS: [&str; 5] = [
 ];
 
 /// Returns the list as JSON.
-///
-/// # Errors
-/// Cargo fails.
 pub fn list() -> Result<String> {
     let mut cargo = Command::new("cargo");
     cargo.args([

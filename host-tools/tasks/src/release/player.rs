@@ -36,9 +36,6 @@ const FILES: [(&str, &str); 10] = [
 ];
 
 /// Builds the player for `system`, and writes its archive to the folder of the release.
-///
-/// # Errors
-/// A build or tar fails.
 pub fn build(system: &System, build: &Build) -> Result<()> {
     let version = env!("CARGO_PKG_VERSION");
     let header = fs::read_to_string(workspace::root().join(HEADER))?;

@@ -9,17 +9,11 @@ use super::Build;
 use crate::{process, toolchain, workspace};
 
 /// Returns the program that builds wheels.
-///
-/// # Errors
-/// maturin is not installed.
 pub fn maturin() -> Result<PathBuf> {
     process::find("maturin", "`pip install maturin`")
 }
 
 /// Builds the wheel for this system. It fits every Python from 3.9 on.
-///
-/// # Errors
-/// maturin is not installed, or fails.
 pub fn build(build: &Build) -> Result<()> {
     let profile = if build.is_dev { "dev" } else { "release" };
     let mut program = Command::new(maturin()?);

@@ -123,9 +123,6 @@ fn made(name: &str) -> Result<String> {
 
 /// Compares a table that depends on the compiler with `made`, if the page names the same compiler. Returns true if they
 /// were compared.
-///
-/// # Errors
-/// The first row that differs.
 pub fn check_made(name: &str, made: &str, compiler: &str) -> Result<bool> {
     let page = page(name)?;
     let is_same = page.block(name)?.contains(&format!("rustc {compiler}"));

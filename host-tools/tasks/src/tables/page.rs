@@ -22,9 +22,6 @@ pub struct Page {
 
 impl Page {
     /// Reads the page at `path`.
-    ///
-    /// # Errors
-    /// The page cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path);
         let text = text.with_context(|| path.display().to_string())?;
@@ -33,18 +30,12 @@ impl Page {
     }
 
     /// Returns the content of block `name`, which consists of whole lines.
-    ///
-    /// # Errors
-    /// The page has no such block, or the block is not closed.
     pub fn block(&self, name: &str) -> Result<&str> {
         let (begin, end) = self.range(name)?;
         Ok(&self.text[begin..end])
     }
 
     /// Compares block `name` with `expected`, the lines that its command writes.
-    ///
-    /// # Errors
-    /// There is no such block, or a line differs.
     pub fn check(&self, name: &str, expected: &str) -> Result<()> {
         let found = self.block(name)?;
         if found == expected {
@@ -65,9 +56,6 @@ impl Page {
     }
 
     /// Writes `content` into block `name`. If the content changes, writes the page to its file and returns true.
-    ///
-    /// # Errors
-    /// There is no such block, or the page cannot be written.
     pub fn write(&mut self, name: &str, content: &str) -> Result<bool> {
         let (begin, end) = self.range(name)?;
         if self.text[begin..end] == *content {

@@ -175,9 +175,6 @@ pub(in crate::library) struct ModulationCheck {
 
 impl ModulationCheck {
     /// Checks the next entries of `modulation`, at most `room` of them. Returns true if no entry is left.
-    ///
-    /// # Errors
-    /// A fault of the whole track, found after its last entry.
     pub fn step(&mut self, modulation: &Modulation<'_>, room: usize) -> Result<bool, Problem> {
         let entries = modulation.entries;
         let end = entries.len().min(self.at + room);

@@ -13,9 +13,6 @@ const RUN_UP_MS: u64 = 200;
 const UPDATE_TICKS: u32 = 3;
 
 /// Measures the idle device, and the device while it plays each of `selections`.
-///
-/// # Errors
-/// The link fails, or the device refuses to play.
 pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<()> {
     bench.device.take_cycles()?;
     bench.wait(bench.lengths.play_ms)?;

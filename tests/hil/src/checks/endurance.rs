@@ -15,9 +15,6 @@ use crate::library;
 
 /// Plays the most expensive texture along the host's motion, streams a recording and uploads `library` again and again,
 /// for the length that the bench sets.
-///
-/// # Errors
-/// The link fails, or the device refuses a request that it should accept.
 pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     let (traffic, driven) =
         bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {

@@ -127,9 +127,6 @@ const SECTIONS: u32 = 5;
 const BLOCKS_BETWEEN: u32 = 3;
 
 /// Flashes the fault image, injects each fault while a texture plays, and flashes the product's image again.
-///
-/// # Errors
-/// The link or the board fails.
 pub fn check(bench: &mut Bench) -> Result<()> {
     if let Some(reason) = bench.board.lacks() {
         bench.leave_out(

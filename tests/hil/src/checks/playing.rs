@@ -14,9 +14,6 @@ use crate::library;
 const SILENT_WITHIN_MS: u64 = 100;
 
 /// Checks what a person would feel, and that it ends.
-///
-/// # Errors
-/// The link fails, or the device refuses to play.
 pub fn check(bench: &mut Bench, scene: &Selection) -> Result<()> {
     from_the_host(bench, scene)?;
     stop(bench)?;

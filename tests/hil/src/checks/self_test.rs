@@ -8,9 +8,6 @@ use crate::error::Result;
 
 /// Runs the tests of `stylus selftest --bare`, with traffic of the bench's length, and adds their lines. Those of the
 /// output are left out if an amplifier whose enable is not wired may be connected.
-///
-/// # Errors
-/// The link fails, or the device refuses to measure.
 pub fn check(bench: &mut Bench) -> Result<()> {
     let options = Options {
         traffic_s: bench.lengths.record_ms as f64 / 1e3,
@@ -31,9 +28,6 @@ pub fn check(bench: &mut Bench) -> Result<()> {
 
 /// Reads the pin back and adds lines of `name`. The converter, and not the image's own state, must show that the pin is
 /// at rest.
-///
-/// # Errors
-/// The link fails, or the device refuses to measure.
 pub fn at_mid_scale(bench: &mut Bench, name: &str) -> Result<()> {
     let SelfTestValues::Rest(values) = bench.device.self_test(SelfTestRequest::Rest)? else {
         bench.judge(

@@ -7,9 +7,6 @@ use crate::bench::Bench;
 use crate::error::Result;
 
 /// Uploads `library` and activates it.
-///
-/// # Errors
-/// The link fails, or the device refuses a request that it should accept.
 pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     let active = bench.status()?.library_crc32;
     let crc32 = LIBRARY_CRC.checksum(library);

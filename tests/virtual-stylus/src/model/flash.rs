@@ -174,9 +174,6 @@ impl Contents {
     }
 
     /// Writes the content to the file at `path`.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         std::fs::write(path, self.to_bytes()).map_err(|error| Error::FlashFile {
             path: path.to_owned(),
@@ -185,9 +182,6 @@ impl Contents {
     }
 
     /// Puts `bytes` at `address`, whatever the flash held there.
-    ///
-    /// # Errors
-    /// The bytes do not lie in the flash.
     pub fn place(&mut self, address: u64, bytes: &[u8]) -> std::result::Result<(), String> {
         let place = in_flash(address, bytes)?;
         self.bytes[offsets(&place)].copy_from_slice(bytes);
@@ -198,9 +192,6 @@ impl Contents {
 
     /// Flashes `segments`, each with its address, like probe-rs. It erases every sector that a segment touches. Then it
     /// programs every page that a segment touches, with ones in the page's remaining bytes.
-    ///
-    /// # Errors
-    /// A segment does not lie in the flash.
     pub fn flash(&mut self, segments: &[(u64, &[u8])]) -> std::result::Result<(), String> {
         let units = |unit: u32| -> std::result::Result<BTreeSet<u32>, String> {
             let mut units = BTreeSet::new();

@@ -166,9 +166,6 @@ impl UsbHost {
     }
 
     /// Like [`UsbHost::control`], with another timeout.
-    ///
-    /// # Errors
-    /// A transfer failed or took longer.
     pub fn control_within(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -197,9 +194,6 @@ impl UsbHost {
     }
 
     /// Ends an endpoint's halt, both at the device and at the host.
-    ///
-    /// # Errors
-    /// Like [`UsbHost::control`].
     pub fn clear_halt(
         &mut self,
         stylus: &mut VirtualStylus,

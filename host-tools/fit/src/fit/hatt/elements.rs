@@ -148,9 +148,6 @@ impl<'a> File<'a> {
     }
 
     /// Returns the triangles as indices from 0; the file counts from 1.
-    ///
-    /// # Errors
-    /// Corners that are not three per triangle, or that name no model.
     pub fn triangles(&self, models: usize) -> Result<Vec<[usize; 3]>> {
         let mut triangles = Vec::new();
         let all = self.document.descendants();
@@ -184,9 +181,6 @@ impl<'a> File<'a> {
     }
 
     /// Compares a count that the file states with the actual `count`.
-    ///
-    /// # Errors
-    /// Another number than stated.
     pub fn check_count(&self, name: &str, count: usize, what: &str) -> Result<()> {
         match self.element(name) {
             Some(node) if self.one(name)? != Some(count as f64) => {
@@ -201,9 +195,6 @@ impl<'a> File<'a> {
     }
 
     /// Checks the units that the file states, if any.
-    ///
-    /// # Errors
-    /// Units that are not HaTT's.
     pub fn check_units(&self) -> Result<()> {
         for (name, unit) in [
             ("AccelUnits", "m/s^2"),

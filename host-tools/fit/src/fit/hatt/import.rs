@@ -186,9 +186,6 @@ fn source(path: &Path, rate: PlayRate) -> Result<Source> {
 
 /// Decides how many bytes the grid of every texture may take. The slot is shared in proportion to the numbers of
 /// different speeds and forces in the files.
-///
-/// # Errors
-/// Sizes that no grid can have.
 pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     for (what, count) in [("speeds", options.speeds), ("forces", options.forces)] {
         if count.is_some_and(|count| !(1..=limits::MAX_AXIS_LEN).contains(&count)) {

@@ -110,9 +110,6 @@ impl Toolkit {
     }
 
     /// Removes the shape of silent models whose order differs from that of the models that are not silent.
-    ///
-    /// # Errors
-    /// Models with power but different orders.
     pub(super) fn check_orders(&mut self, path: &Path) -> Result<()> {
         let orders = |timbre: &Timbre| (timbre.poles.len(), timbre.zeros.len());
         let of_model = |model: &ArmaModel| model.timbre.as_ref().map(orders);
@@ -149,9 +146,6 @@ const MOST_COEFFICIENTS: usize = 100;
 type Read<T> = std::result::Result<T, String>;
 
 /// Reads the model at `node`. `place` is its speed and force according to the file's lists.
-///
-/// # Errors
-/// Text that is not a number.
 pub(super) fn found(
     file: &File<'_>,
     node: Node<'_, '_>,

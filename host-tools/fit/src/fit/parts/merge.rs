@@ -94,9 +94,6 @@ impl<'s> Merged<'s> {
 
     /// Fits only the texture with this index, for a library of its own. Returns the texture's set, the hashes of its
     /// recordings, and the fit.
-    ///
-    /// # Errors
-    /// The errors of [`Merged::fit`].
     pub fn fit_texture(&self, index: usize) -> Result<(RecordingSet, Vec<u64>, Fit)> {
         let mut textures = self.fitted(&self.textures[index..=index], || ())?;
         // The returned set holds these trials alone.

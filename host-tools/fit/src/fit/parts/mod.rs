@@ -95,9 +95,6 @@ pub struct Mapped {
 
 /// Computes `shard` of a fit of `set` with `options`, and writes the results that do not exist yet to `folder`. Calls
 /// `progress` with the number of trials whenever some are done.
-///
-/// # Errors
-/// The first trial that cannot be used; a folder or file that cannot be written.
 pub fn map(
     set: &RecordingSet,
     options: &Options,

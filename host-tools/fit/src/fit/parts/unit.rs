@@ -116,9 +116,6 @@ impl Unit {
     }
 
     /// Reads the unit's result from `path`.
-    ///
-    /// # Errors
-    /// A file that does not exist, or is damaged.
     pub fn read(&self, path: &Path) -> Result<Content> {
         let bytes = PARTIAL.read(path)?;
         let damaged = || Error::file(path, "is damaged: remove it, and run its shard again");
@@ -134,9 +131,6 @@ impl Unit {
     }
 
     /// Computes the unit's result, and writes it to `path`.
-    ///
-    /// # Errors
-    /// The first trial that cannot be used; a file that cannot be written.
     pub fn compute(&self, set: &RecordingSet, options: &Options, path: &Path) -> Result<()> {
         let recordings = Recordings::read(set, &self.trials, options, Part::Whole, &|_| ())?;
         let trials = recordings.trials.into_par_iter();

@@ -25,9 +25,6 @@ struct AtNode {
 
 /// Returns the trials of texture `name` at the nodes of `levels`. A trial joins all stretches of the `strokes` in which
 /// its node has the largest weight, scaled to the node's level. A node with less than 0.4 s of them has no trial.
-///
-/// # Errors
-/// More samples at a node than a recording may have.
 pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Result<Vec<Trial>> {
     let mut at_nodes = vec![AtNode::default(); levels.levels_db.len()];
     for stroke in strokes {

@@ -68,9 +68,6 @@ pub(super) struct Stroke {
 
 impl Stroke {
     /// Reads the stroke `recording`, which is in `file`.
-    ///
-    /// # Errors
-    /// A recording that cannot be reduced to one axis.
     pub fn of(file: &Path, recording: &Freehand, conditioning: Conditioning) -> Result<Self> {
         let axes = HeldSamples::new(recording.rate_hz, recording.axes.clone(), false)?;
         let trial = Trial {

@@ -124,9 +124,6 @@ impl Taps {
     /// Reads a recording. A CSV file with a column `force_n` is a free hand's, as `stylus record --strokes` writes it,
     /// with `time_s` and `speed_mm_s`; any other file is read like by `fit`. `scale_m_s2` is the acceleration that a
     /// sample value of 1 means; if not given, the header's, or 1.
-    ///
-    /// # Errors
-    /// A file that cannot be read, has no samples, or lacks the requested axis.
     pub fn read(path: &Path, scale_m_s2: Option<f64>, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
         let unusable =

@@ -77,9 +77,6 @@ impl<'a> Stream<'a> {
     }
 
     /// Returns the number of samples in `seconds`. A recording with so many samples must be readable as a file.
-    ///
-    /// # Errors
-    /// More than [`MAX_FRAMES`].
     pub fn samples_in(&self, seconds: f64) -> Result<usize> {
         let samples = (seconds * f64::from(self.rate_hz)).round();
         if samples > MAX_FRAMES as f64 {
@@ -143,9 +140,6 @@ impl<'a> Stream<'a> {
     }
 
     /// Stops the recording and returns its losses.
-    ///
-    /// # Errors
-    /// A lost link, or a recording that was stopped already.
     pub fn stop(mut self) -> Result<Loss> {
         // From here on nothing stops the recording a second time, not even the drop after an error.
         self.is_running = false;

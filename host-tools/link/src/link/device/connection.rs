@@ -73,9 +73,6 @@ impl Device {
 
     /// Opens the link, also to a device that speaks another protocol. Only requests that both sides know then work;
     /// those of an update do not change.
-    ///
-    /// # Errors
-    /// Those of [`Device::connect`], but for the protocol.
     pub fn connect_to_any(address: &LinkAddress, timeouts: Timeouts) -> Result<Self> {
         Self::connect_as(address, timeouts, true)
     }
@@ -190,9 +187,6 @@ impl Device {
     }
 
     /// Sends a message that is not answered, such as one that only the test image knows.
-    ///
-    /// # Errors
-    /// A lost link, or one that accepts no more frames.
     pub fn publish<T>(&self, message: &T::Message) -> Result<()>
     where
         T: Topic,
@@ -285,9 +279,6 @@ impl Device {
     }
 
     /// Reads the status, with all of the device's counters.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn status(&self) -> Result<Status> {
         self.runtime().block_on(self.requester.status())
     }

@@ -22,18 +22,12 @@ use crate::support::nearest::nearly;
 
 impl Device {
     /// Reads the content of both slots.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn slots(&self) -> Result<Slots> {
         // The device may have to read and check a whole slot.
         self.request_flash::<SlotsEndpoint>("slot list", &())
     }
 
     /// The library that was uploaded last, with its slot; none if no slot holds a library.
-    ///
-    /// # Errors
-    /// Those of [`Self::slots`].
     pub fn newest(&self) -> Result<Option<(SlotId, SlotInfo)>> {
         let slots = SlotId::ALL.into_iter().zip(self.slots()?.slots);
         let valid = slots.filter_map(|(id, state)| match state {
@@ -44,9 +38,6 @@ impl Device {
     }
 
     /// Reads the list of textures in `slot`; an empty one if the slot holds no library.
-    ///
-    /// # Errors
-    /// A lost link, a missing answer, or a texture that the device cannot list.
     pub fn textures(&self, slot: SlotId) -> Result<Vec<TextureInfo>> {
         let count = match &self.slots()?.slots[slot.index()] {
             SlotState::Valid(library) => library.textures,
@@ -63,9 +54,6 @@ impl Device {
     }
 
     /// Reads the list of scenes in `slot`; an empty one if the slot holds no library.
-    ///
-    /// # Errors
-    /// A lost link, a missing answer, or a scene that the device cannot list.
     pub fn scenes(&self, slot: SlotId) -> Result<Vec<SceneInfo>> {
         let count = match &self.slots()?.slots[slot.index()] {
             SlotState::Valid(library) => library.scenes,
@@ -171,9 +159,6 @@ impl Device {
     /// Stops the output, and waits until the status reports it at rest.
     ///
     /// Returns true if anything was played, and the output's status at rest.
-    ///
-    /// # Errors
-    /// A lost link, or an output that does not come to rest.
     pub fn stop(&self) -> Result<(bool, OutputStatus)> {
         let was_playing = match self.request::<StopEndpoint>("stop", &())? {
             Ok(_) => true,
@@ -199,26 +184,17 @@ impl Device {
     }
 
     /// Reads the durations of tick and update since the previous call, and resets them.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn take_cycles(&self) -> Result<CycleReport> {
         self.request::<CyclesEndpoint>("cycles", &())
     }
 
     /// Sends a motion without waiting for an acknowledgement.
-    ///
-    /// # Errors
-    /// A lost link, or one that accepts no more frames.
     pub fn publish_motion(&self, sample: MotionSample) -> Result<()> {
         self.runtime()
             .block_on(self.requester.publish::<MotionTopic>(&sample))
     }
 
     /// Sends a keep-alive, which shows the device that the host still runs.
-    ///
-    /// # Errors
-    /// A lost link, or one that accepts no more frames.
     pub fn keep_alive(&self) -> Result<()> {
         self.runtime()
             .block_on(self.requester.publish::<KeepAliveTopic>(&()))
@@ -230,9 +206,6 @@ const WAITING_BLOCKS: usize = 4096;
 
 impl Device {
     /// Starts a recording, whose blocks are then queued in [`Blocks`].
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub(in crate::link) fn record_start(&self) -> Result<(RecordStarted, Blocks)> {
         // The subscription precedes the request, because the first blocks may arrive before its answer.
         let client = &self.requester.client;
@@ -248,9 +221,6 @@ impl Device {
     }
 
     /// Stops a recording.
-    ///
-    /// # Errors
-    /// No recording under way, a lost link or a missing answer.
     pub fn record_stop(&self) -> Result<RecordStopped> {
         Ok(self.request::<RecordStopEndpoint>("record stop", &())??)
     }
@@ -285,17 +255,11 @@ impl Blocks {
 
 impl Device {
     /// Makes the device take one measurement, which takes up to some seconds.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub fn self_test(&self, request: SelfTestRequest) -> Result<SelfTestValues> {
         Ok(self.request_flash::<SelfTestEndpoint>("self test", &request)??)
     }
 
     /// Duration of a request and its answer.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn round_trip(&self) -> Result<Duration> {
         let begin = Instant::now();
         self.status()?;
@@ -305,9 +269,6 @@ impl Device {
 
 impl Device {
     /// Reads the settings.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn settings(&self) -> Result<Settings> {
         Ok(self.request_flash::<SettingsGetEndpoint>("settings", &())??)
     }
@@ -329,9 +290,6 @@ impl Device {
     }
 
     /// Applies a change that was proposed over this link, and reads it back.
-    ///
-    /// # Errors
-    /// A proposal that is no longer valid, a refusal, or other values read back.
     pub fn apply(&self, proposal: &SettingsProposal) -> Result<Settings> {
         self.request_flash::<SettingsApplyEndpoint>("settings change", &proposal.token)??;
         let settings = self.settings()?;
@@ -356,25 +314,16 @@ impl Device {
     }
 
     /// Proposes and applies a change of one setting, and reads it back.
-    ///
-    /// # Errors
-    /// A value that the device refuses, or another value read back.
     pub fn set(&self, change: SettingChange) -> Result<Settings> {
         self.set_all(&[change])
     }
 
     /// Proposes and applies changes of settings, all or none, and reads them back.
-    ///
-    /// # Errors
-    /// A value that the device refuses, or another value read back.
     pub fn set_all(&self, changes: &[SettingChange]) -> Result<Settings> {
         self.apply(&self.propose(&SettingsChange::of(changes)?)?)
     }
 
     /// Proposes and applies a reset of every setting to its default, and reads the settings back.
-    ///
-    /// # Errors
-    /// A refusal, or other values read back.
     pub fn reset_settings(&self) -> Result<Settings> {
         self.apply(&self.propose(&SettingsChange::Reset)?)
     }
@@ -443,9 +392,6 @@ impl From<TextureInfo> for TextureEntry {
 
 impl Device {
     /// Lists both slots with their textures and scenes.
-    ///
-    /// # Errors
-    /// A lost link, a missing answer, or a slot that cannot be listed.
     pub fn contents(&self) -> Result<Vec<SlotContent>> {
         let both = self.slots()?;
         let of_slot = |(id, state): (SlotId, SlotState)| {

@@ -11,9 +11,6 @@ use crate::link::error::Result;
 
 impl Device {
     /// Loads one period of a probe's waveform. Returns its checksum, for [`ProbeStart::crc32`].
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub fn load_probe(&self, period: &[i16]) -> Result<u32> {
         for load in ProbeLoad::parts(period) {
             self.request::<ProbeLoadEndpoint>("probe load", &load)??;
@@ -23,26 +20,17 @@ impl Device {
 
     /// Plays the waveform that was loaded. While it plays, the host sends [`Device::keep_alive`] every
     /// [`model_format::link::KEEP_ALIVE_MS`].
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub fn start_probe(&self, start: &ProbeStart) -> Result<ProbeStarted> {
         Ok(self.request::<ProbeStartEndpoint>("probe", start)??)
     }
 
     /// Reads which response is stored, and which is proposed.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn response(&self) -> Result<ResponseState> {
         self.request::<ResponseGetEndpoint>("response", &())
     }
 
     /// Proposes a response, through which a probe may then be played. Stored data does not change. Returns the
     /// response's hash.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer; an answer about another response.
     pub fn propose_response(&self, response: &Response) -> Result<u32> {
         let id = self.request::<ResponseProposeEndpoint>("response proposal", response)??;
         if id == response.id() {
@@ -56,9 +44,6 @@ impl Device {
 
     /// Stores the response that was proposed over this link, or removes the stored one, and checks this by reading the
     /// state back.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer, or another response read back.
     pub fn set_response(&self, change: ResponseChange) -> Result<ResponseState> {
         self.request_flash::<ResponseSetEndpoint>("response change", &change)??;
         let state = self.response()?;

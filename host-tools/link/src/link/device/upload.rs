@@ -53,9 +53,6 @@ async fn first_answer(chunks: &mut VecDeque<OnItsWay<'_>>) -> Option<Result<Uplo
 
 impl Device {
     /// Announces a library. The answer has the offset of the first byte that the device lacks.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub fn upload_begin(&self, upload: UploadBegin) -> Result<UploadProgress> {
         Ok(self.request_flash::<UploadBeginEndpoint>("upload begin", &upload)??)
     }
@@ -140,33 +137,21 @@ impl Device {
     }
 
     /// Sends a chunk.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub fn upload_chunk(&self, chunk: &UploadChunk<'_>) -> Result<UploadProgress> {
         Ok(self.request_flash::<UploadChunkEndpoint<'_>>("upload chunk", chunk)??)
     }
 
     /// Commits an upload, which makes the library valid.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub fn upload_commit(&self) -> Result<UploadCommitted> {
         Ok(self.request_flash::<UploadCommitEndpoint>("upload commit", &())??)
     }
 
     /// Aborts an upload.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer.
     pub fn upload_abort(&self) -> Result<UploadState> {
         Ok(self.request_flash::<UploadAbortEndpoint>("upload abort", &())??)
     }
 
     /// Reads the progress of an upload.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn upload_progress(&self) -> Result<UploadState> {
         self.request_flash::<UploadProgressEndpoint>("upload progress", &())
     }

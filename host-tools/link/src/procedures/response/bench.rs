@@ -60,15 +60,9 @@ pub trait Bench {
     fn settings(&self) -> &Settings;
 
     /// Makes `response` the one that [`ProbeThrough::Proposed`] stands for.
-    ///
-    /// # Errors
-    /// A response that is refused, or a lost link.
     fn propose(&mut self, response: &Response) -> Result<()>;
 
     /// Plays a waveform and records it.
-    ///
-    /// # Errors
-    /// A refusal, a lost link, a recording with holes, or an interrupt.
     fn play(&mut self, probe: &Probe<'_>) -> Result<Played>;
 
     /// Time for which the device has played, s.

@@ -74,9 +74,6 @@ impl Checked {
 }
 
 /// Compares an actuator with its `stored` response.
-///
-/// # Errors
-/// A lost link, an interrupt, or a recording that cannot be used.
 pub fn check(
     bench: &mut impl Bench,
     stored: &Response,

@@ -32,9 +32,6 @@ pub struct DeviceBench<'a> {
 
 impl<'a> DeviceBench<'a> {
     /// Creates the bench of `device`. Recording ends as interrupted once `goes_on` returns false.
-    ///
-    /// # Errors
-    /// A lost link.
     pub fn new(device: &'a Device, goes_on: &'a dyn Fn() -> bool) -> Result<Self> {
         Ok(Self {
             device,

@@ -92,9 +92,6 @@ impl Headroom {
 
 /// Computes the demand of each texture of `library`, by itself and on every surface of its scenes, on the output with
 /// `settings` and the stored `response`. Taps and a scene's effects on the motion are left out.
-///
-/// # Errors
-/// A texture of a rate that no stylus plays.
 pub fn headroom(
     library: &Library<'_>,
     settings: &Settings,

@@ -258,9 +258,6 @@ impl<B: Bench> Probing<'_, B> {
 }
 
 /// Identifies an actuator, and reports each step to `heard`.
-///
-/// # Errors
-/// A fault of the stylus, a lost link or an interrupt.
 pub fn identify(
     bench: &mut impl Bench,
     options: &Options,

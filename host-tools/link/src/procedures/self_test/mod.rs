@@ -82,9 +82,6 @@ pub enum Step {
 }
 
 /// Runs the whole self test. Calls `told` with each step before it begins.
-///
-/// # Errors
-/// A lost link, a play or a recording in progress, or a device that does not answer.
 pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Result<Vec<Line>> {
     let mut lines = Vec::new();
     for (name, request) in [
@@ -134,9 +131,6 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
 }
 
 /// Traffic on another link to the same device, for the lines of [`run`].
-///
-/// # Errors
-/// Those of [`run`].
 pub fn other_link(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     traffic(device, seconds)
 }

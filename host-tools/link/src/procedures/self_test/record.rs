@@ -46,9 +46,6 @@ impl Record {
 
     /// Writes the record to `path`, or into the folder at `path` under a name with serial number and date. Returns the
     /// file's path.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<PathBuf> {
         let path = if path.is_dir() {
             path.join(self.file_name())

@@ -54,9 +54,6 @@ pub struct MotionPath {
 
 impl MotionPath {
     /// Returns a motion of constant speed, mm/s, and force, N, without end.
-    ///
-    /// # Errors
-    /// The speed or the force is not finite.
     pub fn constant(speed: MillimetresPerSecond, force: Newton) -> Result<Self> {
         Motion::new(speed, force).map_err(|error| {
             Error::Request(format!(

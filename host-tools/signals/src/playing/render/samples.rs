@@ -40,9 +40,6 @@ impl<'a> Rendering<'a> {
     }
 
     /// Creates a rendering of `seconds` of `plan`, from rest without contact.
-    ///
-    /// # Errors
-    /// See [`Rendering::new`].
     pub fn of_plan(
         plan: Plan<'a>,
         motion: &'a MotionPath,
@@ -133,9 +130,6 @@ pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
 
 /// Renders `seconds` of `texture` along `motion` into memory. For more than a few minutes, use
 /// [`render_wav`](super::render_wav).
-///
-/// # Errors
-/// A duration that [`Rendering::new`] refuses.
 pub fn render(
     texture: Texture<'_>,
     motion: &MotionPath,

@@ -100,9 +100,6 @@ pub fn write_wav(
 }
 
 /// Writes values as a mono WAV file of 32-bit floats, whole or not at all, and returns their number.
-///
-/// # Errors
-/// More samples than the file's length fields can count, or a file that cannot be written.
 #[expect(
     clippy::redundant_closure_for_method_calls,
     reason = "the method itself is of one lifetime, and any is asked for"

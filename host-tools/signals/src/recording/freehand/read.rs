@@ -162,9 +162,6 @@ fn says_simulated(text: &str) -> bool {
 const TOP_BYTES: u64 = 4096;
 
 /// Returns true if the recording at `path` is text that states at its beginning that it is SIMULATED.
-///
-/// # Errors
-/// The file is not a regular file, or cannot be read.
 pub fn is_simulated(path: &Path) -> Result<bool> {
     let mut top = Vec::new();
     let read = (RECORDING.open(path)?)

@@ -149,9 +149,6 @@ impl Options {
 
 impl Segmentation {
     /// Checks that there is a segment.
-    ///
-    /// # Errors
-    /// There is no segment.
     pub fn check(&self) -> Result<()> {
         if self.placed.is_empty() {
             return Err(Error::Request(

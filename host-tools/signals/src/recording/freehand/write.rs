@@ -12,9 +12,6 @@ use crate::support::output::OutputFolder;
 
 /// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`.
 /// Either everything is written or nothing. With `overwrite`, an earlier result in `folder` is replaced.
-///
-/// # Errors
-/// The folder contains other files, or cannot be written to.
 pub fn write(
     folder: &Path,
     texture: &str,

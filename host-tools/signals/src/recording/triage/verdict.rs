@@ -183,9 +183,6 @@ impl fmt::Display for Verdict {
 }
 
 /// Serialises verdicts as lines of text.
-///
-/// # Errors
-/// The errors of the serialiser.
 pub fn in_words<S: Serializer>(verdicts: &[Verdict], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(verdicts.iter().map(ToString::to_string))
 }

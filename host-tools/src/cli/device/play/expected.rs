@@ -31,9 +31,6 @@ pub struct LibraryFile {
 
 impl LibraryFile {
     /// Reads the library at `path`, which must be the device's active one according to `status`.
-    ///
-    /// # Errors
-    /// The file cannot be read, or contains another library.
     pub fn read(path: &Path, status: &Status) -> Result<Self> {
         let bytes = read_library(path)?;
         decode_library(path, &bytes)?;
@@ -49,9 +46,6 @@ impl LibraryFile {
     }
 
     /// Computes the level of `request` along `motion` for `seconds`, but for one minute at most; `None` for a scene.
-    ///
-    /// # Errors
-    /// The file does not contain the texture.
     pub fn level(
         &self,
         request: &PlayRequest,

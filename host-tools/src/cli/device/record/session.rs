@@ -143,9 +143,6 @@ pub struct Operator {
 
 impl Operator {
     /// Listens for Ctrl-C, and for answers if `is_asked`.
-    ///
-    /// # Errors
-    /// See [`Interrupt::listen`].
     pub fn new(is_asked: bool) -> Result<Self> {
         Ok(Self {
             interrupt: Interrupt::listen()?,
