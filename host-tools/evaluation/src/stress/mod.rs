@@ -18,7 +18,7 @@ mod outcome;
 mod run;
 
 pub use outcome::{Outcome, Rest, SNR_DB, SPECTRUM_DB};
+pub use run::run;
 pub(crate) use run::{lattice, play_with};
 /// The cases.
 pub use stylus_hard_cases as cases;
-pub use run::run;
