@@ -5,21 +5,21 @@ use std::process::Command;
 
 use model_format::link::Setting;
 
-const COMMANDS: &str = include_str!("../../host-tools/COMMANDS.md");
+const COMMANDS: &str = include_str!("../../host-tools/manual/COMMANDS.md");
 
 /// Pages that name options of `stylus`.
 const PAGES: [(&str, &str); 6] = [
     ("README.md", include_str!("../../README.md")),
     ("TUTORIAL.md", include_str!("../../TUTORIAL.md")),
     ("firmware/BRINGUP.md", BRINGUP),
-    ("host-tools/COMMANDS.md", COMMANDS),
+    ("host-tools/manual/COMMANDS.md", COMMANDS),
     (
-        "host-tools/SCENES.md",
-        include_str!("../../host-tools/SCENES.md"),
+        "host-tools/manual/SCENES.md",
+        include_str!("../../host-tools/manual/SCENES.md"),
     ),
     (
-        "host-tools/FORMATS.md",
-        include_str!("../../host-tools/FORMATS.md"),
+        "host-tools/manual/FORMATS.md",
+        include_str!("../../host-tools/manual/FORMATS.md"),
     ),
 ];
 

@@ -131,7 +131,7 @@ fn reversals(speed: f64, hz: f64) -> [f64; 2] {
     errors(&followed, 0.25, |t| speed * (turns * t).sin().abs())
 }
 
-/// The table of `host-tools/COSTS.md`. No noise in it exceeds that of the mean of 20 ms by more than a tenth.
+/// The table of `host-tools/manual/COSTS.md`. No noise in it exceeds that of the mean of 20 ms by more than a tenth.
 #[test]
 fn table_of_the_speed_has_less_delay_than_a_mean_at_no_more_noise() {
     let row = |what: String, [estimate, mean]: [f64; 2], most: f64| {

@@ -127,7 +127,7 @@ pub(super) fn assemble(
 /// Returns the laws of the level for a texture with these models.
 ///
 /// Between nodes, the mean of the level in dB predicts removed nodes best. This holds for simulated recordings (the
-/// removed-node test in `host-tools/COSTS.md`) and for 582 published HaTT models, each predicted from the triangle
+/// removed-node test in `host-tools/manual/COSTS.md`) and for 582 published HaTT models, each predicted from the triangle
 /// around it: between neighbours that differ by 6 to 12 dB, the mean power is 0.9 dB too loud and the mean in dB is 0.1
 /// dB too low. A silent node has no level in dB, so a texture with one uses the mean amplitude.
 ///

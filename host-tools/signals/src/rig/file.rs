@@ -59,8 +59,8 @@ impl RigFile {
     }
 }
 
-const PAPER_RIG: &str = include_str!("../../../rigs/paper-rig.toml");
-const DEMO_RIG: &str = include_str!("../../../rigs/demo-rig.toml");
+const PAPER_RIG: &str = include_str!("../../../examples/rigs/paper-rig.toml");
+const DEMO_RIG: &str = include_str!("../../../examples/rigs/demo-rig.toml");
 
 /// Longest trial, s.
 const MAX_DURATION_S: f64 = 600.0;

@@ -282,7 +282,7 @@ fn a_drum_that_hardly_wanders_gives_the_samples_of_one_that_does_not() {
 
 #[test]
 fn the_rig_with_weaves_is_sound() {
-    let text = include_str!("../../../rigs/weave-rig.toml");
+    let text = include_str!("../../../examples/rigs/weave-rig.toml");
     let rig = RigFile::from_toml(Path::new("rigs/weave-rig.toml"), text).unwrap();
     let mut textures = rig.description().textures.iter();
     assert!(textures.all(|texture| !texture.weaves.is_empty()));

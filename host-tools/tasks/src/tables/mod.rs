@@ -43,9 +43,9 @@ const PAGES: [(&str, &str); 6] = [
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
     (MEMORY, "firmware/README.md"),
-    ("scene-stages", "host-tools/SCENES.md"),
-    ("scene-limits", "host-tools/SCENES.md"),
-    ("library-limits", "host-tools/FORMATS.md"),
+    ("scene-stages", "host-tools/manual/SCENES.md"),
+    ("scene-limits", "host-tools/manual/SCENES.md"),
+    ("library-limits", "host-tools/manual/FORMATS.md"),
 ];
 
 /// Names of all tables.

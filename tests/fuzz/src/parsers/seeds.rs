@@ -20,7 +20,7 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
         ("scenes", texts(&SCENES)),
         (
             "rigs",
-            texts(&[include_str!("../../../../host-tools/rigs/paper-rig.toml")]),
+            texts(&[include_str!("../../../../host-tools/examples/rigs/paper-rig.toml")]),
         ),
         (
             "hatt",

@@ -97,7 +97,7 @@ fn what_is_counted_now_of_the_shipped_lattice_is_what_the_table_says() {
     }
     assert!(
         wrong.is_empty(),
-        "host-tools/COSTS.md says otherwise: {wrong:#?}"
+        "host-tools/manual/COSTS.md says otherwise: {wrong:#?}"
     );
 }
 

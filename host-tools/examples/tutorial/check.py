@@ -1,6 +1,6 @@
 """Runs every command of TUTORIAL.md in an empty folder, and compares what it prints and draws with what stands there.
 
-    python3 host-tools/tutorial/check.py [--write]
+    python3 host-tools/examples/tutorial/check.py [--write]
 
 With `--write` the outputs and pictures in the repository are renewed. The program is $STYLUS_PROGRAM, or else
 `cargo stylus`.
@@ -21,9 +21,9 @@ import textwrap
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
-ROOT = FOLDER.parent.parent
+ROOT = FOLDER.parents[2]
 PAGE = ROOT / "TUTORIAL.md"
-RENEW = "python3 host-tools/tutorial/check.py --write renews it"
+RENEW = "python3 host-tools/examples/tutorial/check.py --write renews it"
 COLUMNS = 110
 
 
@@ -85,7 +85,7 @@ def main() -> None:
         (place / "host-tools").symlink_to(ROOT / "host-tools")
         text = PAGE.read_text(encoding="utf-8")
         new = {PAGE: renewed(text, place).encode()}
-        named = set(re.findall(r"\]\(host-tools/tutorial/(\S+\.svg)\)", text))
+        named = set(re.findall(r"\]\(host-tools/examples/tutorial/(\S+\.svg)\)", text))
         for name in sorted(named):
             found = next((path for path in place.rglob(name) if "host-tools" not in path.parts), None)
             if found is None:
@@ -101,7 +101,7 @@ def main() -> None:
                     print(*difflib.unified_diff(there, now, "TUTORIAL.md", "as it is made now", lineterm=""), sep="\n")
         unnamed = {path.name for path in FOLDER.glob("*.svg")} - named
         if unnamed:
-            raise SystemExit(f"host-tools/tutorial: no picture of TUTORIAL.md: {', '.join(sorted(unnamed))}")
+            raise SystemExit(f"host-tools/examples/tutorial: no picture of TUTORIAL.md: {', '.join(sorted(unnamed))}")
     for path in stale:
         print(f"{path}: {'written' if write else f'not what the commands make now; {RENEW}'}")
     if stale and not write:
