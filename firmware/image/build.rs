@@ -17,22 +17,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     for folder in [package, root] {
         println!("cargo::rustc-link-search={}", folder.display());
     }
-    println!(
-        "cargo::rerun-if-changed={}",
-        package.join("tick.x").display()
-    );
-    println!(
-        "cargo::rerun-if-changed={}",
-        root.join("memory.x").display()
-    );
+    println!("cargo::rerun-if-changed={}", package.join("tick.x").display());
+    println!("cargo::rerun-if-changed={}", root.join("memory.x").display());
     // `tick.x` comes first, because the other scripts would place the sections that it names.
-    for argument in [
-        "-Ttick.x",
-        "-Tlink.x",
-        "-Tdefmt.x",
-        "--nmagic",
-        "--emit-relocs",
-    ] {
+    for argument in ["-Ttick.x", "-Tlink.x", "-Tdefmt.x", "--nmagic", "--emit-relocs"] {
         println!("cargo::rustc-link-arg-bin=stylus-firmware={argument}");
     }
     // The file that is flashed holds image and bootloader. Without the bootloader the image is linked only for checks.
@@ -59,8 +47,7 @@ fn both(bootloader: &[u8]) -> String {
         format!("LONG({:#x})\n", u32::from_le_bytes(word))
     });
     let erased = "LONG(0xffffffff) ".repeat(8);
-    let [end_1, end_2] = ["RECORDS_1", "RECORDS_2"]
-        .map(|region| format!("ORIGIN({region}) + LENGTH({region}) - 32"));
+    let [end_1, end_2] = ["RECORDS_1", "RECORDS_2"].map(|region| format!("ORIGIN({region}) + LENGTH({region}) - 32"));
     format!(
         "SECTIONS {{\n.bootloader : {{\n{}}} > BOOTLOADER\n\
          .records_1 {end_1} : {{ {erased} }} > RECORDS_1\n\

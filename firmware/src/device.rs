@@ -1,8 +1,5 @@
 //! The hardware as `stylus_app::control` sees it.
-#![expect(
-    unsafe_code,
-    reason = "the voices are exchanged while the tick plays nothing"
-)]
+#![expect(unsafe_code, reason = "the voices are exchanged while the tick plays nothing")]
 
 use core::fmt::Write;
 
@@ -11,16 +8,14 @@ use embassy_stm32::uid;
 use embassy_time::Instant;
 use heapless::String;
 use model_format::link::{
-    CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
-    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
-    Response, SCHEMA_HASH, Selection, Settings, StartReport, TickCounters,
+    CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
+    RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, Response, SCHEMA_HASH, Selection, Settings,
+    StartReport, TickCounters,
 };
 use model_format::scene::Biquad;
 use model_format::{FORMAT_VERSION, PlayRate};
 use stylus_app::SAMPLE_RATE_HZ;
-use stylus_app::control::{
-    Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
-};
+use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::levels::Sums;
 use stylus_app::player::Piece;
@@ -193,11 +188,7 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(
-        &self,
-        selection: &Selection,
-        response: Option<&Response>,
-    ) -> Result<(Next, PlayRate), PlayError> {
+    fn plan(&self, selection: &Selection, response: Option<&Response>) -> Result<(Next, PlayRate), PlayError> {
         let library = self.library.library().ok_or(PlayError::NoLibrary)?;
         let (plan, rate) = plan_of(selection, &library, BUDGET, response)?;
         let follower = Follower::new(matches!(selection, Selection::Scene(_)));

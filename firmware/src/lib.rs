@@ -203,13 +203,7 @@ struct Links {
 }
 
 /// Opens the stores and the links, which ends the start.
-async fn serve(
-    spawner: Spawner,
-    hardware: Hardware,
-    links: Links,
-    leds: Leds,
-    takes_unsigned: bool,
-) {
+async fn serve(spawner: Spawner, hardware: Hardware, links: Links, leds: Leds, takes_unsigned: bool) {
     spawner.spawn(blink(leds).unwrap());
     record::enter(Some(StartStage::Storage));
     storage::start(spawner, hardware, takes_unsigned).await;
@@ -268,8 +262,7 @@ async fn run_usb(mut device: usb::Device) -> ! {
 
 #[embassy_executor::task]
 async fn serve_usb(receiver: usb::Receiver) -> ! {
-    static BUFFER: ConstStaticCell<usb::Buffer> =
-        ConstStaticCell::new([0; size_of::<usb::Buffer>()]);
+    static BUFFER: ConstStaticCell<usb::Buffer> = ConstStaticCell::new([0; size_of::<usb::Buffer>()]);
     static ANSWER: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
     requests::serve(Wire::Usb, receiver, BUFFER.take(), ANSWER.take()).await
 }
@@ -302,10 +295,6 @@ async fn blink(mut leds: Leds) -> ! {
                 Timer::after_millis(125).await;
             }
         }
-        defmt::info!(
-            "stack: {} of {} bytes used",
-            stack::used_bytes(),
-            stack::bytes()
-        );
+        defmt::info!("stack: {} of {} bytes used", stack::used_bytes(), stack::bytes());
     }
 }

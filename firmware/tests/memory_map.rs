@@ -145,10 +145,7 @@ fn protection_of(range: &Range<u64>) -> (Access, bool, Memory) {
     };
     let first = of(range.start);
     assert!(
-        range
-            .clone()
-            .step_by(1024)
-            .all(|address| of(address) == first),
+        range.clone().step_by(1024).all(|address| of(address) == first),
         "{range:x?}"
     );
     first
@@ -160,10 +157,7 @@ fn regions_of_the_mpu_are_such_as_it_has() {
     for region in REGIONS {
         assert!((5..=32).contains(&region.length_log2), "{region:x?}");
         let length = 1u64 << region.length_log2;
-        assert!(
-            u64::from(region.start).is_multiple_of(length),
-            "{region:x?}"
-        );
+        assert!(u64::from(region.start).is_multiple_of(length), "{region:x?}");
         // SIZE is the binary logarithm less one (ARM DDI 0403E, B3.5.9).
         assert_eq!(region.attributes() >> 1 & 0x1F, region.length_log2 - 1);
     }
@@ -182,26 +176,14 @@ fn attributes_are_those_of_the_architecture() {
         region.attributes() & !0x3F
     };
     // Fields of RASR: XN 28, AP 26:24, TEX 21:19, S 18, C 17, B 16 (ARM DDI 0403E, B3.5.9, tables B3-13 and B3-15).
-    assert_eq!(
-        attributes(Access::Nothing, false, Memory::StronglyOrdered),
-        0x1000_0000
-    );
-    assert_eq!(
-        attributes(Access::ReadWrite, false, Memory::Device),
-        0x1305_0000
-    );
-    assert_eq!(
-        attributes(Access::ReadWrite, false, Memory::NotCached),
-        0x1308_0000
-    );
+    assert_eq!(attributes(Access::Nothing, false, Memory::StronglyOrdered), 0x1000_0000);
+    assert_eq!(attributes(Access::ReadWrite, false, Memory::Device), 0x1305_0000);
+    assert_eq!(attributes(Access::ReadWrite, false, Memory::NotCached), 0x1308_0000);
     assert_eq!(
         attributes(Access::ReadWrite, false, Memory::NotCachedShareable),
         0x130C_0000
     );
-    assert_eq!(
-        attributes(Access::Read, true, Memory::WriteBack),
-        0x060B_0000
-    );
+    assert_eq!(attributes(Access::Read, true, Memory::WriteBack), 0x060B_0000);
 }
 
 #[test]
@@ -245,10 +227,7 @@ fn each_memory_is_protected_as_its_use_wants() {
         (0x1FF2_0000..0x2000_0000, (Nothing, false, StronglyOrdered)),
         (0x1FF1_E800..0x1FF1_F000, (Read, false, NotCached)),
         // SRAM 1, for DMA.
-        (
-            0x3000_0000..0x3002_0000,
-            (ReadWrite, false, NotCachedShareable),
-        ),
+        (0x3000_0000..0x3002_0000, (ReadWrite, false, NotCachedShareable)),
         (0x4000_0000..0x6000_0000, (ReadWrite, false, Device)),
         // External memory.
         (0x6000_0000..0xA000_0000, (Nothing, false, StronglyOrdered)),

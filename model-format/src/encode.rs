@@ -3,9 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::part::{
-    self, excitation, fine_theta, levels, lines, modulation, moments, tails, wander,
-};
+use crate::library::part::{self, excitation, fine_theta, levels, lines, modulation, moments, tails, wander};
 use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, TailSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
@@ -134,12 +132,8 @@ impl CodeSpec {
         let split = |&theta: &i32| {
             let theta = theta.clamp(-crate::MAX_FINE_THETA, crate::MAX_FINE_THETA);
             // Rounded to nearest, so that the fraction fits in a signed byte.
-            let code =
-                (theta + (1 << (crate::THETA_FRACTION_BITS - 1))) >> crate::THETA_FRACTION_BITS;
-            (
-                code as i16,
-                (theta - (code << crate::THETA_FRACTION_BITS)) as i8,
-            )
+            let code = (theta + (1 << (crate::THETA_FRACTION_BITS - 1))) >> crate::THETA_FRACTION_BITS;
+            (code as i16, (theta - (code << crate::THETA_FRACTION_BITS)) as i8)
         };
         let fine = thetas.iter().take(limits::MAX_FINE_STAGES);
         Self {
@@ -163,10 +157,7 @@ impl CodeSpec {
     /// θ of all stages, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`].
     pub fn thetas(&self) -> impl Iterator<Item = i32> + '_ {
         let fractions = self.fractions.iter().copied();
-        let both = self
-            .codes
-            .iter()
-            .zip(fractions.chain(core::iter::repeat(0)));
+        let both = self.codes.iter().zip(fractions.chain(core::iter::repeat(0)));
         both.map(|(&code, fraction)| theta(code, fraction))
             .chain(self.tail.thetas())
     }
@@ -219,10 +210,7 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 ///
 /// # Errors
 /// A fault that bytes cannot express, such as a tail at the wrong stage, or else the first one that decoding reports.
-pub fn encode_with_scenes(
-    textures: &[TextureSpec],
-    scenes: &[Scene],
-) -> Result<Vec<u8>, DecodeError> {
+pub fn encode_with_scenes(textures: &[TextureSpec], scenes: &[Scene]) -> Result<Vec<u8>, DecodeError> {
     // Decoding finds every fault that bytes can hold. Only what they cannot hold is refused while they are written.
     let bytes = bytes_of(textures, scenes)?;
     Library::decode(&bytes)?;
@@ -257,11 +245,7 @@ fn append_scene(scene: &Scene, index: usize, bytes: &mut Vec<u8>) -> Result<(), 
     Ok(())
 }
 
-fn append_texture(
-    texture: &TextureSpec,
-    index: usize,
-    bytes: &mut Vec<u8>,
-) -> Result<(), DecodeError> {
+fn append_texture(texture: &TextureSpec, index: usize, bytes: &mut Vec<u8>) -> Result<(), DecodeError> {
     let mut nodes = Vec::new();
     let mut coefficients = Vec::new();
     let mut summary = Summary::default();
@@ -269,8 +253,7 @@ fn append_texture(
         let place = node_place(texture, index, number);
         let order = node.codes.order();
         // Before the cast, in which an order of 65 536 would become 0.
-        Problem::count("the order", order, [0, limits::MAX_ORDER])
-            .map_err(|problem| problem.at(place))?;
+        Problem::count("the order", order, [0, limits::MAX_ORDER]).map_err(|problem| problem.at(place))?;
         let record = NodeRecord {
             order: order as u16,
             flags: u16::from(node.flags.bits()),
@@ -299,18 +282,14 @@ fn append_texture(
     Ok(())
 }
 
-fn append_parts(
-    texture: &TextureSpec,
-    index: usize,
-    bytes: &mut Vec<u8>,
-) -> Result<(), DecodeError> {
+fn append_parts(texture: &TextureSpec, index: usize, bytes: &mut Vec<u8>) -> Result<(), DecodeError> {
     let fractions: Vec<&[i8]> = texture
         .nodes
         .iter()
         .map(|node| node.codes.fractions.as_slice())
         .collect();
-    let fine_theta = fine_theta::part(&fractions)
-        .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
+    let fine_theta =
+        fine_theta::part(&fractions).map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
     let tails = tails::part(
         texture
             .nodes
@@ -358,10 +337,7 @@ fn node_place(texture: &TextureSpec, index: usize, number: usize) -> Place {
 }
 
 fn axis_bytes(values: &[f32]) -> Vec<u8> {
-    values
-        .iter()
-        .flat_map(|value| value.to_le_bytes())
-        .collect()
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 /// Writes the prefix of a library whose body is complete.

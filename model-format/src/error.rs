@@ -51,11 +51,7 @@ impl fmt::Display for Place {
             Self::Texture(texture) => write!(f, "texture {texture}"),
             Self::SpeedAxis(texture) => write!(f, "texture {texture}, speed axis"),
             Self::ForceAxis(texture) => write!(f, "texture {texture}, force axis"),
-            Self::Node {
-                texture,
-                speed,
-                force,
-            } => write!(f, "texture {texture}, node (speed {speed}, force {force})"),
+            Self::Node { texture, speed, force } => write!(f, "texture {texture}, node (speed {speed}, force {force})"),
             Self::Scene(scene) => write!(f, "scene {scene}"),
         }
     }
@@ -77,9 +73,7 @@ pub enum Problem {
         /// The version in the file.
         found: u16,
     },
-    #[error(
-        "{found} bytes where the library declares {declared}: truncated, or followed by something else"
-    )]
+    #[error("{found} bytes where the library declares {declared}: truncated, or followed by something else")]
     Length {
         /// Length that the prefix declares, bytes.
         declared: u32,
@@ -150,10 +144,7 @@ pub enum Problem {
 
 impl Problem {
     pub(crate) const fn at(self, place: Place) -> DecodeError {
-        DecodeError {
-            place,
-            problem: self,
-        }
+        DecodeError { place, problem: self }
     }
 
     /// Checks that `value` is in `range`, both ends included, and is not -0.0.
@@ -183,10 +174,6 @@ impl Problem {
         if found == expected {
             return Ok(());
         }
-        Err(Self::Mismatch {
-            what,
-            found,
-            expected,
-        })
+        Err(Self::Mismatch { what, found, expected })
     }
 }

@@ -179,11 +179,7 @@ impl Summary {
         Self {
             highest_order: self.highest_order.max(order),
             // Powers are not negative, so their bits, read as integers, have the same order as the powers.
-            highest_output_power: f32::from_bits(
-                self.highest_output_power
-                    .to_bits()
-                    .max(output_power.to_bits()),
-            ),
+            highest_output_power: f32::from_bits(self.highest_output_power.to_bits().max(output_power.to_bits())),
         }
     }
 }

@@ -1,8 +1,6 @@
 //! The command as a user sees it: its results for good input, and its messages about bad input.
 
-use crate::support::{
-    Bench, RATE_HZ, all_pole, holds, integers, json, noise, rig_of, scaled, two_textures, wav,
-};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, noise, rig_of, scaled, two_textures, wav};
 
 /// A set of two textures at two speeds and forces, on two axes. The second axis is weak.
 fn small_set() -> Bench {
@@ -15,9 +13,7 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
     let said = bench.succeed("fit set --out textures.lib");
     holds(&said, &["8 trials -> textures.lib"]);
     holds(&bench.succeed("inspect textures.lib"), &["silk", "2 x 2"]);
-    let judged = bench.succeed(
-        "evaluate set --library textures.lib --json figures.json --report report --synthesis 2",
-    );
+    let judged = bench.succeed("evaluate set --library textures.lib --json figures.json --report report --synthesis 2");
     holds(&judged, &["felt", "report/index.html"]);
     let figures = bench.report("figures.json");
     assert_eq!(figures["trials"].as_array().unwrap().len(), 8);
@@ -99,8 +95,7 @@ fn a_simulated_set_is_simulated_wherever_it_goes() {
         let page = String::from_utf8(bench.read(page)).unwrap();
         assert!(page.contains("<p class=\"notice\">SIMULATED"));
     }
-    let rendered = bench
-        .succeed("render rig.lib --texture denim --speed 60 --force 1 --seconds 1 --out d.wav");
+    let rendered = bench.succeed("render rig.lib --texture denim --speed 60 --force 1 --seconds 1 --out d.wav");
     holds(&rendered, &["SIMULATED"]);
 }
 
@@ -162,11 +157,7 @@ fn damaged_libraries_are_refused_by_every_command_with_the_place() {
     let mut newer = good.clone();
     newer[4] += 1;
     bench.write("newer.lib", newer);
-    for (name, word) in [
-        ("short", "truncated"),
-        ("flipped", "damaged"),
-        ("newer", "version"),
-    ] {
+    for (name, word) in [("short", "truncated"), ("flipped", "damaged"), ("newer", "version")] {
         for command in [
             format!("inspect {name}.lib"),
             format!("evaluate set --library {name}.lib"),
@@ -220,13 +211,8 @@ fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
     bench.write("double.wav", double_wav(&signal));
     let rows = (0..).zip(&signal);
     let rows = rows.map(|(n, x)| format!("{},{x}\n", f64::from(n) / f64::from(RATE_HZ)));
-    bench.write(
-        "table.csv",
-        "time_s,x_m_s2\n".to_owned() + &rows.collect::<String>(),
-    );
-    bench.succeed(
-        "fit float.wav pcm16.wav pcm24.wav pcm32.wav double.wav table.csv --out a.lib --order 10",
-    );
+    bench.write("table.csv", "time_s,x_m_s2\n".to_owned() + &rows.collect::<String>());
+    bench.succeed("fit float.wav pcm16.wav pcm24.wav pcm32.wav double.wav table.csv --out a.lib --order 10");
     let bytes = bench.read("a.lib");
     let library = model_format::Library::decode(&bytes).unwrap();
     let powers = library.textures().map(|t| t.node(0, 0).output_power);

@@ -35,9 +35,7 @@ impl<'a> Operator<'a> {
     fn until(&mut self, words: &str) -> String {
         let said = |line: &std::io::Result<String>| line.as_ref().unwrap().contains(words);
         let found = self.said.find(said);
-        found
-            .unwrap_or_else(|| panic!("'{words}' is not said"))
-            .unwrap()
+        found.unwrap_or_else(|| panic!("'{words}' is not said")).unwrap()
     }
 
     fn answer(&mut self, words: &str, answer: &str) {
@@ -198,10 +196,7 @@ fn zeros_of_the_accelerometer_are_judged_by_the_accelerometer_and_not_by_a_force
     let mut operator = Operator::new(&stylus, &bench, command);
     operator.hand.acceleration = vec![[30_000; 3], [34_000; 3]];
     operator.answer("tip down", "");
-    holds(
-        &operator.until("nothing was stored"),
-        &["acceleration X has a noise"],
-    );
+    holds(&operator.until("nothing was stored"), &["acceleration X has a noise"]);
     assert_eq!(operator.end().1, Some(2));
 }
 
@@ -216,10 +211,7 @@ fn what_is_asked_for_beside_a_response_is_set_and_told_if_the_response_fails() {
     interrupt(&operator.child);
     writeln!(operator.keyboard).unwrap();
     let told = operator.until("the response failed: interrupted");
-    holds(
-        &told,
-        &["stored and read back: acceleration-zero-x 33000, "],
-    );
+    holds(&told, &["stored and read back: acceleration-zero-x 33000, "]);
     assert_eq!(operator.end().1, Some(2));
     assert_eq!(value(&bench, "acceleration-zero-x"), 33_000.0);
     let refused = bench.refuse("calibrate --response --hard-limit 0.4 --yes");

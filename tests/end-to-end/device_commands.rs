@@ -3,9 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::time::Duration;
 
-use crate::support::{
-    Bench, attached, connected, holds, interrupt, json, near, play_for, scaled, text, wait_for,
-};
+use crate::support::{Bench, attached, connected, holds, interrupt, json, near, play_for, scaled, text, wait_for};
 use fake_stylus::actuator::Actuator;
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
@@ -52,8 +50,7 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
     assert_eq!(full["textures"][1]["provenance"], "SIMULATED");
     holds(&bench.succeed("slots"), &["(active)", "15 x 8"]);
     let status = bench.succeed("status");
-    let start =
-        "start external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults";
+    let start = "start external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults";
     holds(&status, &["stylus 0123456789ABCDEF01234567", start, "µs"]);
     holds(&status, &["changing texture or library 1 x"]);
 }
@@ -65,17 +62,12 @@ fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() 
     let device = connected(&stylus);
     let slot = device.upload_begin(announcement(&bytes)).unwrap().slot;
     let data = &bytes[..512];
-    device
-        .upload_chunk(&UploadChunk { offset: 0, data })
-        .unwrap();
+    device.upload_chunk(&UploadChunk { offset: 0, data }).unwrap();
     drop(device);
 
     let ended = bench.succeed("upload --abort");
     let arrived = format!("512 of {} bytes had arrived", bytes.len());
-    holds(
-        &ended,
-        &[&format!("the upload to slot {slot} was ended; {arrived}")],
-    );
+    holds(&ended, &[&format!("the upload to slot {slot} was ended; {arrived}")]);
     let none = json(&bench.succeed("upload --abort --json"));
     assert_eq!(none, json(r#"{"before": "Idle", "after": "Idle"}"#));
     bench.write("a.lib", &bytes);
@@ -143,9 +135,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     let (stylus, bench) = ready();
     stylus.set_hand(Hand::moving(100.0, 1.0));
     let child = bench.spawn(["play", "--texture", "texture 0", "--json"]);
-    wait_for("a hundred keep-alives", || {
-        stylus.count("stylus/keep-alive") >= 100
-    });
+    wait_for("a hundred keep-alives", || stylus.count("stylus/keep-alive") >= 100);
     #[cfg(unix)]
     interrupt(&child);
     let output = child.wait_with_output().unwrap();
@@ -198,11 +188,7 @@ fn limits_that_acted_are_counted_per_play() {
         let report = json(&text(&output.stdout));
         let hard = report["hard_limited"].as_u64().unwrap();
         assert_eq!(hard > 0, is_limited, "{report}");
-        assert_eq!(
-            said.contains(&format!("({hard} hard, ")),
-            is_limited,
-            "{said}"
-        );
+        assert_eq!(said.contains(&format!("({hard} hard, ")), is_limited, "{said}");
     }
 }
 
@@ -222,10 +208,7 @@ fn a_play_tells_what_the_accelerometer_felt_and_what_the_active_library_lets_exp
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     let felt = |name: &str| report["accelerometer"][name].as_f64().unwrap();
-    assert!(
-        felt("greatest_m_s2") > 2.0 * felt("before_m_s2"),
-        "{report}"
-    );
+    assert!(felt("greatest_m_s2") > 2.0 * felt("before_m_s2"), "{report}");
     let render = "render a.lib --speed 120 --force 1 --out a.wav --seconds";
     let render = format!("{render} {}", report["seconds"]);
     let rendered = bench.command(render.split(' ')).args(texture).status();
@@ -239,10 +222,7 @@ fn a_play_tells_what_the_accelerometer_felt_and_what_the_active_library_lets_exp
     let other = "play --speed 120 --force 1 --seconds 1 --library b.lib";
     let mut other = bench.command(other.split(' '));
     let other = text(&other.args(texture).output().unwrap().stderr);
-    holds(
-        &other,
-        &["b.lib", "not the device's active library", "stylus upload"],
-    );
+    holds(&other, &["b.lib", "not the device's active library", "stylus upload"]);
 }
 
 #[test]
@@ -254,10 +234,7 @@ fn a_play_asks_for_a_texture_or_a_scene_and_says_where_the_options_of_a_link_bel
         text(&output.stderr)
     };
     holds(&said("play"), &["--texture <NAME>|--scene <NAME>"]);
-    let named = bench
-        .command(["play", "--scene", "texture 1"])
-        .output()
-        .unwrap();
+    let named = bench.command(["play", "--scene", "texture 1"]).output().unwrap();
     let words = "has no scene \"texture 1\"; it has none; 'texture 0' is a texture of it";
     holds(&text(&named.stderr).replace("\n  ", " "), &[words]);
     for (arguments, option, after) in [
@@ -299,10 +276,7 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     let play = "play --texture absent";
     let refused = bench.refuse(play);
     let missing = "amplifier-gain, coil-resistance, power-limit not set";
-    holds(
-        &refused,
-        &[missing, "stylus calibrate", "stylus settings set"],
-    );
+    holds(&refused, &[missing, "stylus calibrate", "stylus settings set"]);
     let shown = bench.succeed("settings");
     assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
     let status = bench.succeed("status");
@@ -454,8 +428,7 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     let mut sights = lines.map(|line| json(&line.unwrap()));
     // 768 codes to both sides of the mean, 3.3 V / 65 536 per code, 29.72 m/s² per V.
     let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
-    let is_seen =
-        |sight: &Value| (sight["level"]["rms_m_s2"].as_f64().unwrap_or(0.0) - rms).abs() < 1e-3;
+    let is_seen = |sight: &Value| (sight["level"]["rms_m_s2"].as_f64().unwrap_or(0.0) - rms).abs() < 1e-3;
     let sight = sights.find(is_seen).unwrap();
     near(sight["level"]["speed_mm_s"].as_f64().unwrap(), 80.0, 1.0);
     near(sight["level"]["force_n"].as_f64().unwrap(), 1.5, 0.01);

@@ -87,9 +87,7 @@ fn where_there_is_no_device_one_line_says_so() {
 #[test]
 fn the_udev_rule_is_for_the_device_that_the_protocol_names() {
     let rules = include_str!("../../host-tools/70-stylus.rules");
-    let device = format!(
-        "ATTR{{idVendor}}==\"{USB_VENDOR_ID:04x}\", ATTR{{idProduct}}==\"{USB_PRODUCT_ID:04x}\""
-    );
+    let device = format!("ATTR{{idVendor}}==\"{USB_VENDOR_ID:04x}\", ATTR{{idProduct}}==\"{USB_PRODUCT_ID:04x}\"");
     let rule = rules.lines().find(|line| line.contains(&device));
     assert!(rule.is_some_and(|rule| rule.contains("TAG+=\"uaccess\"")));
 }
@@ -139,10 +137,7 @@ fn what_is_attached_is_listed_and_the_only_one_is_used() {
     assert_eq!(rows[0]["state"], "answers");
     assert!(rows[0]["firmware"].is_string());
     assert!(
-        rows[1]["state"]
-            .as_str()
-            .unwrap()
-            .contains("nothing listens there"),
+        rows[1]["state"].as_str().unwrap().contains("nothing listens there"),
         "{listed}"
     );
     let message = text(&run(&["devices"]).stdout);

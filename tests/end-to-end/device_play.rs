@@ -27,10 +27,7 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
     let due = report["motions"].as_u64().unwrap() + report["skipped"].as_u64().unwrap();
     let words = format!("only {} of {due} motions could be sent", report["motions"]);
     holds(&err, &[&words, "at least 60"]);
-    assert!(
-        report["failure"].as_str().unwrap().contains(&words),
-        "{report}"
-    );
+    assert!(report["failure"].as_str().unwrap().contains(&words), "{report}");
 
     stylus.fail(|_| ());
     stylus.set_hand(Hand {
@@ -41,17 +38,8 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
     let output = command.output().unwrap();
     let err = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{err}");
-    holds(
-        &err,
-        &[
-            "the output was muted throughout (",
-            "force sensor at its rail",
-        ],
-    );
-    assert!(
-        text(&output.stdout).contains("muted 100 % of the time"),
-        "{output:?}"
-    );
+    holds(&err, &["the output was muted throughout (", "force sensor at its rail"]);
+    assert!(text(&output.stdout).contains("muted 100 % of the time"), "{output:?}");
 }
 
 #[test]
@@ -62,11 +50,7 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
         ..Hand::moving(80.0, 0.7)
     });
     for (arguments, speed, force) in [
-        (
-            &["--speed", "120", "--force", "0.5"][..],
-            "120.0 mm/s",
-            "0.50 N",
-        ),
+        (&["--speed", "120", "--force", "0.5"][..], "120.0 mm/s", "0.50 N"),
         (&[][..], "80.0 mm/s", "0.70 N"),
     ] {
         let play = || {

@@ -4,9 +4,7 @@ use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
-use crate::support::{
-    Bench, all_pole, attached, holds, interrupt, json, near, noise, text, wait_for,
-};
+use crate::support::{Bench, all_pole, attached, holds, interrupt, json, near, noise, text, wait_for};
 use fake_stylus::{FakeStylus, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
@@ -46,9 +44,7 @@ fn spawn(bench: &Bench, arguments: &str) -> Child {
 /// Reads the samples of a trial, m/s², as a fit does.
 fn samples(bench: &Bench, trial: usize) -> Vec<Vec<f64>> {
     let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
-    host_tools::recording::read(&set.trials[trial])
-        .unwrap()
-        .axes
+    host_tools::recording::read(&set.trials[trial]).unwrap().axes
 }
 
 #[test]
@@ -134,10 +130,7 @@ fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     stylus.lose_samples(Duration::from_millis(300), 100);
-    let report = report(&record(
-        &bench,
-        "--texture silk --speeds 100 --forces 1 --yes",
-    ));
+    let report = report(&record(&bench, "--texture silk --speeds 100 --forces 1 --yes"));
     let row = &report["recorded"][0];
     let lost = row["loss"]["in_device"].as_u64().unwrap();
     assert!((4..=5).contains(&lost), "{row}");
@@ -241,10 +234,7 @@ fn triage_judges_each_trial_when_it_is_there() {
     assert_eq!(verdicts.len(), 1, "{said}");
     let words = "nothing moved: the sensors say 0.0 mm/s and 0.00 N";
     holds(&verdicts[0], &[words]);
-    for (texture, acceleration, word) in [
-        ("still", vec![[32_768; 3]], "silent"),
-        ("loud", loud, "clipped"),
-    ] {
+    for (texture, acceleration, word) in [("still", vec![[32_768; 3]], "silent"), ("loud", loud, "clipped")] {
         stylus.set_hand(Hand {
             acceleration,
             ..good.clone()
@@ -276,10 +266,7 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
 fn a_recording_that_was_left_running_is_stopped_by_stop() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
-    let mut child = spawn(
-        &bench,
-        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
-    );
+    let mut child = spawn(&bench, "--texture silk --speeds 100 --forces 1 --seconds 60 --yes");
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     child.kill().unwrap();
     child.wait().unwrap();
@@ -315,8 +302,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
         assert_eq!(rows.len(), 7500);
         let scale = SCALE * f64::from(AdcCode::STEP.0);
         let pins = hand(speed, force).acceleration;
-        let codes =
-            |row: &[f64; 6]| [1, 2, 3].map(|axis| (row[axis] / scale).round() as i64 + 32_768);
+        let codes = |row: &[f64; 6]| [1, 2, 3].map(|axis| (row[axis] / scale).round() as i64 + 32_768);
         let pin = |at: usize| pins[at % pins.len()].map(i64::from);
         let begins = (0..pins.len()).find(|&at| (0..20).all(|n| pin(at + n) == codes(&rows[n])));
         let begins = begins.expect("the first samples were on the pins");

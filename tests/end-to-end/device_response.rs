@@ -13,8 +13,8 @@ use host_tools::link::LinkError;
 use host_tools::procedures::response::{Bench, DeviceBench, Failure, Probe};
 use model_format::encode;
 use model_format::link::{
-    Activity, LINK_LOST_AFTER_MS, MAX_PROBE_SAMPLES, ProbeError, ProbeStart, ProbeThrough,
-    ResponseChange, ResponseError,
+    Activity, LINK_LOST_AFTER_MS, MAX_PROBE_SAMPLES, ProbeError, ProbeStart, ProbeThrough, ResponseChange,
+    ResponseError,
 };
 use serde_json::Value;
 
@@ -32,10 +32,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
         ..ProbeStart::of(&period, 1, 5.0)
     };
     assert_eq!(start.crc32, crc32);
-    let other = ProbeStart {
-        crc32: !crc32,
-        ..start
-    };
+    let other = ProbeStart { crc32: !crc32, ..start };
     match device.start_probe(&other) {
         Err(LinkError::Probe(refused)) => {
             assert_eq!(*refused, ProbeError::Waveform { loaded: crc32 });
@@ -61,8 +58,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     assert_eq!(device.response().unwrap().stored, None);
     device.set_response(ResponseChange::Store { id }).unwrap();
     drop(device);
-    let line =
-        format!("response {id:08x}, measured on 2023-11-14, flat within 1.5 dB (0.5 dB RMS)");
+    let line = format!("response {id:08x}, measured on 2023-11-14, flat within 1.5 dB (0.5 dB RMS)");
     holds(&bench.succeed("status"), &[&line]);
     // The upload has succeeded, whatever can be said of the headroom.
     bench.write("odd.lib", encode(&[texture("odd", 4, 1, 8_000)]).unwrap());
@@ -71,17 +67,11 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
         &["the headroom is not known: no stylus plays 8000 Hz"],
     );
     bench.succeed("settings set output-gain 0.04");
-    holds(
-        &bench.succeed("status"),
-        &["STALE: output-gain changed since"],
-    );
+    holds(&bench.succeed("status"), &["STALE: output-gain changed since"]);
     let device = connected(&stylus);
     device.set_response(ResponseChange::Clear { id }).unwrap();
     drop(device);
-    assert_eq!(
-        json(&bench.succeed("status --json"))["response"],
-        Value::Null
-    );
+    assert_eq!(json(&bench.succeed("status --json"))["response"], Value::Null);
 }
 
 #[test]

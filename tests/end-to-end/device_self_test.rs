@@ -45,8 +45,7 @@ fn with<'a>(record: &'a Value, verdict: &str) -> Vec<&'a str> {
 }
 
 #[test]
-fn no_test_code_is_put_out_unless_the_enable_is_wired_or_a_person_says_that_no_amplifier_is_connected()
- {
+fn no_test_code_is_put_out_unless_the_enable_is_wired_or_a_person_says_that_no_amplifier_is_connected() {
     let (stylus, bench) = on(Board::default());
     for (wired, flags, moves) in [
         (0, "", false),
@@ -134,10 +133,7 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
     // The first speed is in step with nothing. At the second speed the tool moves by 20 counts, five periods of both
     // lines, in each block of a recording.
     for speed_mm_s in [30.7, 31.25] {
-        stylus.set_hand(Hand {
-            speed_mm_s,
-            ..lying()
-        });
+        stylus.set_hand(Hand { speed_mm_s, ..lying() });
         let failing = failing();
         let has = |name: &str| failing.iter().any(|failing| failing == name);
         assert!(has("encoder line A"), "{failing:?}");

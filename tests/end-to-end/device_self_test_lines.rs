@@ -14,9 +14,8 @@ use host_tools::procedures::self_test::judge::Traffic;
 use host_tools::procedures::self_test::{self, Line, Options, Verdict, judge};
 use model_format::AdcCode;
 use model_format::link::{
-    ChipValues, ClockCount, ClockSource, ClockValues, DeviceInfo, ErrorCorrectionValues, Fault,
-    FaultKind, FlashValues, OptionByteValues, OutputValues, RecordSample, RestValues, STEP_CODES,
-    SlotId, Status,
+    ChipValues, ClockCount, ClockSource, ClockValues, DeviceInfo, ErrorCorrectionValues, Fault, FaultKind, FlashValues,
+    OptionByteValues, OutputValues, RecordSample, RestValues, STEP_CODES, SlotId, Status,
 };
 
 const RATE_HZ: u32 = 5_000;
@@ -314,21 +313,14 @@ const LINES: &[Row] = &[
 ];
 
 /// Names of the sensors, with which the lines of each axis and of the force begin.
-const SENSORS: [&str; 4] = [
-    "acceleration X",
-    "acceleration Y",
-    "acceleration Z",
-    "force",
-];
+const SENSORS: [&str; 4] = ["acceleration X", "acceleration Y", "acceleration Z", "force"];
 const OF_SENSOR: [SensorRow; 5] = [
     ("from the rails", |m, sensor| {
         m.change(sensor, |_, code| code - 32_700);
     }),
     ("converts", |m, sensor| m.change(sensor, |_, _| 32_760)),
     ("noise", |m, sensor| {
-        m.change(sensor, |n, code| {
-            code + (n.wrapping_mul(0x9E37_79B9) >> 18) as u16
-        });
+        m.change(sensor, |n, code| code + (n.wrapping_mul(0x9E37_79B9) >> 18) as u16);
     }),
     ("hum of 50 Hz", |m, sensor| m.hum(sensor, 50.0)),
     ("hum of 60 Hz", |m, sensor| m.hum(sensor, 60.0)),

@@ -2,9 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::{
-    Bench, all_pole, decibels, holds, noise, power_between, predictor, text, wav,
-};
+use crate::support::{Bench, all_pole, decibels, holds, noise, power_between, predictor, text, wav};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 use host_tools::dsp::sums::mean_square;
 
@@ -44,10 +42,8 @@ fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
     let motion: Vec<f64> = (0..count).map(motion).collect();
     let axis = |index: usize| -> Vec<f64> {
         let both = texture.iter().zip(&motion);
-        both.map(|(x, slow)| {
-            TEXTURE[index] * factor * x + DRIFT[index] * slow + GRAVITY_M_S2[index]
-        })
-        .collect()
+        both.map(|(x, slow)| TEXTURE[index] * factor * x + DRIFT[index] * slow + GRAVITY_M_S2[index])
+            .collect()
     };
     (std::array::from_fn(axis), factor)
 }
@@ -71,8 +67,7 @@ fn played(bench: &Bench, library: &str) -> Vec<f64> {
 /// Returns the largest error of a third-octave band that can be felt, and the error of the level, dB.
 fn errors(played: &[f64], rate_hz: u32, factor: f64, share: f64) -> (f64, f64) {
     let a = surface(rate_hz);
-    let power =
-        |low: f64, high: f64| share * factor.powi(2) * power_between(&a, rate_hz, low, high);
+    let power = |low: f64, high: f64| share * factor.powi(2) * power_between(&a, rate_hz, low, high);
     let highest_hz = (0.4 * f64::from(rate_hz)).min(1_000.0);
     let bands = band_powers(played, 5_000.0).into_iter().enumerate();
     let worst = bands.filter_map(|(band, found)| {
@@ -89,11 +84,7 @@ fn holds_the_texture(rate_hz: u32, drift: f64, method: &str) {
     let bench = recorded(&axes, rate_hz);
     bench.succeed(&format!("fit set --out a.lib --reduce {method}"));
     // One axis contains only its own part of the texture; the other reductions keep all of it.
-    let share = if method == "x" {
-        TEXTURE[0].powi(2)
-    } else {
-        1.0
-    };
+    let share = if method == "x" { TEXTURE[0].powi(2) } else { 1.0 };
     let (band_db, level_db) = errors(&played(&bench, "a.lib"), rate_hz, factor, share);
     let case = format!("{rate_hz} Hz, drift {drift}, {method}");
     assert!(band_db < 1.5, "{case}: {band_db} dB");

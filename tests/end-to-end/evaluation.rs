@@ -1,9 +1,7 @@
 //! The removed-node test, what may judge a fit, strokes of a free hand, and HaTT's models, through the command.
 
 use crate::hatt;
-use crate::support::{
-    Bench, RATE_HZ, all_pole, denim_rig_of, holds, near, noise, scaled, text, wav,
-};
+use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, near, noise, scaled, text, wav};
 use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
 
@@ -76,8 +74,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
     holds(&said, &[words]);
     let felt = &bench.report("blocks.json")["textures"][0];
-    let verdict =
-        "spectrum as near as another part of the recording; impulses as near; evenness as near";
+    let verdict = "spectrum as near as another part of the recording; impulses as near; evenness as near";
     assert_eq!(felt["verdict"], verdict);
     holds(&said, &[&format!("felt: {verdict} In brackets the target")]);
     let is_wide = |line: &str| line.chars().count() > 80;
@@ -101,11 +98,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let loud = "evaluate two --scale 0.25 --library felt.lib --json loud.json --full";
     let said = bench.succeed(loud);
     holds(&said, &["JND off (target", "dB too strong at", "silent"]);
-    let distance = |figures: &serde_json::Value| {
-        figures["trials"][0]["log_spectral_distance_db"]
-            .as_f64()
-            .unwrap()
-    };
+    let distance = |figures: &serde_json::Value| figures["trials"][0]["log_spectral_distance_db"].as_f64().unwrap();
     // The same recording judges the same synthesis. Segments last 0.5 s in one report, because blocks are judged there
     // too, and 1 s in the other report.
     near(distance(&takes), distance(&unseen), 0.2);
@@ -193,8 +186,7 @@ fn free_stroke(seed: u64) -> String {
 }
 
 #[test]
-fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and_the_nearest_stroke()
- {
+fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and_the_nearest_stroke() {
     let bench = Bench::new();
     for seed in 0..16 {
         bench.write(&format!("s{seed}.csv"), free_stroke(seed));
@@ -213,9 +205,7 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     };
     let of = |found: &serde_json::Value, by: &str, field: &str| {
         let mut all = found.as_array().unwrap().iter();
-        all.find(|near| near["by"] == by).unwrap()[field]
-            .as_f64()
-            .unwrap()
+        all.find(|near| near["by"] == by).unwrap()[field].as_f64().unwrap()
     };
     let (said, found) = judged();
     holds(&said, &["'felt' along 4 strokes", "SIMULATED"]);
@@ -236,14 +226,8 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     holds(&bench.succeed(&fit), &["-> felt.lib"]);
     let (_, found) = judged();
     assert!(of(&found, "library", "bias_db").abs() < 0.5, "{found}");
-    assert!(
-        of(&found, "library", "error_db") < error_db + 0.05,
-        "{found}"
-    );
-    assert!(
-        of(&found, "library", "band_error_db") < band_error_db + 0.1,
-        "{found}"
-    );
+    assert!(of(&found, "library", "error_db") < error_db + 0.05, "{found}");
+    assert!(of(&found, "library", "band_error_db") < band_error_db + 0.1, "{found}");
     refuse_what_does_not_go_with_strokes(&bench);
 }
 
@@ -318,9 +302,7 @@ fn as_many_model_files_as_hatt_has_become_one_library_that_a_slot_holds() {
         let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
         assert!(speeds > 1 && forces > 1, "{speeds} x {forces}");
     }
-    bench.succeed(
-        "render all.lib --texture texture-100 --speed 60 --force 1 --seconds 0.2 --out a.wav",
-    );
+    bench.succeed("render all.lib --texture texture-100 --speed 60 --force 1 --seconds 0.2 --out a.wav");
 }
 
 #[test]

@@ -1,9 +1,7 @@
 //! A known process that is recorded, fitted, stored and played by the device's kernel must come back as the same
 //! process.
 
-use crate::support::{
-    Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, scaled, wav,
-};
+use crate::support::{Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, scaled, wav};
 use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::fourier::{self, Complex};
 use host_tools::dsp::linear_prediction::{Prediction, corrected};
@@ -89,11 +87,7 @@ fn hard_spectra() -> Vec<(&'static str, Density)> {
             line(200.0) + line(200.5) + 1e-8
         }),
         ("noise from 100 to 400 Hz", |f| {
-            if (100.0..400.0).contains(&f) {
-                1.0
-            } else {
-                1e-9
-            }
+            if (100.0..400.0).contains(&f) { 1.0 } else { 1e-9 }
         }),
         ("f to the power of -5", |f| f.max(2.0).powi(-5)),
     ]
@@ -232,8 +226,7 @@ fn amplitude(signal: &[f64], frequency_hz: f64) -> f64 {
         .iter()
         .enumerate()
         .map(|(n, x)| {
-            let weight =
-                0.5 - 0.5 * (core::f64::consts::TAU * (n as f64 + 0.5) / signal.len() as f64).cos();
+            let weight = 0.5 - 0.5 * (core::f64::consts::TAU * (n as f64 + 0.5) / signal.len() as f64).cos();
             weights += weight;
             Complex::from_polar(weight * x, -turn * frequency_hz * n as f64)
         })
@@ -244,8 +237,7 @@ fn amplitude(signal: &[f64], frequency_hz: f64) -> f64 {
 #[test]
 fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
     let bench = Bench::new();
-    let rig =
-        host_tools::rig::RigFile::from_toml(std::path::Path::new("weave.toml"), WEAVE).unwrap();
+    let rig = host_tools::rig::RigFile::from_toml(std::path::Path::new("weave.toml"), WEAVE).unwrap();
     host_tools::rig::simulate_to_folder(&rig, 1, &bench.path("set"), false).unwrap();
     let set = RecordingSet::open(&[bench.path("set")]).unwrap();
     let fitted = |lines| {

@@ -2,9 +2,7 @@
 
 use crate::support::{Bench, denim_rig_of, holds, json, text};
 use host_tools::evaluation::frontier::costs::Costs;
-use host_tools::evaluation::frontier::{
-    Filter, Frontier, INTERVALS, Material, Options, Prepared, Structure,
-};
+use host_tools::evaluation::frontier::{Filter, Frontier, INTERVALS, Material, Options, Prepared, Structure};
 use host_tools::evaluation::stress::cases::{Length, suite};
 use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
@@ -32,9 +30,7 @@ fn options() -> Options {
     let cases = suite(Length::Short).into_iter();
     let options = Options {
         orders: vec![20, 100],
-        cases: cases
-            .filter(|case| wanted.contains(&case.name.as_str()))
-            .collect(),
+        cases: cases.filter(|case| wanted.contains(&case.name.as_str())).collect(),
         ..Options::default()
     };
     assert_eq!(options.cases.len(), wanted.len());
@@ -83,9 +79,7 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     let choices = frontier.choices();
     assert_eq!(choices.len(), 3);
     assert!(choices.iter().all(|(_, choice)| choice.on_safe_front));
-    assert!(choices.is_sorted_by(|(_, a), (_, b)| {
-        a.cycles <= b.cycles && a.total_error_db >= b.total_error_db
-    }));
+    assert!(choices.is_sorted_by(|(_, a), (_, b)| { a.cycles <= b.cycles && a.total_error_db >= b.total_error_db }));
     // Two takes differ as much as two pieces of one surface.
     assert!(frontier.take_cost > 0.05 && frontier.take_band_error_db > 0.1);
     page_holds_all(&bench, &frontier);

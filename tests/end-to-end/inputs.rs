@@ -2,9 +2,7 @@
 //! them, motions that end before they begin. The command reports doubtful input in a line, and refuses impossible input
 //! with its place.
 
-use crate::support::{
-    Bench, RATE_HZ, all_pole, holds, integers, json, noise, scaled, text, two_textures, wav,
-};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, noise, scaled, text, two_textures, wav};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n";
 
@@ -81,19 +79,12 @@ fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
         ("matlab", dialect("Time,ax", &|n| seconds(n) + " sec,{x}")),
         ("clock", clock.replace('.', ",")),
         ("iso", dialect("timestamp,ax", &iso)),
-        (
-            "ros",
-            dialect(&ros, &|n| format!("{n}000000,{{x}}{covariances}")),
-        ),
+        ("ros", dialect(&ros, &|n| format!("{n}000000,{{x}}{covariances}"))),
     ] {
         bench.write(&format!("{name}/felt.csv"), text);
         let fit = format!("fit {name}/felt.csv --speed 100 --force 1 --out {name}.lib {QUICK}");
         bench.succeed(&fit);
-        assert_eq!(
-            bench.read(&format!("{name}.lib")),
-            bench.read("plain.lib"),
-            "{name}"
-        );
+        assert_eq!(bench.read(&format!("{name}.lib")), bench.read("plain.lib"), "{name}");
     }
     bench.write("noon.csv", "time,ax\n12:00:00 PM,1\n12:00:01 PM,2\n");
     let refused = bench.refuse("fit noon.csv --speed 100 --force 1 --out a.lib");
@@ -120,16 +111,8 @@ fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
     let micros = |n: usize| (u64::from(u32::MAX) - 1_500_000 + 1000 * n as u64) % (1 << 32);
     for (name, content, told) in [
         ("plain", bytes(plain.clone()), ""),
-        (
-            "preamble",
-            bytes(format!("Logger 3\nRate: 1000 Hz\n\n{plain}")),
-            "",
-        ),
-        (
-            "matlab",
-            bytes(format!("% Rig A\n% 1 kHz, denim\n{plain}")),
-            "",
-        ),
+        ("preamble", bytes(format!("Logger 3\nRate: 1000 Hz\n\n{plain}")), ""),
+        ("matlab", bytes(format!("% Rig A\n% 1 kHz, denim\n{plain}")), ""),
         ("shell", utf_16(&plain.replace('\n', "\r\n")), ""),
         (
             "numpy",
@@ -165,11 +148,7 @@ fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
             })),
             "4000 rows of other sensors",
         ),
-        (
-            "power",
-            bytes(format!("{plain}4.0")),
-            "last line is cut off",
-        ),
+        ("power", bytes(format!("{plain}4.0")), "last line is cut off"),
     ] {
         bench.write(&format!("{name}/felt.csv"), content);
         let fit = format!("fit {name}/felt.csv --speed 100 --force 1 --out {name}.lib {QUICK}");
@@ -187,11 +166,7 @@ fn samples_without_a_value_are_interpolated_or_cut_with_and_without_times() {
     for (header, option) in [("time_s,x", ""), ("x", "--sample-rate 5000")] {
         let mut text = format!("{header}\n");
         for (n, x) in signal.iter().enumerate() {
-            let x = if is_lost(n) {
-                "NaN".to_owned()
-            } else {
-                x.to_string()
-            };
+            let x = if is_lost(n) { "NaN".to_owned() } else { x.to_string() };
             text += &match option {
                 "" => format!("{:.4},{x}\n", n as f64 / f64::from(RATE_HZ)),
                 _ => format!("{x}\n"),
@@ -200,13 +175,7 @@ fn samples_without_a_value_are_interpolated_or_cut_with_and_without_times() {
         bench.write("a.csv", text);
         let fit = format!("fit a.csv --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
         let told = bench.told(&format!("{fit} {option}"));
-        holds(
-            &told,
-            &[
-                "gaps in the times",
-                "12 samples of 10000 missing one by one",
-            ],
-        );
+        holds(&told, &["gaps in the times", "12 samples of 10000 missing one by one"]);
     }
 }
 
@@ -256,11 +225,7 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
         ("", "", "--scale 98.1", 9.81),
     ] {
         list(&format!("{HEADER}{header}"), row);
-        assert!(
-            !bench
-                .told(&format!("{fit} {option}"))
-                .contains("hold integers")
-        );
+        assert!(!bench.told(&format!("{fit} {option}")).contains("hold integers"));
         let report = json(&bench.succeed(&format!("{fit} --json {option}")));
         let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
         assert!((found / rms - 1.0).abs() < 0.02, "{found} for {rms}");
@@ -391,10 +356,7 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
         holds(&message, &[words]);
     }
     let refused = bench.run("fit set/0.wav --speed 120000 --out a.lib");
-    holds(
-        &text(&refused.stderr),
-        &["--speed", "no hand or drum exceeds"],
-    );
+    holds(&text(&refused.stderr), &["--speed", "no hand or drum exceeds"]);
 }
 
 /// A table of noise at 1 kHz. Its times are `stamp`, s, multiplied by `factor`.
@@ -418,11 +380,7 @@ fn every_remedy_for_times_that_are_refused_works() {
     let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
     for (text, words, option) in [
         (milliseconds.clone(), "holds times in s", "--time-unit ms"),
-        (
-            milliseconds.clone(),
-            "holds times in s",
-            "--sample-rate 1000",
-        ),
+        (milliseconds.clone(), "holds times in s", "--sample-rate 1000"),
         (seconds(&coarse), "as in the line before", "--even-times"),
         (seconds(&back), "must rise", "--even-times"),
         (seconds(&bunches), "bunches of 20", "--even-times"),
@@ -464,9 +422,7 @@ fn what_is_mended_in_the_times_is_said() {
     let joined: String = own.lines().enumerate().map(row).collect();
     let sensor = noise(8, 4000);
     let held = (0..4000).map(|n| (even(n), sensor[(n as f64 * 0.73) as usize]));
-    let held = held.fold(String::from("t,x\n"), |text, (time, x)| {
-        text + &format!("{time},{x}\n")
-    });
+    let held = held.fold(String::from("t,x\n"), |text, (time, x)| text + &format!("{time},{x}\n"));
     let missing = "9 samples of 4009 missing one by one";
     let steps = "values of 730 Hz held at 1000 Hz, nothing above 365 Hz";
     for (text, words) in [
@@ -487,11 +443,7 @@ fn what_is_mended_in_the_times_is_said() {
 fn a_duration_beyond_the_file_is_told_with_both() {
     let bench = Bench::new();
     bench.write("a.wav", recording(1));
-    let fit = |duration: &str| {
-        bench.told(&format!(
-            "fit a.wav --duration {duration} --out a.lib {QUICK}"
-        ))
-    };
+    let fit = |duration: &str| bench.told(&format!("fit a.wav --duration {duration} --out a.lib {QUICK}"));
     holds(&fit("2.5"), &["a.wav with 2.000 s of 2.5 s", "duration_s"]);
     for duration in ["1.5", "2"] {
         let within = fit(duration);
@@ -531,10 +483,7 @@ fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid
     bench.succeed("evaluate set --library b.lib --synthesis 2 --json b.json");
     let judged = bench.report("b.json");
     for trial in judged["trials"].as_array().expect("trials") {
-        assert!(
-            speeds.expect("speeds").contains(&trial["speed_mm_s"]),
-            "{trial}"
-        );
+        assert!(speeds.expect("speeds").contains(&trial["speed_mm_s"]), "{trial}");
     }
 }
 
@@ -568,9 +517,7 @@ fn the_sign_of_a_speed_is_its_direction_and_a_negative_force_no_contact_in_every
         let scene = format!("name = \"s\"\n{motion}[[surface]]\ntexture = \"silk\"\n");
         bench.write(name, scene);
     }
-    let table = |speed: f64, force: f64| {
-        format!("time_s,speed_mm_s,force_n\n0,{speed},{force}\n1,{speed},{force}\n")
-    };
+    let table = |speed: f64, force: f64| format!("time_s,speed_mm_s,force_n\n0,{speed},{force}\n1,{speed},{force}\n");
     let samples = |name: &str| bench.samples(name, RATE_HZ);
     let render = "render good.lib --texture silk --seconds 1";
     bench.write("back.csv", table(-100.0, 1.0));
@@ -674,13 +621,7 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     holds(&text(&output.stderr), words);
     let trials = "trials set --pattern {texture}_{speed}mms_{force*0.001}mN_{take}.wav";
     let output = bench.run(trials);
-    let words = &[
-        "denim",
-        "50 100",
-        "0.5",
-        "1 2",
-        "6 trials -> set/trials.csv",
-    ];
+    let words = &["denim", "50 100", "0.5", "1 2", "6 trials -> set/trials.csv"];
     holds(&text(&output.stdout), words);
     let words = &["the pattern does not match: 1 file", "rest.wav"];
     holds(&text(&output.stderr), words);
@@ -702,9 +643,7 @@ fn what_lies_below_a_folder_is_named_and_left_out_or_refused_and_never_waited_fo
     use std::os::unix::ffi::OsStrExt;
     let bench = Bench::new();
     bench.write("set/a_50.wav", wav(&[&noise(3, 4_000)], 5_000));
-    let odd = bench
-        .path("set")
-        .join(std::ffi::OsStr::from_bytes(b"b\xff_60.wav"));
+    let odd = bench.path("set").join(std::ffi::OsStr::from_bytes(b"b\xff_60.wav"));
     std::fs::write(odd, "").expect("any name is taken");
     let trials = "trials set --pattern {texture}_{speed}.wav --force 1";
     let output = bench.run(trials);
@@ -720,12 +659,7 @@ fn what_lies_below_a_folder_is_named_and_left_out_or_refused_and_never_waited_fo
 fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
     let bench = Bench::new();
     let long = "x".repeat(49);
-    for (name, word) in [
-        ("", "empty"),
-        (" ", "empty"),
-        ("a\nb", "control"),
-        (&long, "49 bytes"),
-    ] {
+    for (name, word) in [("", "empty"), (" ", "empty"), ("a\nb", "control"), (&long, "49 bytes")] {
         for command in [
             "segment a.csv --out cut --texture",
             "trials . --pattern {speed}.wav --force 1 --texture",

@@ -1,13 +1,9 @@
 //! Liveliness through the command: textures with an excitation and a level of their own, which are written by hand,
 //! compared with recordings made by the same rule.
 
-use crate::support::{
-    Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, text, wav,
-};
+use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, text, wav};
 use host_tools::dsp::sums::rms;
-use model_format::{
-    CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec, encode,
-};
+use model_format::{CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec, encode};
 use serde_json::Value;
 
 const POLES: [f64; 2] = [-0.6, 0.7];
@@ -102,10 +98,7 @@ fn bench() -> Bench {
         ("fed.lib", fed),
         ("clicking.lib", clicking),
     ] {
-        let bytes = encode(&[TextureSpec {
-            parts,
-            ..spec.clone()
-        }]);
+        let bytes = encode(&[TextureSpec { parts, ..spec.clone() }]);
         std::fs::remove_file(bench.path("plain.lib.fit.json")).ok();
         bench.write(name, bytes.unwrap());
     }
@@ -116,9 +109,7 @@ fn bench() -> Bench {
 fn of<'j>(evaluation: &'j Value, role: &str) -> &'j Value {
     let rows = evaluation["textures"][0]["liveliness"].as_array().unwrap();
     let is = |row: &&Value| row["role"] == role || row["role"]["version"] == role;
-    rows.iter()
-        .find(is)
-        .unwrap_or_else(|| panic!("{role}: {rows:?}"))
+    rows.iter().find(is).unwrap_or_else(|| panic!("{role}: {rows:?}"))
 }
 
 fn difference(evaluation: &Value, role: &str, measure: &str) -> f64 {
@@ -152,8 +143,7 @@ fn clicks_that_no_recording_has_are_named_with_their_factor() {
 }
 
 #[test]
-fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_without_them_it_has_not()
- {
+fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_without_them_it_has_not() {
     let bench = bench();
     let (said, evaluation) = evaluated(&bench, "fed.lib", "--full");
     let number = |role: &str, measure: &str| difference(&evaluation, role, measure);
@@ -195,8 +185,7 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
     let evaluation = bench.report("e.json");
     let number = |role: &str, measure: &str| difference(&evaluation, role, measure);
     for measure in ["modulation_db", "level_spread_db"] {
-        let [synthesis, gaussian, other] =
-            ["synthesis", "gaussian", "other"].map(|role| number(role, measure));
+        let [synthesis, gaussian, other] = ["synthesis", "gaussian", "other"].map(|role| number(role, measure));
         assert!(synthesis < other + 1.0, "{measure}: {synthesis}, {other}");
         assert!(gaussian > 3.0 * synthesis, "{measure}: {gaussian}");
     }
@@ -207,10 +196,7 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
     let (few, _) = list.trim_end().rsplit_once('\n').unwrap();
     bench.write("takes/trials.csv", few);
     let output = bench.run("evaluate set --library weave.lib --takes takes --json t.json");
-    holds(
-        &text(&output.stderr),
-        &["1 of 8 trials are judged without --takes"],
-    );
+    holds(&text(&output.stderr), &["1 of 8 trials are judged without --takes"]);
     let last = |of: &Value| {
         let mut last = of["trials"].as_array().unwrap().last().cloned().unwrap();
         // This is relative to the trials around it, which takes judge.
@@ -230,8 +216,7 @@ fn a_page_for_listening_compares_every_pair_of_recording_gaussian_and_fitted_or_
     let usual = ["recording-fitted", "recording-gaussian", "gaussian-fitted"];
     let two = ["recording-fitted", "recording-before", "before-fitted"];
     for (more, pairs) in [("", usual), ("--before plain.lib", two)] {
-        let compare =
-            "compare set --library fed.lib --takes takes --out page.html --trials 4 --seed 3";
+        let compare = "compare set --library fed.lib --takes takes --out page.html --trials 4 --seed 3";
         let said = bench.succeed(&format!("{compare} --overwrite {more}"));
         holds(&said, &["12 trials"]);
         let text = String::from_utf8(bench.read("page.html")).unwrap();

@@ -10,9 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::hatt;
 use crate::pages;
-use crate::support::{
-    Bench, RATE_HZ, holds, noise, refusal, rig_of, signal as send, text, two_textures,
-};
+use crate::support::{Bench, RATE_HZ, holds, noise, refusal, rig_of, signal as send, text, two_textures};
 
 /// Commands that write a file; `{}` stands for its name.
 const FILES: [&str; 11] = [
@@ -211,9 +209,7 @@ fn inputs_of(bench: &Bench, command: &str) -> Vec<String> {
         Some("scene") => command.starts_with("scene compile") && name == "good.lib",
         _ => false,
     };
-    let inputs = words
-        .filter(|word| bench.path(word).exists())
-        .flat_map(files);
+    let inputs = words.filter(|word| bench.path(word).exists()).flat_map(files);
     inputs.filter(|name| !is_changed(name)).collect()
 }
 
@@ -328,12 +324,7 @@ fn has_begun(bench: &Bench) -> bool {
 
 /// Runs `arguments` and sends `signal` as soon as the command has begun to write, or after the time `after`. Returns
 /// the signal that ended the command.
-fn signalled(
-    bench: &Bench,
-    (env, arguments): (&str, &str),
-    signal: &str,
-    after: Option<Duration>,
-) -> Option<i32> {
+fn signalled(bench: &Bench, (env, arguments): (&str, &str), signal: &str, after: Option<Duration>) -> Option<i32> {
     let mut child = start(bench, env, arguments);
     let begin = Instant::now();
     let is_time = || match after {
@@ -353,13 +344,7 @@ const RENDER: &str = "render good.lib --texture silk --speed 100 --force 1 --sec
 
 /// Returns the signal that ended the rendering `arguments`, to which `signal` is sent as soon as it has begun to write.
 /// The rendering is repeated, each time after `prepare`, if a busy computer has sent the signal after its end.
-fn rendering_ended_by(
-    bench: &Bench,
-    env: &str,
-    arguments: &str,
-    signal: &str,
-    prepare: impl Fn(),
-) -> Option<i32> {
+fn rendering_ended_by(bench: &Bench, env: &str, arguments: &str, signal: &str, prepare: impl Fn()) -> Option<i32> {
     (0..100).find_map(|_| {
         prepare();
         signalled(bench, (env, arguments), signal, None)

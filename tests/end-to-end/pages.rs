@@ -56,10 +56,7 @@ pub fn commands(help: &str) -> Vec<String> {
         .lines()
         .take_while(|line| line.starts_with("  "))
         .filter_map(|line| line.split_whitespace().next());
-    names
-        .filter(|&name| name != "help")
-        .map(str::to_owned)
-        .collect()
+    names.filter(|&name| name != "help").map(str::to_owned).collect()
 }
 
 /// Everything in `text` that looks like a long option.
@@ -136,8 +133,7 @@ fn every_command_of_a_boards_first_hour_is_one() {
                     .expect("it runs");
                 assert!(output.status.success(), "{line}: {output:?}");
                 let known = help(&arguments[..1]);
-                let inner = (GROUPS.contains(&arguments[0]) && arguments.len() > 1)
-                    .then(|| help(&arguments[..2]));
+                let inner = (GROUPS.contains(&arguments[0]) && arguments.len() > 1).then(|| help(&arguments[..2]));
                 let known = known + inner.as_deref().unwrap_or_default();
                 for option in options(line).into_iter().filter(|&one| one != "--version") {
                     assert!(options(&known).contains(option), "{line}: no {option}");
@@ -146,15 +142,12 @@ fn every_command_of_a_boards_first_hour_is_one() {
             }
             ["cargo", "tasks", "hil", ..] => {
                 for option in options(line) {
-                    let field =
-                        format!("    {}: ", option.trim_start_matches('-').replace('-', "_"));
+                    let field = format!("    {}: ", option.trim_start_matches('-').replace('-', "_"));
                     assert!(HIL.contains(&field), "{line}: no {option}");
                 }
                 tried += 1;
             }
-            ["cargo", "tasks", "setup" | "firmware"]
-            | ["cargo", "flash" | "demo"]
-            | ["export", _] => {}
+            ["cargo", "tasks", "setup" | "firmware"] | ["cargo", "flash" | "demo"] | ["export", _] => {}
             _ => panic!("firmware/BRINGUP.md has a command that nobody checks: {line}"),
         }
     }

@@ -9,8 +9,7 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
 use model_format::{
-    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample, PlayRate,
-    TextureSpec, encode,
+    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample, PlayRate, TextureSpec, encode,
 };
 
 /// Output gain of the settings used here, V per m/s². It is the default.
@@ -59,13 +58,7 @@ const FILTERS: [&[i64]; 3] = [
         687_057_783,
         151_918_481,
     ],
-    &[
-        275_148_215,
-        1_073_659_436,
-        1_597_351_995,
-        1_073_659_436,
-        275_148_215,
-    ],
+    &[275_148_215, 1_073_659_436, 1_597_351_995, 1_073_659_436, 275_148_215],
 ];
 
 /// The signal at twice its rate, through a filter that starts at rest.
@@ -154,8 +147,7 @@ fn texture(reflection: &[f64]) -> Vec<f64> {
     let codes = reflection.iter().map(|k| (k * 32_768.0) as i16).collect();
     let node = NodeSpec {
         output_power: 4.0,
-        prediction_error_power: 4.0
-            * reflection.iter().map(|k| 1.0 - k * k).product::<f64>() as f32,
+        prediction_error_power: 4.0 * reflection.iter().map(|k| 1.0 - k * k).product::<f64>() as f32,
         flags: NodeFlags::NONE,
         codes: CodeSpec::lattice(codes),
     };
@@ -180,10 +172,7 @@ static SIGNALS: LazyLock<[(&'static str, Vec<f64>); 3]> = LazyLock::new(|| {
     [
         ("white", noise(11, BEFORE + JUDGED)),
         ("falling", texture(&two(-2.0 * falling, falling * falling))),
-        (
-            "resonant",
-            texture(&two(-2.0 * radius * angle.cos(), radius * radius)),
-        ),
+        ("resonant", texture(&two(-2.0 * radius * angle.cos(), radius * radius))),
     ]
 });
 
@@ -192,9 +181,9 @@ fn the_noise_in_the_band_that_is_felt_is_70_decibels_down_at_1_and_50_at_a_tenth
     for (name, signal) in SIGNALS.iter() {
         for (rms, least) in [(1.0, 70.0), (0.1, 50.0), (0.02, 36.0)] {
             let samples = levelled(signal, rms);
-            let exact = FILTERS.iter().fold(without_mean(&samples), |signal, taps| {
-                doubled(&signal, taps)
-            });
+            let exact = FILTERS
+                .iter()
+                .fold(without_mean(&samples), |signal, taps| doubled(&signal, taps));
             let pin = at_the_pin(&samples);
             let errors = pin.iter().zip(&exact).map(|(pin, exact)| pin - exact);
             let errors: Vec<f64> = errors.collect();
@@ -213,8 +202,7 @@ fn third_octaves_at_the_pin_are_those_of_the_kernel_down_to_a_fiftieth() {
             let pin = Bins::of(&at_the_pin(&samples), PIN_HZ);
             // These are the bands from 25 to 1000 Hz.
             for band in 14..=30 {
-                let [low, high] =
-                    [-0.5, 0.5].map(|half| 10f64.powf((f64::from(band) + half) / 10.0));
+                let [low, high] = [-0.5, 0.5].map(|half| 10f64.powf((f64::from(band) + half) / 10.0));
                 let of = |bins: &Bins| decibels(bins.power(low, high) / kernel.power(low, high));
                 let apart = of(&pin);
                 assert!(apart.abs() < 0.3, "{name}, {rms}, {low:.0} Hz: {apart}");
@@ -242,9 +230,7 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
     let scene = "name = \"steady\"\n[[surface]]\ntexture = \"felt\"\n";
     bench.write("steady.toml", scene);
     let render_scene = "scene render steady.toml --library cloths.lib --speed 90 --force 0.7";
-    let told = bench.succeed(&format!(
-        "{render_scene} --seconds 1 {twice} --out scene.wav"
-    ));
+    let told = bench.succeed(&format!("{render_scene} --seconds 1 {twice} --out scene.wav"));
     holds(&told, &["40000 codes"]);
     assert!(bench.read("louder.wav") == bench.read("scene.wav"));
 

@@ -125,8 +125,7 @@ fn the_sounds_of_a_page_take_24_megabytes_at_most_and_those_left_out_are_said() 
     assert!(page.contains("No sounds"), "what is left out is said");
 }
 
-const LISTENING: &str =
-    "compare set --library textures.lib --out page.html --segment 0.4 --trials 14 --seed 9";
+const LISTENING: &str = "compare set --library textures.lib --out page.html --segment 0.4 --trials 14 --seed 9";
 
 #[test]
 fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compared_is_refused() {
@@ -147,10 +146,7 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
 
     // The textures use Gaussian noise. So one pair of different sounds is left, each of the two kinds is also compared
     // with itself, and the level is the only part that can be tested.
-    for (design, trials) in [
-        ("similarity", "42 trials"),
-        ("staircase", "up to 14 trials"),
-    ] {
+    for (design, trials) in [("similarity", "42 trials"), ("staircase", "up to 14 trials")] {
         let said = bench.succeed(&format!("{LISTENING} --overwrite --design {design}"));
         holds(&said, &[trials]);
         let page = text(&bench.read("page.html"));

@@ -6,8 +6,7 @@ use std::f64::consts::{PI, TAU};
 use host_tools::dsp::spectrum::band_edges_hz;
 
 use crate::support::{
-    Bench, RATE_HZ, all_pole, decibels, holds, json, near, noise, power_between, predictor, scaled,
-    text, wav,
+    Bench, RATE_HZ, all_pole, decibels, holds, json, near, noise, power_between, predictor, scaled, text, wav,
 };
 
 const SECONDS: usize = 40;

@@ -104,8 +104,8 @@ fn a_clip_is_the_middle_of_its_nodes_recording() {
     assert_eq!(clips.len(), 8);
     for clip in clips {
         let texture = clip["texture"].as_u64().unwrap() as usize;
-        let [speeds, forces] = ["speeds_mm_s", "forces_n"]
-            .map(|key| data["textures"][texture][key].as_array().unwrap());
+        let [speeds, forces] =
+            ["speeds_mm_s", "forces_n"].map(|key| data["textures"][texture][key].as_array().unwrap());
         let node = clip["node"].as_u64().unwrap() as usize;
         let place = (&speeds[node / forces.len()], &forces[node % forces.len()]);
         assert_eq!(place, (&clip["speed_mm_s"], &clip["force_n"]));

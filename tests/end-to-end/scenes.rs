@@ -60,8 +60,7 @@ q = 2
 gain_db = -6
 ";
 
-const STROKE: &str =
-    "time_s,speed_mm_s,force_n\n0,0,0\n0.1,0,0\n0.104,80,0.8\n1.0,80,0.8\n1.1,0,0\n1.6,0,0\n";
+const STROKE: &str = "time_s,speed_mm_s,force_n\n0,0,0\n0.1,0,0\n0.104,80,0.8\n1.0,80,0.8\n1.1,0,0\n1.6,0,0\n";
 
 #[test]
 fn a_scene_goes_into_a_library_and_plays_from_there_as_from_its_text() {
@@ -76,10 +75,7 @@ fn a_scene_goes_into_a_library_and_plays_from_there_as_from_its_text() {
     holds(&content, &["two", "silk, felt", "transitions", "equaliser"]);
     bench.succeed("scene render scenes.lib --scene two --motion stroke.csv --out a.wav");
     bench.succeed("scene render two.toml --library cloths.lib --motion stroke.csv --out b.wav");
-    let (a, b) = (
-        bench.samples("a.wav", RATE_HZ),
-        bench.samples("b.wav", RATE_HZ),
-    );
+    let (a, b) = (bench.samples("a.wav", RATE_HZ), bench.samples("b.wav", RATE_HZ));
     assert_eq!(a, b);
     assert!(a[..500].iter().all(|x| *x == 0.0), "before contact");
     assert!(a[600..5000].iter().any(|x| x.abs() > 0.1));
@@ -119,9 +115,7 @@ fn a_scene_of_constant_motion_is_rendered_without_another_and_a_followed_one_ask
     bench.write("steady.toml", steady);
     let render = "scene render steady.toml --library cloths.lib";
     bench.succeed(&format!("{render} --seconds 1 --out alone.wav"));
-    bench.succeed(&format!(
-        "{render} --speed 90 --force 0.7 --seconds 1 --out told.wav"
-    ));
+    bench.succeed(&format!("{render} --speed 90 --force 0.7 --seconds 1 --out told.wav"));
     let alone = bench.samples("alone.wav", RATE_HZ);
     assert!(alone.len() == 5000 && alone.iter().any(|x| x.abs() > 0.1));
     assert_eq!(alone, bench.samples("told.wav", RATE_HZ));
@@ -262,10 +256,7 @@ fn a_scene_above_the_budget_is_refused_with_its_arithmetic() {
     }
     assert_eq!(sum, worst);
     for situation in report["typical"].as_array().unwrap() {
-        assert!(
-            situation["instructions"].as_u64() < Some(worst),
-            "{situation}"
-        );
+        assert!(situation["instructions"].as_u64() < Some(worst), "{situation}");
     }
     let check = "scene check two.toml --library cloths.lib --budget";
     bench.succeed(&format!("{check} {worst}"));
@@ -321,13 +312,10 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
     for name in scenes.split(' ').chain(["across.csv", "tapping.csv"]) {
         bench.write(name, std::fs::read(shipped.join(name)).unwrap());
     }
-    let compiled = bench.succeed(&format!(
-        "scene compile {scenes} --library rig.lib --out scenes.lib"
-    ));
+    let compiled = bench.succeed(&format!("scene compile {scenes} --library rig.lib --out scenes.lib"));
     holds(&compiled, &["3 scenes"]);
     let render = |scene: &str, arguments: &str| {
-        let text =
-            format!("scene render {scene}.toml --library rig.lib {arguments} --out {scene}.wav");
+        let text = format!("scene render {scene}.toml --library rig.lib {arguments} --out {scene}.wav");
         assert!(bench.succeed(&text).contains("SIMULATED"));
         bench.samples(&format!("{scene}.wav"), RATE_HZ)
     };

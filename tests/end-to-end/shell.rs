@@ -54,10 +54,7 @@ fn quiet_leaves_results_warnings_and_errors_alone_on_both_streams() {
     let quiet = [("STYLUS_QUIET", "true")];
     let still = "render a.lib --texture silk --speed 0 --force 1 --seconds 1 --out o.wav";
     assert!(text(&run_with(&bench, &quiet, still).stderr).starts_with("warning: "));
-    let message = refusal(
-        &run_with(&bench, &quiet, "inspect nowhere"),
-        "inspect nowhere",
-    );
+    let message = refusal(&run_with(&bench, &quiet, "inspect nowhere"), "inspect nowhere");
     assert!(message.starts_with("stylus: nowhere"), "{message}");
 }
 

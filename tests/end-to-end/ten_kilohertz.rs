@@ -1,9 +1,7 @@
 //! Libraries at 10 kHz: fitted to recordings of that rate or built from published models, checked and rendered.
 
 use crate::hatt;
-use crate::support::{
-    Bench, all_pole, decibels, holds, json, noise, power_between, predictor, scaled, wav,
-};
+use crate::support::{Bench, all_pole, decibels, holds, json, noise, power_between, predictor, scaled, wav};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 use host_tools::dsp::sums::mean_square;
 
@@ -18,8 +16,7 @@ fn power_by_sums(signal: &[f64], bins: std::ops::RangeInclusive<u32>) -> f64 {
             let (mut re, mut im) = (0.0, 0.0);
             for (n, x) in (0u32..).zip(window) {
                 let hann = 1.0 - (core::f64::consts::TAU * f64::from(n) / 1e3).cos();
-                let (sin, cos) =
-                    (core::f64::consts::TAU * f64::from(bin * n % 1000) / 1e3).sin_cos();
+                let (sin, cos) = (core::f64::consts::TAU * f64::from(bin * n % 1000) / 1e3).sin_cos();
                 re += x * hann * cos;
                 im += x * hann * sin;
             }
@@ -37,12 +34,8 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
     let trial = ("silk", 100.0, 1.0, wav(&[&signal], FAST_HZ));
     bench.write_set("set", &[trial]);
     bench.succeed("fit set --out fast.lib --model-rate 10000");
-    bench.succeed(
-        "render fast.lib --texture silk --speed 100 --force 1 --seconds 60 --seed 7 --out fast.wav",
-    );
-    let played = bench
-        .samples("fast.wav", FAST_HZ)
-        .split_off(FAST_HZ as usize);
+    bench.succeed("render fast.lib --texture silk --speed 100 --force 1 --seconds 60 --seed 7 --out fast.wav");
+    let played = bench.samples("fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
     let bands = band_powers(&played, f64::from(FAST_HZ));
     for (band, power) in bands.into_iter().enumerate() {
         let (low_hz, high_hz) = band_edges_hz(band);
@@ -68,12 +61,8 @@ fn published_models_of_ten_kilohertz_are_played_at_that_rate_as_the_file_defines
     bench.write("fast.xml", fast);
     bench.write("slow.xml", hatt::whole());
     bench.succeed("import-hatt fast.xml --out fast.lib --model-rate 10000");
-    bench.succeed(
-        "render fast.lib --texture fast --speed 140 --force 1.3 --seconds 40 --out fast.wav",
-    );
-    let played = bench
-        .samples("fast.wav", FAST_HZ)
-        .split_off(FAST_HZ as usize);
+    bench.succeed("render fast.lib --texture fast --speed 140 --force 1.3 --seconds 40 --out fast.wav");
+    let played = bench.samples("fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
     for bins in [2..=3, 8..=11, 36..=44, 90..=112, 180..=223, 356..=446] {
         let density = |bin: u32| 0.1 * hatt::density(&[(5, 1.0)], f64::from(bin));
         let expected: f64 = bins.clone().map(|bin| 10.0 * density(bin)).sum();
@@ -123,12 +112,7 @@ fn the_check_of_a_scene_at_ten_kilohertz_shows_half_of_the_budget() {
         let report = json(&text);
         assert!(report["fits"].as_bool().unwrap());
         let worst = &report["worst_case"]["instructions"];
-        [
-            &report["budget_instructions"],
-            &report["sample_rate_hz"],
-            worst,
-        ]
-        .map(|number| number.as_u64().unwrap())
+        [&report["budget_instructions"], &report["sample_rate_hz"], worst].map(|number| number.as_u64().unwrap())
     };
     let [slow, slow_hz, _] = budget("slow.toml", "slow.lib");
     let [fast, fast_hz, worst] = budget("fast.toml", "fast.lib");

@@ -47,18 +47,12 @@ const SURFACES: [Surface; 3] = [
 ];
 
 /// A slow Gaussian process of unit variance with the time constant `seconds`.
-fn slow(
-    normal: &mut impl Iterator<Item = f64>,
-    samples: usize,
-    rate_hz: f64,
-    seconds: f64,
-) -> Vec<f64> {
+fn slow(normal: &mut impl Iterator<Item = f64>, samples: usize, rate_hz: f64, seconds: f64) -> Vec<f64> {
     let pole = (-1.0 / (seconds * rate_hz)).exp();
     let mut state = normal.next().expect("it has no end");
     (0..samples)
         .map(|_| {
-            state =
-                pole * state + (1.0 - pole * pole).sqrt() * normal.next().expect("it has no end");
+            state = pole * state + (1.0 - pole * pole).sqrt() * normal.next().expect("it has no end");
             state
         })
         .collect()
@@ -88,12 +82,9 @@ impl Surface {
             .map(|(e, level)| {
                 low = pole * low + (1.0 - pole) * e;
                 let mut sum = low + 0.08 * e;
-                for ((before, earlier), (frequency_hz, width_hz, gain)) in
-                    states.iter_mut().zip(self.resonances)
-                {
+                for ((before, earlier), (frequency_hz, width_hz, gain)) in states.iter_mut().zip(self.resonances) {
                     let radius = (-0.5 * TAU * width_hz / rate).exp();
-                    let next = (1.0 - radius) * e
-                        + 2.0 * radius * (TAU * frequency_hz / rate).cos() * *before
+                    let next = (1.0 - radius) * e + 2.0 * radius * (TAU * frequency_hz / rate).cos() * *before
                         - radius * radius * *earlier;
                     (*before, *earlier) = (next, *before);
                     sum += gain * next;
@@ -166,11 +157,7 @@ struct Take<'a> {
 impl<'a> Take<'a> {
     fn of(surface: &'a Surface, seed: u64) -> Self {
         let clean = surface.take(seed, RATE_HZ, SECONDS);
-        Self {
-            surface,
-            seed,
-            clean,
-        }
+        Self { surface, seed, clean }
     }
 
     fn other(&self, number: u64) -> Vec<f64> {
@@ -531,8 +518,7 @@ fn judge_damage(on_every_surface: bool) {
                     let pairs = clean.iter().zip(&levels);
                     pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() / levels.len() as f64
                 };
-                let passes =
-                    |fit: &Fit, bound_db| names(fit).is_empty() && change_db(fit) <= bound_db;
+                let passes = |fit: &Fit, bound_db| names(fit).is_empty() && change_db(fit) <= bound_db;
                 let has = |fit: &Fit, name| names(fit).iter().any(|found| found.starts_with(name));
                 let is_right = match (&outcome, expected) {
                     (Err(message), Refused(word)) => message.contains(word),
@@ -581,10 +567,7 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
         ("1.5,2.x\n1,2\n", &["line 1", "'2.x'", "column 2"]),
         ("x,y\n1,\n1,NA\n", &["column 2", "no numbers"]),
         ("t,x,y\n0,1,\n1,2,#N/A\n", &["column 3", "no numbers"]),
-        (
-            "sample,x\n7,1\n8,2\n11,3\n",
-            &["line 4", "11 after 8", "column 1"],
-        ),
+        ("sample,x\n7,1\n8,2\n11,3\n", &["line 4", "11 after 8", "column 1"]),
         (&counted, &["no header", "counts", "time_s"]),
     ] {
         let message = read(content).unwrap_err();

@@ -35,9 +35,7 @@ impl Desk {
     /// Starts a play, and waits for its motions.
     fn play(&self) -> Child {
         // A general option before the command is not taken for it.
-        let player = self
-            .bench
-            .spawn(["-q"].into_iter().chain(PLAY).chain(["--json"]));
+        let player = self.bench.spawn(["-q"].into_iter().chain(PLAY).chain(["--json"]));
         self.wait_for_motions();
         player
     }
@@ -94,10 +92,7 @@ fn the_refusal_names_the_other_link_over_which_a_stop_ends_the_play_of_the_first
     let player = desk.play();
     let refused = desk.bench.refuse("stop").replace("\n  ", " ");
     let (_, remedy) = refused.split_once("other link, ").unwrap();
-    assert_eq!(
-        remedy.trim(),
-        format!("--link {}", desk.stylus.other_link())
-    );
+    assert_eq!(remedy.trim(), format!("--link {}", desk.stylus.other_link()));
     let stopped = desk.bench.succeed(&format!("stop {remedy}"));
     holds(&stopped, &["stopped playing"]);
     let (output, told) = ended(player);
@@ -112,9 +107,7 @@ fn over_two_links_one_program_plays_and_another_watches() {
     let player = desk.play();
     let watch = format!("status --watch --link {}", desk.stylus.other_link());
     let watching = desk.bench.spawn(watch.split_whitespace());
-    wait_for("a recording", || {
-        desk.stylus.count("stylus/record/start") > 0
-    });
+    wait_for("a recording", || desk.stylus.count("stylus/record/start") > 0);
     desk.wait_for_motions();
     interrupt(&watching);
     let (output, told) = ended(watching);
@@ -154,9 +147,7 @@ fn a_serial_port_is_refused_to_a_second_program_under_any_of_its_names() {
         holds(&refused, &[&who, "`stylus devices` lists"]);
     }
     let before = stylus.count("stylus/status");
-    wait_for("more of the first", || {
-        stylus.count("stylus/status") > before
-    });
+    wait_for("more of the first", || stylus.count("stylus/status") > before);
     interrupt(&first);
     let (output, told) = ended(first);
     assert!(output.status.success(), "{told}");

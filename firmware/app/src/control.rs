@@ -9,12 +9,11 @@ mod response;
 use core::sync::atomic::AtomicI16;
 
 use model_format::link::{
-    ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, MAX_PROBE_SAMPLES,
-    Marks, MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest,
-    Playing, ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
-    ResetReason, Response, Selection, Settings, SettingsChange, SettingsError, SettingsProposal,
-    SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TextureName, TickCounters,
-    TickHistogram, UploadState,
+    ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, MAX_PROBE_SAMPLES, Marks,
+    MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, ProposalToken,
+    RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Response, Selection, Settings,
+    SettingsChange, SettingsError, SettingsProposal, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError,
+    TextureName, TickCounters, TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason};
 use model_format::scene::{Biquad, SceneError, SceneName};
@@ -76,11 +75,7 @@ pub trait Device {
     fn set_mute(&mut self, muted: bool);
 
     /// Returns the plan of `selection`, which [`plan_of`] computes from the library in RAM, and its rate.
-    fn plan(
-        &self,
-        selection: &Selection,
-        response: Option<&Response>,
-    ) -> Result<(Self::Plan, PlayRate), PlayError>;
+    fn plan(&self, selection: &Selection, response: Option<&Response>) -> Result<(Self::Plan, PlayRate), PlayError>;
 
     /// Memory of a probe's waveform, which only [`Control`] writes.
     fn waveform(&self) -> &'static Waveform;
@@ -215,12 +210,7 @@ pub struct Control<D> {
 
 impl<D: Device> Control<D> {
     /// A control that plays nothing and has no library.
-    pub fn new(
-        mut device: D,
-        settings: Settings,
-        settings_state: SettingsState,
-        response: Option<Response>,
-    ) -> Self {
+    pub fn new(mut device: D, settings: Settings, settings_state: SettingsState, response: Option<Response>) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
         let mut player = Player::new();
@@ -304,11 +294,7 @@ impl<D: Device> Control<D> {
     pub fn status(&self) -> Status {
         let tick = self.device.tick_report();
         let [usb, serial] = self.device.link_counters();
-        let ResetReport {
-            reason,
-            resets,
-            fault,
-        } = self.device.reset_report();
+        let ResetReport { reason, resets, fault } = self.device.reset_report();
         Status {
             // In safe mode, in which nothing counts ticks, the device computes them from a timer.
             uptime_ms: self.device.now() / u64::from(TICKS_PER_MS),
@@ -441,11 +427,7 @@ impl<D: Device> Control<D> {
     /// # Errors
     /// The other link holds the lease, even a lapsed one, or the motion is not finite. The previous motion stays in
     /// force.
-    pub fn motion(
-        &mut self,
-        from: LinkId,
-        sample: MotionSample,
-    ) -> Result<MotionSource, MotionRefused> {
+    pub fn motion(&mut self, from: LinkId, sample: MotionSample) -> Result<MotionSource, MotionRefused> {
         let now = self.device.now();
         self.lease
             .check_motion(from)
@@ -488,11 +470,7 @@ impl<D: Device> Control<D> {
     /// # Errors
     /// A value is out of its range, a setting occurs twice, there is no setting, or something is played, activated or
     /// stored.
-    pub fn propose(
-        &mut self,
-        from: LinkId,
-        change: SettingsChange,
-    ) -> Result<SettingsProposal, SettingsError> {
+    pub fn propose(&mut self, from: LinkId, change: SettingsChange) -> Result<SettingsProposal, SettingsError> {
         change.check()?;
         if !self.player.is_idle() {
             return Err(SettingsError::Playing);
@@ -503,11 +481,7 @@ impl<D: Device> Control<D> {
     }
 
     /// Returns the change that `from` has proposed with `token`, and ends the proposal.
-    pub fn take_proposal(
-        &mut self,
-        from: LinkId,
-        token: ProposalToken,
-    ) -> Result<SettingsChange, SettingsError> {
+    pub fn take_proposal(&mut self, from: LinkId, token: ProposalToken) -> Result<SettingsChange, SettingsError> {
         self.proposals.take(from, token, self.device.now())
     }
 
@@ -521,12 +495,7 @@ impl<D: Device> Control<D> {
     }
 
     /// Applies the settings of the store, and lets textures be played again.
-    pub fn end_configuration(
-        &mut self,
-        settings: Settings,
-        state: SettingsState,
-        response: Option<Response>,
-    ) {
+    pub fn end_configuration(&mut self, settings: Settings, state: SettingsState, response: Option<Response>) {
         self.settings = settings;
         self.settings_state = state;
         self.response = response;
@@ -636,16 +605,11 @@ fn plan_of_scene<'l>(
     let mut made = Plan::new(scene, library);
     let plan = made.as_mut().map_err(|error| invalid(error))?;
     let rate = equalise(plan, budget, response)?;
-    made.map(|plan| (plan, rate))
-        .map_err(|error| invalid(&error))
+    made.map(|plan| (plan, rate)).map_err(|error| invalid(&error))
 }
 
 /// Adds the equaliser of `response` to `plan`, checks the budget before and after, and returns the rate.
-fn equalise(
-    plan: &mut Plan<'_>,
-    budget: u32,
-    response: Option<&Response>,
-) -> Result<PlayRate, PlayError> {
+fn equalise(plan: &mut Plan<'_>, budget: u32, response: Option<&Response>) -> Result<PlayRate, PlayError> {
     let texture_hz = plan.sample_rate_hz();
     let rate = PlayRate::of(texture_hz).ok_or(PlayError::SampleRate { texture_hz })?;
     let refused = |OverBudget { cost, budget }| PlayError::OverBudget {

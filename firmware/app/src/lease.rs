@@ -26,10 +26,7 @@ pub struct HeldBy(pub LinkId);
 impl Lease {
     /// A lease that nobody holds.
     pub const fn new() -> Self {
-        Self {
-            held: None,
-            refused: 0,
-        }
+        Self { held: None, refused: 0 }
     }
 
     /// Gives the lease to `link` at the tick `now`.

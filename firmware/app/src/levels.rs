@@ -162,9 +162,7 @@ mod tests {
     fn noise(zeros: [u16; CHANNELS], width: u16, seed: u64) -> Vec<[u16; CHANNELS]> {
         let mut state = seed | 1;
         let mut random = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             (state >> 33) as u16 % width.max(1)
         };
         (0..WINDOW_SAMPLES)

@@ -19,16 +19,12 @@
 
 use model_format::PlayRate;
 use model_format::link::{
-    ActivateError, Activity, MUTE_REASON_COUNT, MotionSource, MuteReason, MuteReasons, PlayRequest,
-    StopError,
+    ActivateError, Activity, MUTE_REASON_COUNT, MotionSource, MuteReason, MuteReasons, PlayRequest, StopError,
 };
 
 /// State of the rest of the device, as the player sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is an observation of its own"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an observation of its own")]
 pub struct Observed {
     /// The output is at mid-scale and muted: `safety::State::is_at_rest`, after the tick has seen the present mute.
     pub at_rest: bool,
@@ -153,8 +149,9 @@ impl Player {
     /// The probe that is played or about to be.
     pub fn probing(&self) -> Option<Probe> {
         match self.phase {
-            Phase::Playing(Piece::Probe(probe), _)
-            | Phase::FadingOut(Then::Play(Piece::Probe(probe), _)) => Some(probe),
+            Phase::Playing(Piece::Probe(probe), _) | Phase::FadingOut(Then::Play(Piece::Probe(probe), _)) => {
+                Some(probe)
+            }
             _ => None,
         }
     }
@@ -175,10 +172,9 @@ impl Player {
                 Ok(())
             }
             Phase::FadingOut(Then::Stop) => Ok(()),
-            Phase::Idle
-            | Phase::FadingOut(Then::Activate)
-            | Phase::Activating
-            | Phase::Configuring => Err(StopError::NotPlaying),
+            Phase::Idle | Phase::FadingOut(Then::Activate) | Phase::Activating | Phase::Configuring => {
+                Err(StopError::NotPlaying)
+            }
         }
     }
 
@@ -261,10 +257,7 @@ impl Player {
                 let follows = matches!(piece, Piece::Selected(_));
                 self.set(MuteReason::Stale, follows && observed.stale);
                 self.set(MuteReason::LinkLost, observed.link_lost);
-                (
-                    Phase::Playing(piece.clone(), rate),
-                    Some(Action::Start(piece, rate)),
-                )
+                (Phase::Playing(piece.clone(), rate), Some(Action::Start(piece, rate)))
             }
             Phase::FadingOut(Then::Stop) => (Phase::Idle, Some(Action::Clear)),
             Phase::FadingOut(Then::Activate) => (Phase::Activating, Some(Action::Clear)),
@@ -292,8 +285,9 @@ impl Player {
     /// Source of motion for what is played or about to be.
     pub fn motion_source(&self) -> MotionSource {
         match &self.phase {
-            Phase::Playing(Piece::Selected(request), _)
-            | Phase::FadingOut(Then::Play(Piece::Selected(request), _)) => request.motion,
+            Phase::Playing(Piece::Selected(request), _) | Phase::FadingOut(Then::Play(Piece::Selected(request), _)) => {
+                request.motion
+            }
             _ => MotionSource::Sensors,
         }
     }
@@ -319,10 +313,7 @@ impl Player {
     }
 
     fn is_activating(&self) -> bool {
-        matches!(
-            self.phase,
-            Phase::Activating | Phase::FadingOut(Then::Activate)
-        )
+        matches!(self.phase, Phase::Activating | Phase::FadingOut(Then::Activate))
     }
 
     fn set(&mut self, reason: MuteReason, on: bool) {

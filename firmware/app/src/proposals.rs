@@ -1,8 +1,7 @@
 //! The one change of settings that was proposed and not yet applied; see [`SettingsProposal`].
 
 use model_format::link::{
-    LinkId, PROPOSAL_VALID_MS, ProposalToken, SettingSet, SettingsChange, SettingsError,
-    SettingsProposal,
+    LinkId, PROPOSAL_VALID_MS, ProposalToken, SettingSet, SettingsChange, SettingsError, SettingsProposal,
 };
 
 use crate::TICKS_PER_MS;
@@ -69,12 +68,7 @@ impl Proposals {
     ///
     /// # Errors
     /// No proposal with this token waits, or the other link has made it. A waiting proposal is kept.
-    pub fn take(
-        &mut self,
-        from: LinkId,
-        token: ProposalToken,
-        now: u64,
-    ) -> Result<SettingsChange, SettingsError> {
+    pub fn take(&mut self, from: LinkId, token: ProposalToken, now: u64) -> Result<SettingsChange, SettingsError> {
         let matching = self.waiting.take_if(|waiting| {
             let proposal = &waiting.proposal;
             proposal.token == token && proposal.from == from && waiting.remaining_ticks(now) > 0
@@ -83,9 +77,7 @@ impl Proposals {
             return Ok(waiting.proposal.change);
         }
         match self.waiting(now) {
-            Some(other) if other.token == token => {
-                Err(SettingsError::OtherLink { from: other.from })
-            }
+            Some(other) if other.token == token => Err(SettingsError::OtherLink { from: other.from }),
             _ => Err(SettingsError::NoProposal),
         }
     }

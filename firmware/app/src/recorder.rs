@@ -6,8 +6,7 @@
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use model_format::link::{
-    BLOCK_SAMPLES, PackedSample, RecordBlock, RecordCounters, RecordError, RecordSample,
-    RecordStarted, RecordStopped,
+    BLOCK_SAMPLES, PackedSample, RecordBlock, RecordCounters, RecordError, RecordSample, RecordStarted, RecordStopped,
 };
 
 use crate::SAMPLE_RATE_HZ;
@@ -148,11 +147,7 @@ impl<'q> Recorder<'q> {
         self.samples[place] = timed.sample;
         // The word still has the bits of the block before, so a whole sample clears its own.
         let bit = 1 << place;
-        self.torn = if timed.whole {
-            self.torn & !bit
-        } else {
-            self.torn | bit
-        };
+        self.torn = if timed.whole { self.torn & !bit } else { self.torn | bit };
         self.next = index + 1;
         if !self.next.is_multiple_of(BLOCK_SAMPLES as u64) {
             return None;
@@ -172,10 +167,7 @@ impl<'q> Recorder<'q> {
             return;
         }
         self.whole = false;
-        let (block, missed_to) = (
-            self.next / BLOCK_SAMPLES as u64,
-            index / BLOCK_SAMPLES as u64,
-        );
+        let (block, missed_to) = (self.next / BLOCK_SAMPLES as u64, index / BLOCK_SAMPLES as u64);
         let missed = (missed_to - block) as u32;
         self.blocks = self.blocks.saturating_add(missed);
         self.lost_blocks = self.lost_blocks.saturating_add(missed);

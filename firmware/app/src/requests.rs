@@ -10,15 +10,13 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkCounters, LinkId,
-    ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES,
-    MotionEndpoint, MotionTopic, PlayEndpoint, ProbeLoadEndpoint, ProbeStartEndpoint,
-    ProposalToken, RecordBlock, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint,
-    ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
-    SelfTestEndpoint, SelfTestRequest, SettingsApplyEndpoint, SettingsGetEndpoint,
-    SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UPLOAD_WINDOW,
-    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
-    UpdateStateEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkCounters, LinkId, ListEndpoint, ListRequest,
+    ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionEndpoint, MotionTopic, PlayEndpoint,
+    ProbeLoadEndpoint, ProbeStartEndpoint, ProposalToken, RecordBlock, RecordBlockTopic, RecordStartEndpoint,
+    RecordStopEndpoint, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
+    SelfTestEndpoint, SelfTestRequest, SettingsApplyEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId,
+    SlotsEndpoint, StatusEndpoint, StopEndpoint, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
+    UpdateConfirmEndpoint, UpdateStateEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
     UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
@@ -104,12 +102,7 @@ type Answered = Option<usize>;
 
 /// Serves a frame that came over `link`. Returns the length of the answer in `answer`; none if the frame is not
 /// answered, or the storage will answer it.
-pub fn serve<S: Stage>(
-    stage: &S,
-    link: &impl Link,
-    frame: &[u8],
-    answer: &mut Frame,
-) -> Option<usize> {
+pub fn serve<S: Stage>(stage: &S, link: &impl Link, frame: &[u8], answer: &mut Frame) -> Option<usize> {
     let Some((header, body)) = VarHeader::take_from_slice(frame) else {
         link.count(|counters| &mut counters.malformed);
         return None;
@@ -120,15 +113,7 @@ pub fn serve<S: Stage>(
             // Borrowed again, because an error is written into the same buffer below.
             let answer = &mut *answer;
             let to = Reply { sequence, answer };
-            dispatch(
-                key,
-                Request {
-                    stage,
-                    link,
-                    body,
-                    to,
-                },
-            )
+            dispatch(key, Request { stage, link, body, to })
         }
         _ => Err(WireError::KeyTooSmall),
     };
@@ -161,9 +146,7 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
         answer,
     };
     match queued.job {
-        Job::UploadBegin(begin) => {
-            to.of::<UploadBeginEndpoint>(&storage.upload_begin(stage, begin).await)
-        }
+        Job::UploadBegin(begin) => to.of::<UploadBeginEndpoint>(&storage.upload_begin(stage, begin).await),
         Job::UploadChunk(offset, data) => {
             let data = &data;
             let chunk = UploadChunk { offset, data };
@@ -175,18 +158,10 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
         Job::List(request) => to.of::<ListEndpoint>(&storage.list(request).await),
         Job::ListScene(request) => to.of::<ListSceneEndpoint>(&storage.list_scene(request).await),
         Job::Activate(slot) => to.of::<ActivateEndpoint>(&storage.activate(stage, slot).await),
-        Job::SettingsApply(token) => {
-            to.of::<SettingsApplyEndpoint>(&storage.settings_apply(stage, from, token).await)
-        }
-        Job::ResponseSet(change) => {
-            to.of::<ResponseSetEndpoint>(&storage.response_set(stage, from, change).await)
-        }
-        Job::SelfTest(request) => {
-            to.of::<SelfTestEndpoint>(&storage.self_test(stage, bench, request).await)
-        }
-        Job::UpdateBegin(begin) => {
-            to.of::<UpdateBeginEndpoint>(&storage.update_begin(stage, &begin).await)
-        }
+        Job::SettingsApply(token) => to.of::<SettingsApplyEndpoint>(&storage.settings_apply(stage, from, token).await),
+        Job::ResponseSet(change) => to.of::<ResponseSetEndpoint>(&storage.response_set(stage, from, change).await),
+        Job::SelfTest(request) => to.of::<SelfTestEndpoint>(&storage.self_test(stage, bench, request).await),
+        Job::UpdateBegin(begin) => to.of::<UpdateBeginEndpoint>(&storage.update_begin(stage, &begin).await),
         Job::UpdateCommit => to.of::<UpdateCommitEndpoint>(&storage.update_commit(stage).await),
         Job::UpdateConfirm => to.of::<UpdateConfirmEndpoint>(&storage.update_confirm(stage).await),
         Job::UpdateState => to.of::<UpdateStateEndpoint>(&storage.update_state(stage)),
@@ -230,10 +205,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     }
 
     /// Decodes the body by `convert`, and counts the frame if there is a result.
-    fn read_as<T: Deserialize<'a>, U>(
-        &self,
-        convert: impl FnOnce(T) -> Option<U>,
-    ) -> Result<U, WireError> {
+    fn read_as<T: Deserialize<'a>, U>(&self, convert: impl FnOnce(T) -> Option<U>) -> Result<U, WireError> {
         let read = postcard::from_bytes(self.body).ok().and_then(convert);
         let read = read.ok_or(WireError::DeserFailed)?;
         self.link.count(|counters| &mut counters.frames);
@@ -254,10 +226,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     }
 
     /// Queues a job for the storage, which will answer it.
-    fn queue<T: Deserialize<'a>>(
-        self,
-        job: impl FnOnce(T) -> Option<Job>,
-    ) -> Result<Answered, WireError> {
+    fn queue<T: Deserialize<'a>>(self, job: impl FnOnce(T) -> Option<Job>) -> Result<Answered, WireError> {
         let job = self.read_as(job)?;
         let queued = QueuedJob {
             from: self.link.id(),
@@ -284,62 +253,40 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
 }
 
 /// Serves a request at once, or leaves it to the storage.
-fn dispatch<S: Stage, L: Link>(
-    key: Key,
-    request: Request<'_, S, L>,
-) -> Result<Answered, WireError> {
+fn dispatch<S: Stage, L: Link>(key: Key, request: Request<'_, S, L>) -> Result<Answered, WireError> {
     let from = request.link.id();
     match key {
         PingEndpoint::REQ_KEY => request.answer::<PingEndpoint>(|_, number| number),
         InfoEndpoint::REQ_KEY => request.answer::<InfoEndpoint>(|control, ()| control.info()),
         StatusEndpoint::REQ_KEY => request.answer::<StatusEndpoint>(|control, ()| control.status()),
-        CyclesEndpoint::REQ_KEY => {
-            request.answer::<CyclesEndpoint>(|control, ()| control.take_cycles())
-        }
-        PlayEndpoint::REQ_KEY => {
-            request.answer::<PlayEndpoint>(|control, play| control.play(from, play))
-        }
+        CyclesEndpoint::REQ_KEY => request.answer::<CyclesEndpoint>(|control, ()| control.take_cycles()),
+        PlayEndpoint::REQ_KEY => request.answer::<PlayEndpoint>(|control, play| control.play(from, play)),
         StopEndpoint::REQ_KEY => request.answer::<StopEndpoint>(|control, ()| control.stop()),
-        MotionEndpoint::REQ_KEY => {
-            request.answer::<MotionEndpoint>(|control, motion| control.motion(from, motion))
-        }
+        MotionEndpoint::REQ_KEY => request.answer::<MotionEndpoint>(|control, motion| control.motion(from, motion)),
         MotionTopic::TOPIC_KEY => {
             // A motion that is refused is dropped. The endpoint of the same name would report the refusal.
             Ok(request.take::<MotionTopic>(|control, motion| {
                 let _ = control.motion(from, motion);
             }))
         }
-        KeepAliveTopic::TOPIC_KEY => {
-            Ok(request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from)))
+        KeepAliveTopic::TOPIC_KEY => Ok(request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from))),
+        RecordStartEndpoint::REQ_KEY => request.answer::<RecordStartEndpoint>(|control, ()| control.record_start(from)),
+        RecordStopEndpoint::REQ_KEY => request.answer::<RecordStopEndpoint>(|control, ()| control.record_stop()),
+        SettingsGetEndpoint::REQ_KEY => request.answer::<SettingsGetEndpoint>(|control, ()| Ok(control.settings())),
+        SettingsProposeEndpoint::REQ_KEY => {
+            request.answer::<SettingsProposeEndpoint>(|control, change| control.propose(from, change))
         }
-        RecordStartEndpoint::REQ_KEY => {
-            request.answer::<RecordStartEndpoint>(|control, ()| control.record_start(from))
-        }
-        RecordStopEndpoint::REQ_KEY => {
-            request.answer::<RecordStopEndpoint>(|control, ()| control.record_stop())
-        }
-        SettingsGetEndpoint::REQ_KEY => {
-            request.answer::<SettingsGetEndpoint>(|control, ()| Ok(control.settings()))
-        }
-        SettingsProposeEndpoint::REQ_KEY => request
-            .answer::<SettingsProposeEndpoint>(|control, change| control.propose(from, change)),
         ProbeLoadEndpoint::REQ_KEY => {
             request.answer::<ProbeLoadEndpoint>(|control, load| control.load_probe(from, &load))
         }
         ProbeStartEndpoint::REQ_KEY => {
             request.answer::<ProbeStartEndpoint>(|control, start| control.start_probe(from, &start))
         }
-        ResponseGetEndpoint::REQ_KEY => {
-            request.answer::<ResponseGetEndpoint>(|control, ()| control.response())
-        }
+        ResponseGetEndpoint::REQ_KEY => request.answer::<ResponseGetEndpoint>(|control, ()| control.response()),
         ResponseProposeEndpoint::REQ_KEY => {
-            request.answer::<ResponseProposeEndpoint>(|control, response| {
-                control.propose_response(from, response)
-            })
+            request.answer::<ResponseProposeEndpoint>(|control, response| control.propose_response(from, response))
         }
-        UploadProgressEndpoint::REQ_KEY => {
-            request.answer::<UploadProgressEndpoint>(|control, ()| control.upload())
-        }
+        UploadProgressEndpoint::REQ_KEY => request.answer::<UploadProgressEndpoint>(|control, ()| control.upload()),
         _ => queue_job(key, request),
     }
 }
@@ -347,10 +294,7 @@ fn dispatch<S: Stage, L: Link>(
 /// Queues the job of a request for the storage. Not inlined, because the image is larger with this code in
 /// [`dispatch`].
 #[inline(never)]
-fn queue_job<S: Stage, L: Link>(
-    key: Key,
-    request: Request<'_, S, L>,
-) -> Result<Answered, WireError> {
+fn queue_job<S: Stage, L: Link>(key: Key, request: Request<'_, S, L>) -> Result<Answered, WireError> {
     match key {
         SettingsApplyEndpoint::REQ_KEY => request.queue(|token| Some(Job::SettingsApply(token))),
         ResponseSetEndpoint::REQ_KEY => request.queue(|change| Some(Job::ResponseSet(change))),

@@ -122,8 +122,7 @@ mod tests {
         let highest = (Setting::HardLimit.spec().highest * per_step) as i32;
         let slew = Config::new(&Settings::default(), 1.0).slew_steps();
         let last = DacCode::from_mid_scale(highest);
-        let codes = core::iter::once(u32::from(last.get()))
-            .chain((0..FADED_SLOTS).flat_map(|slot| faded(last, slot)));
+        let codes = core::iter::once(u32::from(last.get())).chain((0..FADED_SLOTS).flat_map(|slot| faded(last, slot)));
         let codes: Vec<i32> = codes.map(|code| code as i32).collect();
         let largest = codes.windows(2).map(|pair| pair[0] - pair[1]).max();
         assert!(largest <= Some(slew), "{largest:?}, {slew}");
@@ -132,8 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_fills_one_slot_for_the_first_137_microseconds_of_its_period_and_the_next_one_after_that()
-     {
+    fn a_tick_fills_one_slot_for_the_first_137_microseconds_of_its_period_and_the_next_one_after_that() {
         for period in 0..20 {
             let slot = Slot::ahead_of(remaining(period, 0));
             assert_eq!(slot.number(), (period + 1) % SLOTS);
@@ -147,14 +145,11 @@ mod tests {
     }
 
     #[test]
-    fn neither_what_was_written_nor_what_is_not_yet_erased_meets_the_slot_that_must_have_been_erased()
-     {
+    fn neither_what_was_written_nor_what_is_not_yet_erased_meets_the_slot_that_must_have_been_erased() {
         for passed in 0..=6 {
             let slot = Slot::ahead_of(remaining(0, passed));
             // The tick before wrote this slot or the one before it.
-            for written in
-                (0..STRETCH).flat_map(|slots| [slot.after(slots), slot.before().after(slots)])
-            {
+            for written in (0..STRETCH).flat_map(|slots| [slot.after(slots), slot.before().after(slots)]) {
                 assert_ne!(written, slot.erased());
             }
             // From the code that is erased next to the one that is fetched next; an interrupt when the eraser was

@@ -6,9 +6,8 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues,
-    OptionByteValues, OutputValues, RestValues, SelfTestError, SelfTestRequest, SelfTestValues,
-    Setting, SlotId, SlotState, UploadState,
+    ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues, OptionByteValues,
+    OutputValues, RestValues, SelfTestError, SelfTestRequest, SelfTestValues, Setting, SlotId, SlotState, UploadState,
 };
 
 use crate::control::Control;
@@ -70,12 +69,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             SelfTestRequest::Chip => Ok(SelfTestValues::Chip(bench.chip())),
             SelfTestRequest::OptionBytes => Ok(SelfTestValues::OptionBytes(bench.option_bytes())),
             SelfTestRequest::Clocks => Ok(SelfTestValues::Clocks(bench.clocks().await)),
-            SelfTestRequest::ErrorCorrection => {
-                Ok(SelfTestValues::ErrorCorrection(bench.error_correction()))
-            }
+            SelfTestRequest::ErrorCorrection => Ok(SelfTestValues::ErrorCorrection(bench.error_correction())),
             SelfTestRequest::Output { disconnected } => {
-                let enable =
-                    |control: &mut Control<_>| control.settings().get(Setting::EnableWired);
+                let enable = |control: &mut Control<_>| control.settings().get(Setting::EnableWired);
                 if disconnected || stage.with_control(enable) == 1.0 {
                     bench.output().await.map(SelfTestValues::Output)
                 } else {
@@ -84,10 +80,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             }
             SelfTestRequest::Rest => bench.rest().await.map(SelfTestValues::Rest),
             SelfTestRequest::Encoder => Ok(SelfTestValues::Encoder(bench.encoder())),
-            SelfTestRequest::Flash {
-                slot,
-                erases_library,
-            } => self
+            SelfTestRequest::Flash { slot, erases_library } => self
                 .flash_values(bench, slot, erases_library)
                 .await
                 .map(SelfTestValues::Flash),
@@ -126,11 +119,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 /// again.
 ///
 /// The word of the header is never written, so that a power loss at any time leaves a slot without a library.
-async fn measure<F: MappedFlash>(
-    slots: &mut SlotStore<F>,
-    bench: &impl Bench,
-    claim: Claim,
-) -> FlashValues {
+async fn measure<F: MappedFlash>(slots: &mut SlotStore<F>, bench: &impl Bench, claim: Claim) -> FlashValues {
     let slot = claim.slot();
     let sector = SlotStore::<F>::header_sector();
     let begin = bench.now_us();

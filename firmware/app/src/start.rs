@@ -57,9 +57,7 @@ impl Kept {
             quick_faults,
             healthy: false,
             // Without a multiplied clock there are no samples, so nothing can be played.
-            safe_mode: self.safe_mode
-                || quick_faults >= QUICK_FAULTS
-                || clock == ClockSource::InternalUnmultiplied,
+            safe_mode: self.safe_mode || quick_faults >= QUICK_FAULTS || clock == ClockSource::InternalUnmultiplied,
             clock,
             stage: None,
             hung_stage: hung.or(self.hung_stage),

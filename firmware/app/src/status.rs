@@ -99,10 +99,7 @@ mod tests {
         assert_eq!((first.runs, first.shortest, first.longest), (2, 500, 9_000));
         histogram.count(700);
         let second = histogram.take_range(&mut counted);
-        assert_eq!(
-            (second.runs, second.shortest, second.longest),
-            (1, 700, 700)
-        );
+        assert_eq!((second.runs, second.shortest, second.longest), (1, 700, 700));
         assert_eq!(histogram.take_range(&mut counted), CycleRange::NONE);
         let whole = histogram.with_range(first.merged(second)).report(1);
         assert_eq!((whole.shortest, whole.longest), (500, 9_000));

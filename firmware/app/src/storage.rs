@@ -8,10 +8,9 @@
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, ResponseChange,
-    ResponseError, ResponseState, SceneInfo, Settings, SettingsChange, SettingsError, SlotId,
-    SlotInfo, SlotState, Slots, TextureInfo, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError, UploadProgress, UploadState,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, ResponseChange, ResponseError,
+    ResponseState, SceneInfo, Settings, SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
+    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::control::{Control, Device, LoadFault};
@@ -130,11 +129,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// # Errors
     /// The library cannot be activated, for the reason in the error. The library in RAM stays unless the copy itself
     /// failed.
-    pub async fn activate(
-        &mut self,
-        stage: &mut impl Stage,
-        slot: SlotId,
-    ) -> Result<Activated, ActivateError> {
+    pub async fn activate(&mut self, stage: &mut impl Stage, slot: SlotId) -> Result<Activated, ActivateError> {
         self.slots.scan_once().await;
         // A refusal comes before the fade-out, so that what is played goes on.
         let library = self.playable(slot)?;
@@ -224,10 +219,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ///
     /// # Errors
     /// The errors of [`Uploader::commit`]; or the supply is too low, after which the upload can be continued.
-    pub async fn upload_commit(
-        &mut self,
-        stage: &mut impl Stage,
-    ) -> Result<UploadCommitted, UploadError> {
+    pub async fn upload_commit(&mut self, stage: &mut impl Stage) -> Result<UploadCommitted, UploadError> {
         supplied(stage)?;
         let result = self.uploader.commit(&mut self.slots).await;
         stage.with_control(|control| control.set_upload(self.uploader.state()));

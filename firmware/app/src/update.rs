@@ -7,16 +7,16 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    BOARD, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, ResetReason, SIGNATURE_BYTES,
-    SIGNED_BYTES, SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
+    BOARD, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, ResetReason, SIGNATURE_BYTES, SIGNED_BYTES,
+    SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 use salty::{Keypair, PublicKey, Sha512, Signature};
 use stylus_boot::record::{Store, mark};
 
 /// Public key of [`model_format::link::DEVELOPMENT_SEED`].
 pub const DEVELOPMENT_KEY: [u8; 32] = [
-    60, 141, 25, 48, 18, 125, 197, 143, 241, 9, 30, 215, 2, 87, 122, 109, 17, 105, 72, 170, 118,
-    52, 139, 22, 54, 213, 167, 39, 0, 190, 15, 173,
+    60, 141, 25, 48, 18, 125, 197, 143, 241, 9, 30, 215, 2, 87, 122, 109, 17, 105, 72, 170, 118, 52, 139, 22, 54, 213,
+    167, 39, 0, 190, 15, 173,
 ];
 
 /// The running image, and what it trusts.
@@ -40,8 +40,7 @@ impl Running {
             .split_first_chunk::<HEADER_BYTES>()
             .ok_or(UpdateError::NotAnImage)?;
         let header = ImageHeader::read(signed).ok_or(UpdateError::NotAnImage)?;
-        let signature: &[u8; SIGNATURE_BYTES] =
-            signature.try_into().map_err(|_| UpdateError::NotAnImage)?;
+        let signature: &[u8; SIGNATURE_BYTES] = signature.try_into().map_err(|_| UpdateError::NotAnImage)?;
         if header.board != BOARD {
             return Err(UpdateError::Board);
         }
@@ -166,8 +165,7 @@ pub fn cause(flags: u8) -> ResetReason {
         (1, ResetReason::Pin),
     ];
     let mut seen = by_bit.into_iter().filter(|(bit, _)| flags >> bit & 1 != 0);
-    seen.next()
-        .map_or(ResetReason::Unknown, |(_, reason)| reason)
+    seen.next().map_or(ResetReason::Unknown, |(_, reason)| reason)
 }
 
 #[cfg(test)]

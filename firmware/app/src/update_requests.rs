@@ -1,9 +1,7 @@
 //! Requests of an update, which need slots, uploads and the record together.
 
 use embedded_storage_async::nor_flash::NorFlash;
-use model_format::link::{
-    SlotId, TRIAL_MS, UpdateBegin, UpdateError, UpdateReport, UploadBegin, UploadProgress,
-};
+use model_format::link::{SlotId, TRIAL_MS, UpdateBegin, UpdateError, UpdateReport, UploadBegin, UploadProgress};
 use salty::Sha512;
 use stylus_boot::record::{Record, mark};
 
@@ -81,10 +79,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// # Errors
     /// The supply is too low, no update was begun, chunks are missing, the image is not the signed one, something is
     /// played, or the flash fails. The running image stays.
-    pub async fn update_commit(
-        &mut self,
-        stage: &mut impl Stage,
-    ) -> Result<UpdateReport, UpdateError> {
+    pub async fn update_commit(&mut self, stage: &mut impl Stage) -> Result<UpdateReport, UpdateError> {
         supplied(stage)?;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         let header = updates.begun.ok_or(UpdateError::NotBegun)?;
@@ -93,8 +88,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         at_rest(stage)?;
         // An image is no library, so the upload ends here and is never committed as one.
         self.uploader.abort(&mut self.slots);
-        let is_signed = length == header.length
-            && digest(&mut self.slots, slot, length).await == Some(header.digest);
+        let is_signed = length == header.length && digest(&mut self.slots, slot, length).await == Some(header.digest);
         let asked = if is_signed {
             let version = header.version.numbers();
             let record = Record::marked(mark::SWAP, slot.index() as u8, version);
@@ -118,10 +112,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ///
     /// # Errors
     /// The supply is too low, no image is on trial, something is played, or the flash fails.
-    pub async fn update_confirm(
-        &mut self,
-        stage: &mut impl Stage,
-    ) -> Result<UpdateReport, UpdateError> {
+    pub async fn update_confirm(&mut self, stage: &mut impl Stage) -> Result<UpdateReport, UpdateError> {
         supplied(stage)?;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         if !updates.is_on_trial() {
@@ -140,11 +131,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// previous image. Before that end, or while something is played, it does nothing.
     pub async fn end_trial(&mut self, stage: &mut impl Stage) {
         let now_ms = stage.now_us() / 1000;
-        let Some(updates) = self
-            .updates
-            .as_mut()
-            .filter(|updates| updates.is_on_trial())
-        else {
+        let Some(updates) = self.updates.as_mut().filter(|updates| updates.is_on_trial()) else {
             return;
         };
         if now_ms < TRIAL_MS {
@@ -166,11 +153,7 @@ fn at_rest(stage: &impl Stage) -> Result<(), UpdateError> {
 }
 
 /// SHA-512 of the first `length` bytes of `slot`; none if a word cannot be read.
-async fn digest<F: MappedFlash>(
-    slots: &mut SlotStore<F>,
-    slot: SlotId,
-    length: u32,
-) -> Option<[u8; 64]> {
+async fn digest<F: MappedFlash>(slots: &mut SlotStore<F>, slot: SlotId, length: u32) -> Option<[u8; 64]> {
     let mut digest = Sha512::new();
     let take = |bytes: &[u8]| digest.update(bytes);
     slots.read_bytes(slot, length, 1, take).await.ok()?;

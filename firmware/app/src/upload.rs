@@ -7,15 +7,14 @@
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    CHUNK_ALIGN, MAX_CHUNK_BYTES, SlotFault, SlotId, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError, UploadProgress, UploadState,
+    CHUNK_ALIGN, MAX_CHUNK_BYTES, SlotFault, SlotId, UploadBegin, UploadChunk, UploadCommitted, UploadError,
+    UploadProgress, UploadState,
 };
 
 use crate::flash::WORD_BYTES;
 use crate::slots::{Claim, LastLibrary, MappedFlash, SealFault, SlotStore, WriteFault};
 
-const _: () =
-    assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
+const _: () = assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
 
 /// The upload under way, if any.
 #[derive(Debug, Default)]
@@ -49,9 +48,9 @@ impl Uploader {
 
     /// Progress of the upload, for the status.
     pub fn state(&self) -> UploadState {
-        self.upload.as_ref().map_or(UploadState::Idle, |upload| {
-            UploadState::Receiving(upload.progress())
-        })
+        self.upload
+            .as_ref()
+            .map_or(UploadState::Idle, |upload| UploadState::Receiving(upload.progress()))
     }
 
     /// Begins an upload, or continues an upload of the same length and checksum. Any other upload under way ends.
@@ -65,9 +64,7 @@ impl Uploader {
         begin: UploadBegin,
     ) -> Result<UploadProgress, UploadError> {
         if begin.length == 0 || begin.length as usize > MAX_LIBRARY_BYTES {
-            return Err(UploadError::Length {
-                length: begin.length,
-            });
+            return Err(UploadError::Length { length: begin.length });
         }
         if let Some(upload) = &self.upload
             && (upload.begin.length, upload.begin.crc32) == (begin.length, begin.crc32)
@@ -78,9 +75,7 @@ impl Uploader {
         let claim = store.claim_spare(begin.replaces_last).await;
         let claim = claim.map_err(|LastLibrary { slot }| UploadError::LastLibrary { slot })?;
         self.abort(store);
-        store
-            .erase_sector(&claim, SlotStore::<F>::header_sector())
-            .await?;
+        store.erase_sector(&claim, SlotStore::<F>::header_sector()).await?;
         store.set_receiving(claim.slot());
         let upload = Upload {
             begin,
@@ -106,10 +101,7 @@ impl Uploader {
         let upload = self.end(store)?;
         write_chunk(store, &upload, chunk).await?;
         store.set_receiving(upload.claim.slot());
-        let upload = Upload {
-            next_offset,
-            ..upload
-        };
+        let upload = Upload { next_offset, ..upload };
         Ok(self.upload.insert(upload).progress())
     }
 
@@ -118,10 +110,7 @@ impl Uploader {
     /// # Errors
     /// No upload is under way, or it is not complete. Any other error ends the upload: the bytes are not those
     /// announced, or not a library, or the flash fails.
-    pub async fn commit<F: MappedFlash>(
-        &mut self,
-        store: &mut SlotStore<F>,
-    ) -> Result<UploadCommitted, UploadError> {
+    pub async fn commit<F: MappedFlash>(&mut self, store: &mut SlotStore<F>) -> Result<UploadCommitted, UploadError> {
         let UploadProgress { upload, slot, .. } = self.received()?;
         let Upload { claim, .. } = self.end(store)?;
         let sealed = store.seal(claim, upload.length, upload.crc32).await;
@@ -146,10 +135,7 @@ impl Uploader {
         if next_offset == length {
             return Ok(upload.progress());
         }
-        Err(UploadError::Incomplete {
-            next_offset,
-            length,
-        })
+        Err(UploadError::Incomplete { next_offset, length })
     }
 
     /// Ends the upload under way, if any.
@@ -176,18 +162,14 @@ fn check_chunk(upload: &Upload, chunk: UploadChunk<'_>) -> Result<u32, UploadErr
     }
     let length = chunk.data.len();
     if length == 0 || length > MAX_CHUNK_BYTES {
-        return Err(UploadError::ChunkLength {
-            length: length as u32,
-        });
+        return Err(UploadError::ChunkLength { length: length as u32 });
     }
     let end = expected + length as u32;
     if end > total {
         return Err(UploadError::PastEnd { end, length: total });
     }
     if end < total && !length.is_multiple_of(CHUNK_ALIGN) {
-        return Err(UploadError::ChunkLength {
-            length: length as u32,
-        });
+        return Err(UploadError::ChunkLength { length: length as u32 });
     }
     Ok(end)
 }
@@ -231,11 +213,9 @@ fn bytes_error(slot: SlotId, fault: SlotFault) -> UploadError {
             offset,
         },
         // Only the scan of a slot finds these. A commit reads back the header's word as it writes it.
-        SlotFault::Unfinished | SlotFault::HeaderVersion { .. } | SlotFault::Length { .. } => {
-            UploadError::ReadBack {
-                slot,
-                offset: MAX_LIBRARY_BYTES as u32,
-            }
-        }
+        SlotFault::Unfinished | SlotFault::HeaderVersion { .. } | SlotFault::Length { .. } => UploadError::ReadBack {
+            slot,
+            offset: MAX_LIBRARY_BYTES as u32,
+        },
     }
 }

@@ -12,9 +12,7 @@ use core::ops::Range;
 use embassy_boot::{BootError, BootLoader, BootLoaderConfig};
 use embassy_embedded_hal::adapter::BlockingAsync;
 use embassy_futures::block_on;
-use embedded_storage::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 
 use crate::map::{ACTIVE, FLASH, RECORDS, SECTOR_BYTES, SLOTS, WORD_BYTES};
 use crate::record::{CRC, EXCHANGED, MARKS, NotKept, Record, Store, mark};
@@ -72,11 +70,7 @@ fn other(error: &impl NorFlashError) -> BootError {
 
 /// Returns the record to continue with: `record`, with a checksum before the first step, or a record that asks for
 /// nothing if the slot does not hold the image.
-fn judged<F: NorFlash>(
-    record: Record,
-    active: &mut Part<'_, F>,
-    slot: &mut Part<'_, F>,
-) -> Result<Record, F::Error> {
+fn judged<F: NorFlash>(record: Record, active: &mut Part<'_, F>, slot: &mut Part<'_, F>) -> Result<Record, F::Error> {
     // An exchange leaves the previous image one sector further on in the slot.
     let aside = SECTOR_BYTES as u32;
     let without = |mark| Record::marked(mark, record.slot, record.version);
@@ -112,10 +106,7 @@ fn is_image<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<bool, F:
 fn check<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<u16, F::Error> {
     let mut digest = CRC.digest();
     let mut word = [0; WORD_BYTES];
-    for at in (offset..)
-        .step_by(WORD_BYTES)
-        .take(ACTIVE.len() / WORD_BYTES)
-    {
+    for at in (offset..).step_by(WORD_BYTES).take(ACTIVE.len() / WORD_BYTES) {
         part.read(at, &mut word)?;
         digest.update(&word);
     }

@@ -14,9 +14,7 @@ use core::arch::global_asm;
 use core::panic::PanicInfo;
 
 use cortex_m::peripheral::SCB;
-use embedded_storage::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use stm32_metapac::gpio::vals::{Moder, Odr};
 use stm32_metapac::iwdg::vals::{Key, Pr};
 use stm32_metapac::{GPIOB, IWDG1, RCC};

@@ -117,12 +117,7 @@ impl Record {
         word[4..20].copy_from_slice(&self.marks);
         word[20] = self.slot;
         word[21] = self.cause;
-        for (place, part) in word[22..28]
-            .as_chunks_mut::<2>()
-            .0
-            .iter_mut()
-            .zip(self.version)
-        {
+        for (place, part) in word[22..28].as_chunks_mut::<2>().0.iter_mut().zip(self.version) {
             *place = part.to_le_bytes();
         }
         let crc = CRC.checksum(&word[..28]);
@@ -143,9 +138,7 @@ impl Record {
             marks: *marks,
             slot: rest[0],
             cause: rest[1],
-            version: core::array::from_fn(|_| {
-                versions.next().map_or(0, |part| u16::from_le_bytes(*part))
-            }),
+            version: core::array::from_fn(|_| versions.next().map_or(0, |part| u16::from_le_bytes(*part))),
         };
         Some((u32::from_le_bytes(*sequence), record))
     }
@@ -217,10 +210,7 @@ impl<F: NorFlash> Store<F> {
             }
         }
         // A word whose programming was cut may have read as erased above.
-        while !store
-            .reads_steadily(store.due()..store.due() + WORD_BYTES as u32)
-            .await
-        {
+        while !store.reads_steadily(store.due()..store.due() + WORD_BYTES as u32).await {
             store.is_settled = false;
             if store.due() != store.next {
                 break;

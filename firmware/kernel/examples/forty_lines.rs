@@ -8,11 +8,7 @@ use stylus_kernel::{Motion, MotionError, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 /// Plays the first texture of `library` into `output`, at the texture's sample rate, in steps of 2⁻²⁰ m/s². `motion`
 /// returns the tool's motion at a sample; it is called once per update interval of ten samples.
-pub fn play(
-    library: &[u8],
-    motion: impl Fn(usize) -> Motion,
-    output: &mut [OutputSample],
-) -> Result<(), DecodeError> {
+pub fn play(library: &[u8], motion: impl Fn(usize) -> Motion, output: &mut [OutputSample]) -> Result<(), DecodeError> {
     let library = Library::decode(library)?;
     let Some(texture) = library.texture_at(0) else {
         return Ok(());

@@ -63,11 +63,7 @@ impl Arithmetic for Portable {
 /// One stage of a lattice: the forward signal for the stage below, and the backward signal for the stage above.
 #[inline(always)]
 pub fn rotated(rotation: Rotation, forward: i32, backward: i32) -> (i32, i32) {
-    let (cos, f, g) = (
-        i64::from(rotation.cos),
-        i64::from(forward),
-        i64::from(backward),
-    );
+    let (cos, f, g) = (i64::from(rotation.cos), i64::from(forward), i64::from(backward));
     // One 64-bit sum and one truncation each, because two separate products would break the bound by a step.
     let down = high_word_toward_zero(cos * f + i64::from(rotation.neg_sin) * g);
     let up = high_word_toward_zero(i64::from(rotation.sin) * f + cos * g);

@@ -81,10 +81,7 @@ impl DirectFrame {
         let codes = a.iter().zip(b).zip(c).zip(d);
         for (mean, (((a, b), c), d)) in self.coefficients[..self.taps].iter_mut().zip(codes) {
             let products = [a, b, c, d].map(|&code| i64::from(code));
-            let sum = products
-                .iter()
-                .zip(weights)
-                .map(|(code, weight)| code * weight);
+            let sum = products.iter().zip(weights).map(|(code, weight)| code * weight);
             *mean = ((sum.sum::<i64>() + i64::from(ONE / 2)) >> ONE.ilog2()) as i32;
         }
         let bits = OutputSample::FRACTION_BITS + self.scale_bits;
@@ -166,12 +163,7 @@ impl DirectState {
     /// Returns the next sample of a texture: `excitation`, in steps of 2⁻²⁸ of a standard deviation, through the filter
     /// of `frame`, when `left` samples of its ramps remain. The flag is true if the filter was saturated.
     #[inline]
-    pub fn next_sample(
-        &mut self,
-        frame: &DirectFrame,
-        excitation: i32,
-        left: u32,
-    ) -> (OutputSample, bool) {
+    pub fn next_sample(&mut self, frame: &DirectFrame, excitation: i32, left: u32) -> (OutputSample, bool) {
         let driven = i64::from(excitation) * i64::from(frame.deviation.value(left));
         let driven = driven >> (excitation::FRACTION_BITS - SUM_FRACTION_BITS);
         let (filtered, saturated) = self.filter(frame, driven);

@@ -252,9 +252,7 @@ mod tests {
         const N: usize = 1 << 18;
         let mut sources = [one, other].map(Excitation::new);
         let products = (0..N).map(|_| {
-            let [one, other] = sources
-                .each_mut()
-                .map(|source| f64::from(source.next_sample()) / UNIT);
+            let [one, other] = sources.each_mut().map(|source| f64::from(source.next_sample()) / UNIT);
             one * other
         });
         (products.sum::<f64>() / libm::sqrt(N as f64)).abs()

@@ -81,13 +81,7 @@ impl LatticeFrame {
 
     /// Makes this the frame of `point` on the grid of `texture`, a lattice with at most as many stages as this frame.
     /// The level goes from `from`, the level of the previous frame, to its new value in `samples` samples.
-    pub fn update<A: Arithmetic>(
-        &mut self,
-        texture: &Texture<'_>,
-        point: &GridPoint,
-        from: Levels,
-        samples: u32,
-    ) {
+    pub fn update<A: Arithmetic>(&mut self, texture: &Texture<'_>, point: &GridPoint, from: Levels, samples: u32) {
         let nodes = Nodes::at(texture, point);
         nodes.interpolate::<A>(&mut self.rotations[..self.stages]);
         let law = texture.level_law();
@@ -235,12 +229,7 @@ impl LatticeState {
     /// Computes the next samples, like a call of [`LatticeState::next_sample`] for each. `samples` holds the excitation
     /// and then the output. Before the first sample, `left` samples of the ramp remained. Returns how many are at full
     /// scale.
-    pub fn next_block<A: Arithmetic>(
-        &mut self,
-        frame: &LatticeFrame,
-        samples: &mut [i32],
-        left: u32,
-    ) -> u32 {
+    pub fn next_block<A: Arithmetic>(&mut self, frame: &LatticeFrame, samples: &mut [i32], left: u32) -> u32 {
         self.filter_block::<A>(frame.rotations(), samples);
         let outputs = samples.iter_mut().zip(ramp_from(left));
         outputs.fold(0, |full, (sample, left)| {

@@ -16,12 +16,7 @@ pub fn rms_in_steps(power: f32, bits: u32) -> u32 {
 }
 
 /// The RMS at `point` in steps of 2^-`bits`, from the powers of the four nodes around it, by `law`; see [`rms_of`].
-pub fn rms_at(
-    point: &GridPoint,
-    law: LevelLaw,
-    bits: u32,
-    power: impl Fn(usize, usize) -> f32,
-) -> u32 {
+pub fn rms_at(point: &GridPoint, law: LevelLaw, bits: u32, power: impl Fn(usize, usize) -> f32) -> u32 {
     let powers = point.nodes.map(|(speed, force)| power(speed, force));
     rms_of(&point.weights, law, bits, &powers)
 }
@@ -116,10 +111,7 @@ pub struct Levels {
 
 impl Levels {
     /// Silence.
-    pub const SILENT: Self = Self {
-        amplitude: 0,
-        fade: 0,
-    };
+    pub const SILENT: Self = Self { amplitude: 0, fade: 0 };
 }
 
 #[cfg(test)]

@@ -22,6 +22,4 @@ pub mod theta;
 
 pub use grid::{Motion, MotionError};
 pub use level::Levels;
-pub use synthesis::{
-    Frame, MAX_FED_SAMPLES, Playback, Synthesis, UPDATE_INTERVAL_SAMPLES, update_interval_samples,
-};
+pub use synthesis::{Frame, MAX_FED_SAMPLES, Playback, Synthesis, UPDATE_INTERVAL_SAMPLES, update_interval_samples};

@@ -91,16 +91,14 @@ pub fn log2(value: f32) -> i64 {
     let halves = (mantissa >> (MANTISSA_BITS - CENTRE_BITS - 1)) - (2 << CENTRE_BITS);
     let place = halves.div_ceil(2) as usize;
     let ratio = u64::from(mantissa) * u64::from(RECIPROCALS[place]);
-    let distance =
-        ((ratio >> (2 * MANTISSA_BITS - DISTANCE_BITS)) as i64 - (1 << DISTANCE_BITS)) as i32;
+    let distance = ((ratio >> (2 * MANTISSA_BITS - DISTANCE_BITS)) as i64 - (1 << DISTANCE_BITS)) as i32;
     let scaled = |sum: i32| high_word(i64::from(sum) * i64::from(distance));
     let mut sum = 0;
     for coefficient in LOG2_SERIES.into_iter().rev() {
         sum = coefficient + (scaled(sum) >> (DISTANCE_BITS - u32::BITS));
     }
     let of_distance = scaled(sum) >> (SERIES_BITS + DISTANCE_BITS - u32::BITS - MANTISSA_BITS);
-    let fraction =
-        LOGARITHMS[place].wrapping_add_signed(of_distance) >> (MANTISSA_BITS - LOG2_FRACTION_BITS);
+    let fraction = LOGARITHMS[place].wrapping_add_signed(of_distance) >> (MANTISSA_BITS - LOG2_FRACTION_BITS);
     (i64::from(exponent) << LOG2_FRACTION_BITS) + i64::from(fraction)
 }
 

@@ -30,11 +30,7 @@ impl<'a> Nodes<'a> {
         for (index, &(speed, force)) in point.nodes.iter().enumerate() {
             let node = texture.node(speed, force);
             nodes.powers[index] = node.output_power;
-            let Coefficients {
-                codes,
-                fractions,
-                tail,
-            } = node.coefficients;
+            let Coefficients { codes, fractions, tail } = node.coefficients;
             nodes.codes[index] = codes;
             nodes.fractions[index] = fractions;
             nodes.tails[index] = tail;
@@ -128,11 +124,7 @@ impl<'a> Nodes<'a> {
     /// Like [`Nodes::codes`], for tails.
     fn tail(&self, done: usize, stages: usize, other: usize) -> Run<'a> {
         let first = |index: usize| done.saturating_sub(self.codes[index].len());
-        let own = |index: usize| {
-            self.tails[index]
-                .codes
-                .get(first(index)..first(index) + stages)
-        };
+        let own = |index: usize| self.tails[index].codes.get(first(index)..first(index) + stages);
         let mut codes = [own(other).unwrap_or_default(); 4];
         let mut factors = [0; 4];
         for index in 0..4 {
@@ -141,8 +133,7 @@ impl<'a> Nodes<'a> {
             {
                 codes[index] = own;
                 let step = u64::from(self.tails[index].step);
-                let factor =
-                    step * u64::from(self.weights[index]) * u64::from(SUM_PER_THETA as u32);
+                let factor = step * u64::from(self.weights[index]) * u64::from(SUM_PER_THETA as u32);
                 // The product has up to 39 digits. Eight are dropped, so that it fits in a word; the codes of a tail
                 // are shifted up by eight instead.
                 factors[index] = (factor >> 8) as i32;

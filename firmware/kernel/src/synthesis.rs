@@ -118,13 +118,7 @@ impl Frame {
     /// thousand instructions on a Cortex-M4; with fractions, a tail, and levels averaged in dB, it takes twelve
     /// thousand. `cargo test -p qemu-tests` counts them. A motion that does not change can be held instead, see
     /// [`Frame::hold`].
-    pub fn update<A: Arithmetic>(
-        &mut self,
-        texture: &Texture<'_>,
-        motion: Motion,
-        from: Levels,
-        samples: u32,
-    ) {
+    pub fn update<A: Arithmetic>(&mut self, texture: &Texture<'_>, motion: Motion, from: Levels, samples: u32) {
         self.update_scaled::<A>(texture, motion, ONE, from, samples);
     }
 
@@ -259,8 +253,7 @@ impl Playback {
         let (output, saturated) = if self.is_fed {
             self.next_fed_sample::<A>(frame, left)
         } else {
-            self.state
-                .next_sample::<A>(&frame.lattice, excitation, left)
+            self.state.next_sample::<A>(&frame.lattice, excitation, left)
         };
         self.saturations = self.saturations.saturating_add(u32::from(saturated));
         output
@@ -418,8 +411,7 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
             self.frame.update::<A>(&self.texture, motion, from, samples);
         }
         if self.playback.is_fed {
-            self.frame
-                .feed(&mut self.feed, &self.texture, motion, samples);
+            self.frame.feed(&mut self.feed, &self.texture, motion, samples);
         }
         self.playback.begin_frame(samples);
     }

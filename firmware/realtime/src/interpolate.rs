@@ -180,19 +180,7 @@ fn sums_of_codes(codes: [&[[u8; 2]]; 4], factors: [i32; 4], rotations: &mut [Rot
     let [a, b, c, d] = codes.map(|codes| codes[..stages].as_ptr() as usize);
     let [fa, fb, fc, fd] = factors.map(|factor| factor as usize);
     let sums = sums_in(rotations);
-    let words = [
-        a,
-        b,
-        c,
-        d,
-        fa,
-        fb,
-        fc,
-        fd,
-        sums.start,
-        BIAS as usize,
-        sums.end,
-    ];
+    let words = [a, b, c, d, fa, fb, fc, fd, sums.start, BIAS as usize, sums.end];
     // SAFETY: with n = `stages`, a positive multiple of 4, the loop reads 2 n bytes from the beginning of each of the
     // four slices, which are long enough, by loads that need no alignment. It writes the last n of the 3 n words of
     // `rotations` (`Rotation` is `repr(C)` of three words), which are aligned, as STRD requires. It reads `words`, and

@@ -43,16 +43,7 @@ macro_rules! three_stages {
     () => {
         concat!(
             stage!("r8", "r5", "r9", "r3", "lr", "r4", "#8"),
-            stage!(
-                "r5",
-                "r8",
-                "lr",
-                "r4",
-                "r9",
-                "r3",
-                "#12",
-                "ldrd r4, r3, [r11, #-8]!"
-            ),
+            stage!("r5", "r8", "lr", "r4", "r9", "r3", "#12", "ldrd r4, r3, [r11, #-8]!"),
             stage!("r8", "r5", "r9", "r3", "lr", "r4", "#8"),
         )
     };

@@ -134,8 +134,7 @@ const fn bare(kind: Kind, detail: u32) -> Caught {
 /// Reports whether `program_counter` is at a UDF, with any number (ARM DDI 0403E, A7.7.194). panic-probe ends with UDF.
 fn is_udf(program_counter: u32) -> bool {
     // SAFETY: the processor has just fetched this instruction, and `is_code` checks that the address is in memory.
-    stack::is_code(program_counter)
-        && unsafe { (program_counter as *const u16).read_volatile() } >> 8 == 0xDE
+    stack::is_code(program_counter) && unsafe { (program_counter as *const u16).read_volatile() } >> 8 == 0xDE
 }
 
 /// The handler, on its own stack. `frame` is the address of the frame that the processor saved, or would have saved.

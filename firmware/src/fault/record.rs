@@ -90,9 +90,9 @@ const AT_SUM: usize = AT_STARTS + 1;
 
 /// Returns a checksum of `words`, which depends on every bit of every word.
 pub fn checksum(seed: u32, words: &[u32]) -> u32 {
-    words.iter().fold(seed, |sum, &word| {
-        (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B)
-    })
+    words
+        .iter()
+        .fold(seed, |sum, &word| (sum ^ word).rotate_left(5).wrapping_mul(0x85EB_CA6B))
 }
 
 #[repr(C, align(8))]
@@ -120,10 +120,7 @@ impl Record {
         self.words[AT_SUM] = self.sum();
         // SAFETY: nothing else accesses it meanwhile, see `Kept`.
         unsafe {
-            KEPT.0
-                .get()
-                .cast::<[u32; WORDS]>()
-                .write_volatile(self.words);
+            KEPT.0.get().cast::<[u32; WORDS]>().write_volatile(self.words);
         }
         cortex_m::asm::dsb();
     }

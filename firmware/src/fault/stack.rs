@@ -110,19 +110,13 @@ pub fn return_addresses(stack_pointer: u32) -> [u32; TRACE] {
 pub fn location(address: u32) -> Option<(&'static str, u32)> {
     const LONGEST_NAME: u32 = 256;
     const HIGHEST_LINE: u32 = 1_000_000;
-    let in_flash =
-        |start: u32, length: u32| start >= FLASH.start && start.saturating_add(length) <= FLASH.end;
+    let in_flash = |start: u32, length: u32| start >= FLASH.start && start.saturating_add(length) <= FLASH.end;
     if !address.is_multiple_of(WORD) || !in_flash(address, 4 * WORD) {
         return None;
     }
     // SAFETY: this is aligned flash of this program, which changes only when another program is flashed.
     let [name, length, line, column] = unsafe { *(address as *const [u32; 4]) };
-    if length > LONGEST_NAME
-        || !in_flash(name, length)
-        || line == 0
-        || line > HIGHEST_LINE
-        || column == 0
-    {
+    if length > LONGEST_NAME || !in_flash(name, length) || line == 0 || line > HIGHEST_LINE || column == 0 {
         return None;
     }
     // SAFETY: as above; bytes need no alignment.

@@ -47,9 +47,7 @@ fn undo_debugger() {
     });
     DBGMCU.apb1lfzr1().write_value(Apb1lfzr1(0));
     DBGMCU.apb2fzr1().write_value(Apb2fzr1(0));
-    DBGMCU
-        .apb4fzr1()
-        .write(|w| w.set_iwdg1(cfg!(feature = "debug-halt")));
+    DBGMCU.apb4fzr1().write(|w| w.set_iwdg1(cfg!(feature = "debug-halt")));
 }
 
 /// Makes the task feed the watchdog while the executor runs, even without ticks.

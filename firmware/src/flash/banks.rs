@@ -28,9 +28,7 @@ use cortex_m::register::basepri;
 use embassy_futures::yield_now;
 use embassy_stm32::pac::flash::regs::Sr;
 use embassy_time::{Duration, Instant, Timer};
-use embedded_storage_async::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use model_format::limits::SLOT_BYTES;
 use stylus_app::flash::{BANK_BYTES, SECTOR_BYTES, WORD_BYTES};
 use stylus_app::slots::MappedFlash;
@@ -88,14 +86,10 @@ impl core::fmt::Display for FlashError {
                 f,
                 "the range lies outside this part of the flash or is not of whole words or sectors"
             ),
-            Self::Unreadable { address } => write!(
-                f,
-                "the flash word at {address:#010x} cannot be read: erase its sector"
-            ),
-            Self::Refused { status } => write!(
-                f,
-                "the flash reports {status:#010x} (RM0433, FLASH_SR): try again"
-            ),
+            Self::Unreadable { address } => {
+                write!(f, "the flash word at {address:#010x} cannot be read: erase its sector")
+            }
+            Self::Refused { status } => write!(f, "the flash reports {status:#010x} (RM0433, FLASH_SR): try again"),
             Self::Timeout => write!(f, "the flash does not become ready: restart the device"),
             Self::SupplyLow => write!(f, "the supply is too low to write flash: see to it"),
         }
@@ -168,17 +162,13 @@ fn prepare(bank: Bank) -> Result<(), FlashError> {
 /// Locks the bank and returns the status with which the operation has ended.
 fn end(bank: Bank) -> Result<Sr, FlashError> {
     errors::take(bank.index);
-    bank.end()
-        .map_err(|status| FlashError::Refused { status: status.0 })
+    bank.end().map_err(|status| FlashError::Refused { status: status.0 })
 }
 
 /// Checks that the sector at `offset` is erased, because a command that a bank ignores ends like one that the bank has
 /// carried out. `status` is the status with which the erasure ended.
 async fn check_erased(bank: Bank, offset: u32, status: Sr) -> Result<(), FlashError> {
-    for at in (offset..)
-        .step_by(WORD_BYTES)
-        .take(SECTOR_BYTES / WORD_BYTES)
-    {
+    for at in (offset..).step_by(WORD_BYTES).take(SECTOR_BYTES / WORD_BYTES) {
         if word::read(bank.address + at) != Some([0xFF; WORD_BYTES]) {
             return Err(FlashError::Refused { status: status.0 });
         }
@@ -342,11 +332,7 @@ impl NorFlash for Bank1 {
 
 /// Returns success if an operation was `done` within its limit, and a timeout otherwise.
 fn in_time(done: bool) -> Result<(), FlashError> {
-    if done {
-        Ok(())
-    } else {
-        Err(FlashError::Timeout)
-    }
+    if done { Ok(()) } else { Err(FlashError::Timeout) }
 }
 
 /// Erases the sector of bank 1 at `offset` and waits for the end, in ITCM. Returns false if that takes too long. The

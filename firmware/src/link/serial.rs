@@ -95,11 +95,7 @@ impl Sender {
     ///
     /// A write that finds too little space in embassy's buffer is never woken (embassy-stm32 0.6.0). So each write
     /// waits until the previous one has been sent, and finds the buffer empty.
-    async fn send(
-        &mut self,
-        broken: bool,
-        length: usize,
-    ) -> Result<(), embassy_stm32::usart::Error> {
+    async fn send(&mut self, broken: bool, length: usize) -> Result<(), embassy_stm32::usart::Error> {
         if broken {
             self.tx.flush().await?;
             self.tx.write_all(&[0]).await?;

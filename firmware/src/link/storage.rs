@@ -1,9 +1,6 @@
 //! The application, for both links: [`Control`] behind a lock that is never held across a wait, and [`Storage`] in its
 //! own task, because requests that need flash may take seconds.
-#![expect(
-    unsafe_code,
-    reason = "the only owners of the flash are created here, once"
-)]
+#![expect(unsafe_code, reason = "the only owners of the flash are created here, once")]
 
 use core::cell::RefCell;
 
@@ -33,8 +30,7 @@ use crate::link::wire::Wire;
 use crate::self_test::Measured;
 use crate::tick;
 
-static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> =
-    Mutex::new(RefCell::new(None));
+static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> = Mutex::new(RefCell::new(None));
 
 /// Calls `what` with the device's control, which never waits. It exists once [`start`] has returned.
 pub fn with_control<R>(what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
@@ -73,13 +69,7 @@ static ACTIVATED: Signal<ThreadModeRawMutex, ()> = Signal::new();
 /// that does not take long.
 pub async fn start(spawner: Spawner, hardware: Hardware, takes_unsigned: bool) {
     // SAFETY: nothing else calls these functions, and this runs once. The ranges lie behind the code.
-    let (slots, settings, records) = unsafe {
-        (
-            Bank2::new(),
-            Bank1::new(SETTINGS_RANGE),
-            Bank1::new(RECORDS),
-        )
-    };
+    let (slots, settings, records) = unsafe { (Bank2::new(), Bank1::new(SETTINGS_RANGE), Bank1::new(RECORDS)) };
     let settings = SettingsStore::unread(settings, SETTINGS_RANGE);
     let mut records = record::Store::open(records, RECORDS).await;
     // A record that cannot be written now is tried again at the next start.
@@ -151,9 +141,7 @@ fn running(takes_unsigned: bool) -> Option<Running> {
     };
     (u32::from_le_bytes(*magic) == map::VERSION_MAGIC).then_some(Running {
         image: ImageVersion::read(env!("CARGO_PKG_VERSION")).unwrap_or_default(),
-        bootloader: ImageVersion::new(core::array::from_fn(|index| {
-            u32::from_le_bytes(numbers[index]) as u16
-        })),
+        bootloader: ImageVersion::new(core::array::from_fn(|index| u32::from_le_bytes(numbers[index]) as u16)),
         key: KEY,
         takes_unsigned,
     })

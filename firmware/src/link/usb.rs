@@ -79,9 +79,7 @@ pub async fn answers() -> bool {
         return false;
     }
     rcc::enable_and_reset::<peripherals::USB_OTG_FS>();
-    if !CORES.contains(&USB_OTG_FS.cid().read().0)
-        || !becomes(|| USB_OTG_FS.grstctl().read().ahbidl()).await
-    {
+    if !CORES.contains(&USB_OTG_FS.cid().read().0) || !becomes(|| USB_OTG_FS.grstctl().read().ahbidl()).await {
         return false;
     }
     USB_OTG_FS.gusbcfg().write(|w| {

@@ -99,10 +99,7 @@ async fn low_speed() -> Option<ClockCount> {
 /// Sums the times between successive captures. A time in which a capture was overwritten is left out.
 async fn captures() -> ClockCount {
     let begin = Instant::now();
-    let mut counted = ClockCount {
-        periods: 0,
-        cycles: 0,
-    };
+    let mut counted = ClockCount { periods: 0, cycles: 0 };
     let mut before: Option<u16> = None;
     while counted.periods < CAPTURES * PERIODS_PER_CAPTURE && since(begin) < LOW_SPEED_LIMIT {
         let status = TIM16.sr().read();

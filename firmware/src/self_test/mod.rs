@@ -12,8 +12,8 @@ mod read_back;
 use embassy_stm32::pac::{GPIOA, GPIOC};
 use embassy_time::Instant;
 use model_format::link::{
-    ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, OptionByteValues, OutputValues,
-    RestValues, SelfTestError,
+    ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, OptionByteValues, OutputValues, RestValues,
+    SelfTestError,
 };
 use stylus_app::self_test::Bench;
 
@@ -40,10 +40,7 @@ impl Bench for Measured {
     fn encoder(&self) -> EncoderValues {
         EncoderValues {
             count: inputs::encoder_count(),
-            levels: [
-                GPIOA.idr().read().0 >> 6 & 1 != 0,
-                GPIOC.idr().read().0 >> 7 & 1 != 0,
-            ],
+            levels: [GPIOA.idr().read().0 >> 6 & 1 != 0, GPIOC.idr().read().0 >> 7 & 1 != 0],
         }
     }
 

@@ -7,8 +7,8 @@ use embassy_time::{Duration, Instant, Timer};
 use micromath::F32Ext;
 use model_format::DacCode;
 use model_format::link::{
-    CONVERSIONS_PER_CODE, OUTPUT_CODES, OutputValues, REST_CONVERSIONS, RestValues, STEP_CODES,
-    STEP_INSTANT_CYCLES, STEP_INSTANTS, SelfTestError, output_code,
+    CONVERSIONS_PER_CODE, OUTPUT_CODES, OutputValues, REST_CONVERSIONS, RestValues, STEP_CODES, STEP_INSTANT_CYCLES,
+    STEP_INSTANTS, SelfTestError, output_code,
 };
 
 use crate::boot::clock::{CONVERTER_HZ, CORE_HZ};

@@ -61,18 +61,13 @@ impl ReadBack {
         ADC2.cr().modify(|w| w.set_advregen(true));
         // Waits for a fixed time, because revisions Z and Y have no flag that shows when the regulator is ready.
         Timer::after(REGULATOR).await;
-        ADC2.difsel()
-            .modify(|w| w.set_difsel(CHANNEL, Difsel::SINGLE_ENDED));
+        ADC2.difsel().modify(|w| w.set_difsel(CHANNEL, Difsel::SINGLE_ENDED));
         ADC2.cr().modify(|w| {
             w.set_adcaldif(Adcaldif::SINGLE_ENDED);
             w.set_adcallin(true);
         });
         ADC2.cr().modify(|w| w.set_adcal(true));
-        becomes(
-            || !ADC2.cr().read().adcal(),
-            "ADC2's calibration does not end",
-        )
-        .await?;
+        becomes(|| !ADC2.cr().read().adcal(), "ADC2's calibration does not end").await?;
         ADC2.isr().write(|w| w.set_adrdy(true));
         ADC2.cr().modify(|w| w.set_aden(true));
         becomes(|| ADC2.isr().read().adrdy(), "ADC2 does not become ready").await?;
@@ -81,8 +76,7 @@ impl ReadBack {
             w.set_exten(Exten::DISABLED);
             w.set_ovrmod(Ovrmod::OVERWRITE);
         });
-        ADC2.pcsel()
-            .write(|w| w.set_pcsel(CHANNEL, Pcsel::PRESELECTED));
+        ADC2.pcsel().write(|w| w.set_pcsel(CHANNEL, Pcsel::PRESELECTED));
         ADC2.sqr1().write(|w| w.set_sq(0, CHANNEL as u8));
         read_back.sample_for(SampleTime::CYCLES64_5);
         Ok(read_back)

@@ -51,17 +51,11 @@ impl Fault {
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoLibrary => {
-                f.write_str("no library is loaded: call reserve, write it there, and call load")
-            }
+            Self::NoLibrary => f.write_str("no library is loaded: call reserve, write it there, and call load"),
             Self::Library(error) => write!(f, "this is no library that can be played: {error}"),
-            Self::Loaded => {
-                f.write_str("a library is loaded already: make another instance of the module")
-            }
+            Self::Loaded => f.write_str("a library is loaded already: make another instance of the module"),
             Self::Choice(error) => error.fmt(f),
-            Self::NothingChosen => {
-                f.write_str("nothing is chosen: call choose_texture or choose_scene")
-            }
+            Self::NothingChosen => f.write_str("nothing is chosen: call choose_texture or choose_scene"),
             Self::TooManyBlocks(blocks) => {
                 write!(
                     f,

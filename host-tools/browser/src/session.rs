@@ -77,12 +77,7 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// A texture or scene that is not there, or a scene that cannot be played. What played before goes on.
-    pub fn choose(
-        &mut self,
-        selection: Selection,
-        without: Without,
-        seed: u64,
-    ) -> Result<(), Fault> {
+    pub fn choose(&mut self, selection: Selection, without: Without, seed: u64) -> Result<(), Fault> {
         let plan = plan_of(&self.library, selection, without)?;
         match &mut self.chosen {
             Some(chosen) if chosen.playing.plan().sample_rate_hz() == plan.sample_rate_hz() => {
@@ -114,11 +109,7 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// No choice, more than [`MOST_BLOCKS`], or a motion that cannot be played. Nothing is played then.
-    pub fn play(
-        &mut self,
-        motions: &[BlockMotion],
-        outputs: &mut [OutputSample],
-    ) -> Result<(), Fault> {
+    pub fn play(&mut self, motions: &[BlockMotion], outputs: &mut [OutputSample]) -> Result<(), Fault> {
         let Some(chosen) = &mut self.chosen else {
             return Err(Fault::NothingChosen);
         };

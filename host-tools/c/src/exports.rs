@@ -3,10 +3,7 @@
 //! Addresses that they take are NULL or lead to what their types say, and nobody closes a handle meanwhile. No other
 //! symbol begins with `stylus_`.
 #![expect(unsafe_code, reason = "names and addresses are another language's")]
-#![expect(
-    clippy::missing_safety_doc,
-    reason = "the header says it of all functions at once"
-)]
+#![expect(clippy::missing_safety_doc, reason = "the header says it of all functions at once")]
 
 use std::ffi::c_char;
 use std::fs::File;
@@ -16,9 +13,7 @@ use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
 use stylus_player::{BlockMotion, Fault, Selection, SharedLibrary, Without, latency_s};
 
-use crate::handle::{
-    Handle, LibraryHandle, Player, PlayerHandle, check, guarded, put, room, slice, text,
-};
+use crate::handle::{Handle, LibraryHandle, Player, PlayerHandle, check, guarded, put, room, slice, text};
 use crate::status::{self, Failure, Status, last};
 
 /// Number of this interface. A change that old callers would notice raises it.
@@ -104,10 +99,7 @@ unsafe fn say(said: &str, buffer: *mut c_char, length: usize) -> Result<(), Fail
 
 /// Opens the library in a file, whose path is UTF-8, and writes its handle to `library`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_library_open(
-    path: *const c_char,
-    library: *mut *mut LibraryHandle,
-) -> Status {
+pub unsafe extern "C" fn stylus_library_open(path: *const c_char, library: *mut *mut LibraryHandle) -> Status {
     guarded(|| {
         // First, because a handle that cannot be handed over would never be closed.
         check(library)?;
@@ -115,10 +107,7 @@ pub unsafe extern "C" fn stylus_library_open(
         let path = unsafe { text(path) }?;
         let mut bytes = Vec::new();
         // One byte more than a library has, so that the decoder refuses what is longer.
-        let file = File::open(path).and_then(|file| {
-            file.take(MAX_LIBRARY_BYTES as u64 + 1)
-                .read_to_end(&mut bytes)
-        });
+        let file = File::open(path).and_then(|file| file.take(MAX_LIBRARY_BYTES as u64 + 1).read_to_end(&mut bytes));
         file.map_err(|error| Failure::new(Status::STYLUS_FILE, &format_args!("{path}: {error}")))?;
         // SAFETY: the caller says what the addresses are.
         unsafe { put(library, decoded(bytes)?) }
@@ -152,11 +141,7 @@ pub unsafe extern "C" fn stylus_library_close(library: *mut LibraryHandle) -> St
 
 /// Writes the number of textures or scenes to `count`. `kind` is a `stylus_kind`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_library_count(
-    library: *const LibraryHandle,
-    kind: u32,
-    count: *mut usize,
-) -> Status {
+pub unsafe extern "C" fn stylus_library_count(library: *const LibraryHandle, kind: u32, count: *mut usize) -> Status {
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
         let library = unsafe { Handle::of(library) }?.library();
@@ -183,12 +168,7 @@ pub unsafe extern "C" fn stylus_library_name(
         let library = unsafe { Handle::of(library) }?.library();
         selection(kind, index)?;
         let found = names(&library, kind).nth(index);
-        let missing = || {
-            Failure::new(
-                Status::STYLUS_CHOICE,
-                &format_args!("there is no number {index}"),
-            )
-        };
+        let missing = || Failure::new(Status::STYLUS_CHOICE, &format_args!("there is no number {index}"));
         // SAFETY: the caller says what the addresses are.
         unsafe { say(&found.ok_or_else(missing)?, name, length) }
     })
@@ -218,10 +198,7 @@ pub unsafe extern "C" fn stylus_library_find(
 /// Makes a player of an output rate, which plays nothing yet, and writes its handle to `player`.
 /// Rates are 5000, 10000, and multiples of 25 Hz from 8000 to 192000 Hz.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_open(
-    output_rate_hz: u32,
-    player: *mut *mut PlayerHandle,
-) -> Status {
+pub unsafe extern "C" fn stylus_player_open(output_rate_hz: u32, player: *mut *mut PlayerHandle) -> Status {
     guarded(|| {
         check(player)?;
         let (mover, filler) = stylus_player::player(output_rate_hz)?;
@@ -254,9 +231,7 @@ pub unsafe extern "C" fn stylus_player_choose(
         // SAFETY: the caller says what the addresses are.
         let library = unsafe { Handle::of(library) }?;
         let selection = selection(kind, index)?;
-        Ok(player
-            .mover
-            .choose(library, selection, Without::default(), seed)?)
+        Ok(player.mover.choose(library, selection, Without::default(), seed)?)
     })
 }
 
@@ -272,16 +247,10 @@ pub unsafe extern "C" fn stylus_player_stop(player: *const PlayerHandle) -> Stat
 
 /// Moves at a speed, signed by the direction, with a force; held for 50 ms. From any thread, without waiting.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_move(
-    player: *const PlayerHandle,
-    speed_mm_s: f64,
-    force_n: f64,
-) -> Status {
+pub unsafe extern "C" fn stylus_player_move(player: *const PlayerHandle, speed_mm_s: f64, force_n: f64) -> Status {
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
-        Ok(unsafe { Handle::of(player) }?
-            .mover
-            .rub(speed_mm_s, force_n)?)
+        Ok(unsafe { Handle::of(player) }?.mover.rub(speed_mm_s, force_n)?)
     })
 }
 
@@ -304,10 +273,7 @@ pub unsafe extern "C" fn stylus_player_reach(
 
 /// Moves as `motion` says in the next block, and on at its speed. From any thread, without waiting.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_follow(
-    player: *const PlayerHandle,
-    motion: *const Motion,
-) -> Status {
+pub unsafe extern "C" fn stylus_player_follow(player: *const PlayerHandle, motion: *const Motion) -> Status {
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
         let player = unsafe { Handle::of(player) }?;
@@ -336,11 +302,7 @@ pub unsafe extern "C" fn stylus_player_follow(
 /// Multiplies what is played, m/s2, by `gain`, and clamps it to `limit` on either side. The gain changes over 2 ms,
 /// the limit at once. From any thread, without waiting.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_set_gain(
-    player: *const PlayerHandle,
-    gain: f32,
-    limit: f32,
-) -> Status {
+pub unsafe extern "C" fn stylus_player_set_gain(player: *const PlayerHandle, gain: f32, limit: f32) -> Status {
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
         Ok(unsafe { Handle::of(player) }?.mover.set_gain(gain, limit)?)
@@ -350,11 +312,7 @@ pub unsafe extern "C" fn stylus_player_set_gain(
 /// Plays the next `length` samples into `samples`. Only one thread at a time may call the function: another gets
 /// `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_fill(
-    player: *const PlayerHandle,
-    samples: *mut f32,
-    length: usize,
-) -> Status {
+pub unsafe extern "C" fn stylus_player_fill(player: *const PlayerHandle, samples: *mut f32, length: usize) -> Status {
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
         let player = unsafe { Handle::of(player) }?;
@@ -366,11 +324,7 @@ pub unsafe extern "C" fn stylus_player_fill(
 /// Writes the longest time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
 /// `sample_rate_hz`, 5000 or 10000.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_latency(
-    sample_rate_hz: u32,
-    output_rate_hz: u32,
-    seconds: *mut f64,
-) -> Status {
+pub unsafe extern "C" fn stylus_player_latency(sample_rate_hz: u32, output_rate_hz: u32, seconds: *mut f64) -> Status {
     guarded(|| {
         // A player is made only because it checks the rate.
         stylus_player::player(output_rate_hz)?;

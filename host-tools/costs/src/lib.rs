@@ -22,11 +22,7 @@ pub enum Structure {
 
 impl Structure {
     /// All structures, in the order of reports.
-    pub const ALL: [Self; 3] = [
-        Self::DirectForm16,
-        Self::DirectForm32,
-        Self::NormalisedLattice32,
-    ];
+    pub const ALL: [Self; 3] = [Self::DirectForm16, Self::DirectForm32, Self::NormalisedLattice32];
 
     /// The name for printed tables.
     pub const fn name(self) -> &'static str {
@@ -153,16 +149,9 @@ pub struct Costs {
 
 impl Costs {
     /// The entry of `structure` at `order`, if it was counted.
-    pub fn entry(
-        &self,
-        structure: Structure,
-        nodes: u32,
-        core: Core,
-        order: u32,
-    ) -> Option<&Entry> {
-        self.entries.iter().find(|entry| {
-            (entry.structure, entry.nodes, entry.core, entry.order)
-                == (structure, nodes, core, order)
-        })
+    pub fn entry(&self, structure: Structure, nodes: u32, core: Core, order: u32) -> Option<&Entry> {
+        self.entries
+            .iter()
+            .find(|entry| (entry.structure, entry.nodes, entry.core, entry.order) == (structure, nodes, core, order))
     }
 }

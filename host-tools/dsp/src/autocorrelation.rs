@@ -80,10 +80,7 @@ impl Autocorrelation {
             }
         }
         if let Some(hz) = above_hz {
-            let (first, edge) = (
-                bin_of(hz / THIRD_OCTAVE_RATIO),
-                bin_of(hz).min(self.power.len()),
-            );
+            let (first, edge) = (bin_of(hz / THIRD_OCTAVE_RATIO), bin_of(hz).min(self.power.len()));
             if first + LEAST_BINS <= edge {
                 let (level, fall) = edge_of_noise(&self.power[first..edge], first);
                 let at = |bin: usize| level * (edge as f64 / bin as f64).powf(fall);

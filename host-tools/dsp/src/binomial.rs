@@ -10,25 +10,17 @@ use statrs::distribution::{Beta, ContinuousCDF};
 /// counted in `trials`. Without trials, the interval is 0 to 1.
 /// Panics if there are more successes than trials.
 pub fn clopper_pearson(successes: u32, trials: u32, confidence: f64) -> (f64, f64) {
-    assert!(
-        successes <= trials,
-        "{successes} successes of {trials} trials"
-    );
+    assert!(successes <= trials, "{successes} successes of {trials} trials");
     let tail = (1.0 - confidence) / 2.0;
     // The probability of at least k successes in n trials at the proportion p is the cumulative distribution at p of
     // the beta distribution with parameters k and n - k + 1.
     let quantile = |k: u32, chance: f64| {
         let beta = Beta::new(f64::from(k), f64::from(trials - k + 1));
-        beta.expect("both counts are above zero")
-            .inverse_cdf(chance)
+        beta.expect("both counts are above zero").inverse_cdf(chance)
     };
     // If no trial is a success, or every trial, the end of the interval is 0 or 1: its beta distribution is not
     // defined.
-    let low = if successes == 0 {
-        0.0
-    } else {
-        quantile(successes, tail)
-    };
+    let low = if successes == 0 { 0.0 } else { quantile(successes, tail) };
     let high = if successes == trials {
         1.0
     } else {
@@ -49,28 +41,10 @@ mod tests {
         for (successes, trials, confidence, low, high) in [
             (0, 10, 0.95, 0.0, 0.308_497_107_818_762_94),
             (10, 10, 0.95, 0.691_502_892_181_237_1, 1.0),
-            (
-                17,
-                24,
-                0.95,
-                0.489_052_186_142_167_06,
-                0.873_847_911_476_310_9,
-            ),
+            (17, 24, 0.95, 0.489_052_186_142_167_06, 0.873_847_911_476_310_9),
             (1, 3, 0.9, 0.016_952_427_508_443_12, 0.864_649_637_828_416_2),
-            (
-                60,
-                100,
-                0.95,
-                0.497_209_150_422_333_5,
-                0.696_705_231_297_155_1,
-            ),
-            (
-                777,
-                1200,
-                0.99,
-                0.611_021_408_709_744_6,
-                0.682_792_644_844_356_1,
-            ),
+            (60, 100, 0.95, 0.497_209_150_422_333_5, 0.696_705_231_297_155_1),
+            (777, 1200, 0.99, 0.611_021_408_709_744_6, 0.682_792_644_844_356_1),
             (1, 1, 0.95, 0.025, 1.0),
         ] {
             let found = clopper_pearson(successes, trials, confidence);

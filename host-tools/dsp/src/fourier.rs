@@ -84,8 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_inverse_gives_a_signal_back_times_its_length_whatever_its_ends_have_beside_the_real_part()
-     {
+    fn the_inverse_gives_a_signal_back_times_its_length_whatever_its_ends_have_beside_the_real_part() {
         for length in [1, 2, 7, 1000] {
             let signal = test_helpers::noise(3, length);
             let mut bins = forward(&mut signal.clone());

@@ -56,9 +56,7 @@ fn phases(reflection: &[f64], omegas: [f64; LANES]) -> [f64; LANES] {
 
 /// Returns the line spectral frequencies of a stable model, in rad, ascending, as many as its order.
 pub fn frequencies(reflection: &[f64]) -> Vec<f64> {
-    let grid: Vec<f64> = (0..=COARSE)
-        .map(|step| PI * step as f64 / COARSE as f64)
-        .collect();
+    let grid: Vec<f64> = (0..=COARSE).map(|step| PI * step as f64 / COARSE as f64).collect();
     let grid_phases: Vec<f64> = grid
         .chunks(LANES)
         .flat_map(|omegas| {
@@ -169,10 +167,7 @@ pub fn log_spectrum(frequencies: &[f64], bins: usize) -> LogSpectrum {
         let omega = omega(bin);
         // P and Q have further zeros at z = 1 and z = -1.
         let (p_end, q_end) = if order.is_multiple_of(2) {
-            (
-                (2.0 * (0.5 * omega).cos()).powi(2),
-                (2.0 * (0.5 * omega).sin()).powi(2),
-            )
+            ((2.0 * (0.5 * omega).cos()).powi(2), (2.0 * (0.5 * omega).sin()).powi(2))
         } else {
             (1.0, (2.0 * omega.sin()).powi(2))
         };
@@ -193,10 +188,7 @@ fn log_products(x: [f64; LANES], cosines: &[f64]) -> [f64; LANES] {
         for (product, x) in products.iter_mut().zip(x) {
             *product *= 2.0 * (x - cosine);
         }
-        if !products
-            .into_iter()
-            .fold(true, |all, product| all & is_sound(product))
-        {
+        if !products.into_iter().fold(true, |all, product| all & is_sound(product)) {
             for (product, log) in products.iter_mut().zip(&mut logs) {
                 if !is_sound(*product) {
                     *log += product.abs().max(f64::MIN_POSITIVE).ln();
@@ -205,9 +197,7 @@ fn log_products(x: [f64; LANES], cosines: &[f64]) -> [f64; LANES] {
             }
         }
     }
-    std::array::from_fn(|lane| {
-        2.0 * (logs[lane] + products[lane].abs().max(f64::MIN_POSITIVE).ln())
-    })
+    std::array::from_fn(|lane| 2.0 * (logs[lane] + products[lane].abs().max(f64::MIN_POSITIVE).ln()))
 }
 
 #[cfg(test)]

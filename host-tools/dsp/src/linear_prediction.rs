@@ -148,10 +148,7 @@ impl Growing {
     fn step_up(&mut self, k: f64) {
         let m = self.order;
         let first = self.backward.len() - m;
-        for (a, b) in self.forward[..m]
-            .iter_mut()
-            .zip(&mut self.backward[first..])
-        {
+        for (a, b) in self.forward[..m].iter_mut().zip(&mut self.backward[first..]) {
             (*a, *b) = (*a + k * *b, *b + k * *a);
         }
         self.forward[m] = k;

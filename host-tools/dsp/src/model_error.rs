@@ -64,13 +64,11 @@ impl ModelError {
             }
             decibels(there / here).abs()
         });
-        let lines = range
-            .filter(|&bin| is_line(&exact_density, bin))
-            .map(|bin| {
-                let [low, high] = [bin - 1, bin + 1].map(|bin| bin as f64 / length as f64);
-                let peak = models[0].peak(low, high);
-                decibels(models[1].density(peak) / models[0].density(peak)).abs()
-            });
+        let lines = range.filter(|&bin| is_line(&exact_density, bin)).map(|bin| {
+            let [low, high] = [bin - 1, bin + 1].map(|bin| bin as f64 / length as f64);
+            let peak = models[0].peak(low, high);
+            decibels(models[1].density(peak) / models[0].density(peak)).abs()
+        });
         Self {
             rms_db: mean_square.sqrt(),
             third_octave_db: third_octaves.fold(0.0, f64::max),
@@ -121,11 +119,7 @@ impl Polynomial {
     fn density(&self, turns: f64) -> f64 {
         let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
         let delay = Complex::new(cos, -sin);
-        let tail = self
-            .a
-            .iter()
-            .rev()
-            .fold(Complex::ZERO, |sum, &a| (sum + a) * delay);
+        let tail = self.a.iter().rev().fold(Complex::ZERO, |sum, &a| (sum + a) * delay);
         self.error_power / (tail + 1.0).norm_sqr()
     }
 

@@ -40,9 +40,8 @@ impl MotionLaw {
         if weight <= 0.0 {
             return None;
         }
-        let mean = |value: &dyn Fn(&LevelAt) -> f64| {
-            levels.iter().map(|at| at.weight * value(at)).sum::<f64>() / weight
-        };
+        let mean =
+            |value: &dyn Fn(&LevelAt) -> f64| levels.iter().map(|at| at.weight * value(at)).sum::<f64>() / weight;
         let centre = [mean(&|at| at.speed_mm_s.ln()), mean(&|at| at.force_n.ln())];
         let level_db = mean(&|at| at.level_db);
         let off = |at: &LevelAt| logarithms(at.speed_mm_s, at.force_n, centre);

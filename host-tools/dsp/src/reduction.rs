@@ -36,9 +36,7 @@ pub struct Reduced {
 
 /// The requested axis does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "axis {wanted} does not exist: the recording has {channels} in all; reduce it by pca or dft321"
-)]
+#[error("axis {wanted} does not exist: the recording has {channels} in all; reduce it by pca or dft321")]
 pub struct NoSuchAxis {
     /// Number of the requested axis, from 1.
     pub wanted: usize,
@@ -66,10 +64,7 @@ pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxi
     } else {
         1.0
     };
-    Ok(Reduced {
-        signal,
-        energy_share,
-    })
+    Ok(Reduced { signal, energy_share })
 }
 
 /// The way in which a recording was reduced, so that other recordings of the same sensor can be reduced alike.
@@ -270,13 +265,7 @@ mod tests {
     #[test]
     fn an_axis_that_is_not_there_is_said() {
         let failure = reduce(&mut [vec![1.0, 2.0]], Reduction::Z).unwrap_err();
-        assert_eq!(
-            failure,
-            NoSuchAxis {
-                wanted: 3,
-                channels: 1
-            }
-        );
+        assert_eq!(failure, NoSuchAxis { wanted: 3, channels: 1 });
     }
 
     #[test]

@@ -231,9 +231,7 @@ fn steps_inlined(values: &[f64]) -> (f64, f64) {
     }
     let rest = before_rest.iter().zip(after_rest);
     let rest = rest.map(|(&before, &after)| step(before, after));
-    let lanes = least
-        .into_iter()
-        .chain(rest.clone().filter(|&step| step > 0.0));
+    let lanes = least.into_iter().chain(rest.clone().filter(|&step| step > 0.0));
     (
         lanes.fold(f64::INFINITY, f64::min),
         most.into_iter().chain(rest).fold(0.0, f64::max),

@@ -16,8 +16,7 @@ use super::loudness::{self, TrialLoudness};
 use super::perception::{Perceived, ScoringRange};
 use super::played::{self, Played, Version};
 use super::summary::{
-    Scores, TextureEvaluation, TrialEvaluation, judged_hz, summarise, table, tables,
-    target_in_words,
+    Scores, TextureEvaluation, TrialEvaluation, judged_hz, summarise, table, tables, target_in_words,
 };
 use super::table::Table;
 use super::verdict;
@@ -207,13 +206,7 @@ pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a
 
 /// Plays `texture` at the speed and force of `trial` for at least `samples` samples after warming up. Returns the
 /// synthesis, m/s², and the number of samples at full scale.
-fn play(
-    texture: Texture<'_>,
-    trial: &Trial,
-    samples: usize,
-    options: &Options,
-    seed: u64,
-) -> Result<(Vec<f64>, u32)> {
+fn play(texture: Texture<'_>, trial: &Trial, samples: usize, options: &Options, seed: u64) -> Result<(Vec<f64>, u32)> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let seconds = (samples as f64 / rate_hz).max(options.synthesis_s) + WARM_UP_S;
     let motion = MotionPath::constant(
@@ -228,11 +221,7 @@ fn play(
 
 /// Returns the signals of `set` without the rig's noise, by the index of the trial, if the fit of `record` subtracted
 /// it. Leaves out textures whose noise is not known here.
-fn without_noise(
-    set: &RecordingSet,
-    record: Option<&FitRecord>,
-    conditioning: Conditioning,
-) -> HashMap<usize, Signal> {
+fn without_noise(set: &RecordingSet, record: Option<&FitRecord>, conditioning: Conditioning) -> HashMap<usize, Signal> {
     let is_taken_off = |record: &&FitRecord| record.options.floor == FloorChoice::Subtract;
     let Some(record) = record.filter(is_taken_off) else {
         return HashMap::new();
@@ -251,9 +240,7 @@ fn without_noise(
     };
     let trials = set.by_texture().into_iter().flat_map(of_texture);
     let of_surface = trials.filter(|own| own.trial.is_in_motion_and_contact());
-    of_surface
-        .filter_map(|own| Some((own.number, own.signal?)))
-        .collect()
+    of_surface.filter_map(|own| Some((own.number, own.signal?))).collect()
 }
 
 /// Prepares the comparison of a trial with its judge, from the trial's `signal` and without a synthesis yet.
@@ -338,11 +325,7 @@ pub fn prepare(
 
 /// Returns a text that says which recordings have the rig's noise that the fit of `record` subtracted; empty if it
 /// subtracted none.
-fn noise_in_words(
-    record: Option<&FitRecord>,
-    judges: &[Judge],
-    without_noise: &HashMap<usize, Signal>,
-) -> String {
+fn noise_in_words(record: Option<&FitRecord>, judges: &[Judge], without_noise: &HashMap<usize, Signal>) -> String {
     if record.is_none_or(|record| record.options.floor != FloorChoice::Subtract) {
         return String::new();
     }
@@ -462,9 +445,8 @@ impl Evaluation {
         let stored = played::parts(&texture);
         comparison.parts = played::in_words(&options.played.of(&stored));
         let play = |texture: &Texture<'_>, played| -> Result<_> {
-            let (mut synthesised, saturations) = played::with(texture, played, |texture| {
-                play(texture, trial, samples, options, seed)
-            })?;
+            let (mut synthesised, saturations) =
+                played::with(texture, played, |texture| play(texture, trial, samples, options, seed))?;
             comparison.condition(&mut synthesised);
             Ok((synthesised, saturations))
         };
@@ -534,9 +516,7 @@ fn refit(
     let recordings = fit::read(&part, &fit_options, Part::Blocks, usize::MAX, &|_| ())?;
     let lengths = recordings.iter().flat_map(|own| &own.trials);
     let blocks_s = lengths.map(|own| Blocks::of(own.samples().len()).block_s());
-    let range_s = blocks_s.fold((f64::INFINITY, 0.0f64), |(low, high), s| {
-        (low.min(s), high.max(s))
-    });
+    let range_s = blocks_s.fold((f64::INFINITY, 0.0f64), |(low, high), s| (low.min(s), high.max(s)));
     let fit = fit::fit_recordings(&part, recordings, &fit_options, Part::Blocks, &|_| ())?;
     let libraries = fit.textures.into_iter().map(|texture| {
         let bytes = library_of(&texture.name, &texture.grid)?;
@@ -561,20 +541,12 @@ impl Comparison {
 }
 
 /// Judges a comparison.
-fn judged(
-    trial: &Trial,
-    judge: JudgeKind,
-    comparison: &Comparison,
-    options: &Options,
-) -> TrialEvaluation {
+fn judged(trial: &Trial, judge: JudgeKind, comparison: &Comparison, options: &Options) -> TrialEvaluation {
     let judged_blocks = slices(&comparison.judged);
     let other = slices(&comparison.other);
     // Amplitudes of signals of different lengths cannot be compared.
     let played = comparison.in_blocks(&comparison.synthesised);
-    let (recorded_rms, synthesised_rms) = (
-        rms(&comparison.judged.concat()),
-        rms(&comparison.synthesised),
-    );
+    let (recorded_rms, synthesised_rms) = (rms(&comparison.judged.concat()), rms(&comparison.synthesised));
     let is_silent = recorded_rms <= 0.0 || synthesised_rms <= 0.0;
     let range = comparison.range();
     let usable = range.filter(|_| !is_silent);
@@ -625,28 +597,15 @@ fn judged(
 }
 
 /// Scores `signal` against `reference`, both in blocks.
-fn scores_of(
-    reference: &[&[f64]],
-    signal: &[&[f64]],
-    range: &ScoringRange,
-    options: &Options,
-) -> Scores {
+fn scores_of(reference: &[&[f64]], signal: &[&[f64]], range: &ScoringRange, options: &Options) -> Scores {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let spectrum = |of: &[&[f64]]| spectrum::PowerSpectrum::of_blocks(of, range.segment, rate_hz);
     let (judge, played) = (spectrum(reference), spectrum(signal));
     let (low_hz, high_hz) = range.distance_hz();
     Scores {
-        cost: spectrum::cost_of_blocks(
-            reference,
-            signal,
-            rate_hz,
-            options.smoothing_hz,
-            range.cost_hz,
-        ),
+        cost: spectrum::cost_of_blocks(reference, signal, rate_hz, options.smoothing_hz, range.cost_hz),
         band_errors_db: spectrum::band_errors_within_db(&judge, &played, range.band_edges_hz()),
-        log_spectral_distance_db: spectrum::distance_of_spectra_db(
-            &judge, &played, low_hz, high_hz,
-        ),
+        log_spectral_distance_db: spectrum::distance_of_spectra_db(&judge, &played, low_hz, high_hz),
         perceived: Some(Perceived::of(&judge, &played, range)),
     }
 }
@@ -672,8 +631,7 @@ mod tests {
     fn the_blocks_that_judge_are_those_that_the_fit_left_also_where_triage_cuts() {
         let folder = tempfile::tempdir().unwrap();
         let trial = trial_with_a_silent_part(folder.path());
-        let (analysis, signal) =
-            fit::analyse(&trial, &fit::Options::default(), Part::Blocks).unwrap();
+        let (analysis, signal) = fit::analyse(&trial, &fit::Options::default(), Part::Blocks).unwrap();
         assert!(analysis.cut_s > 0.5, "{}", analysis.cut_s);
         let of_signal = |block: std::ops::Range<usize>| signal.samples[block].to_vec();
         let blocks = Blocks::of(signal.samples.len());

@@ -52,11 +52,7 @@ impl Judge {
 /// `record` names the recording; else the recording itself. Without a record nothing is known to be held out.
 ///
 /// `takes` is empty, or has an entry per trial.
-pub fn judges(
-    set: &RecordingSet,
-    takes: Vec<Take>,
-    record: Option<&FitRecord>,
-) -> Result<Vec<Judge>> {
+pub fn judges(set: &RecordingSet, takes: Vec<Take>, record: Option<&FitRecord>) -> Result<Vec<Judge>> {
     let mut takes = takes.into_iter();
     let judge = |trial: &Trial| {
         // Takes and trials advance together. Without takes, there is none for any trial.
@@ -245,7 +241,5 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 
 /// Returns whether both trials are of one texture, speed and force.
 pub(super) fn is_same(trial: &Trial, other: &Trial) -> bool {
-    other.texture == trial.texture
-        && other.speed_mm_s == trial.speed_mm_s
-        && other.force_n == trial.force_n
+    other.texture == trial.texture && other.speed_mm_s == trial.speed_mm_s && other.force_n == trial.force_n
 }

@@ -100,9 +100,7 @@ impl TrialLiveliness {
         let len = judged.iter().map(|block| block.len()).max().unwrap_or(0);
         let in_pieces = |of: &[&[f64]]| -> Liveliness {
             let pieces = of.chunks_exact(blocks);
-            let measured: Vec<Liveliness> = pieces
-                .map(|piece| Liveliness::of(piece, rate_hz, line_hz))
-                .collect();
+            let measured: Vec<Liveliness> = pieces.map(|piece| Liveliness::of(piece, rate_hz, line_hz)).collect();
             // A signal with fewer blocks than the judge is one piece.
             if measured.is_empty() {
                 Liveliness::of(of, rate_hz, line_hz)
@@ -127,13 +125,12 @@ impl TrialLiveliness {
             recorded(Role::Recording, Liveliness::of(&judged, rate_hz, line_hz)),
             played(Role::Synthesis, signals.parts, signals.synthesised),
         ];
-        measured.extend(signals.versions.iter().map(|version| {
-            played(
-                Role::Version(version.played),
-                &version.parts,
-                &version.synthesised,
-            )
-        }));
+        measured.extend(
+            signals
+                .versions
+                .iter()
+                .map(|version| played(Role::Version(version.played), &version.parts, &version.synthesised)),
+        );
         measured.push(recorded(Role::Other, in_pieces(&slices(signals.other))));
         Self {
             line_hz,
@@ -156,11 +153,9 @@ pub(super) fn slices(blocks: &[Vec<f64>]) -> Vec<&[f64]> {
 impl Differences {
     /// The differences of `signal` from `recording`, where both have a measure.
     pub fn of(recording: &Liveliness, signal: &Liveliness) -> Self {
-        let pair =
-            |measure: fn(&Liveliness) -> Option<f64>| measure(signal).zip(measure(recording));
+        let pair = |measure: fn(&Liveliness) -> Option<f64>| measure(signal).zip(measure(recording));
         let octaves = |measure| pair(measure).map(|(a, b): (f64, f64)| (a / b).log2().abs());
-        let ratio_db =
-            |measure| pair(measure).map(|(a, b): (f64, f64)| (20.0 * (a / b).log10()).abs());
+        let ratio_db = |measure| pair(measure).map(|(a, b): (f64, f64)| (20.0 * (a / b).log10()).abs());
         let decibels = |measure| pair(measure).map(|(a, b)| (a - b).abs());
         let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
         Self {
@@ -203,12 +198,7 @@ pub fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<S
     let summary = |role: Role| {
         let signals: Vec<(Liveliness, &Measured)> = trials
             .iter()
-            .flat_map(|trial| {
-                trial
-                    .signals
-                    .iter()
-                    .map(|signal| (trial.recording(), signal))
-            })
+            .flat_map(|trial| trial.signals.iter().map(|signal| (trial.recording(), signal)))
             .filter(|(_, signal)| signal.role == role)
             .collect();
         let parts = signals.first()?.1.parts.clone();
@@ -221,11 +211,7 @@ pub fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<S
             .collect();
         Some(Summary {
             role,
-            parts: if are_alike {
-                parts
-            } else {
-                Some("its parts".into())
-            },
+            parts: if are_alike { parts } else { Some("its parts".into()) },
             median: Liveliness::median(&measures),
             differences: if role == Role::Recording {
                 Differences::default()

@@ -146,10 +146,7 @@ pub(super) struct Placed<'a> {
 /// Compares each of a texture's `trials` with the recordings up to one step of speed and force away.
 pub(super) fn set_around(trials: &mut [Placed<'_>]) {
     // A step is to the next recorded value, however far away it is.
-    let (speed, force) = (
-        ranks(trials, |t| t.speed_mm_s),
-        ranks(trials, |t| t.force_n),
-    );
+    let (speed, force) = (ranks(trials, |t| t.speed_mm_s), ranks(trials, |t| t.force_n));
     let places: Vec<(usize, usize)> = speed.into_iter().zip(force).collect();
     let mut loudest: BTreeMap<(usize, usize), Around> = BTreeMap::new();
     for (trial, place) in trials.iter().zip(&places) {
@@ -244,9 +241,6 @@ mod tests {
         let all = Loudness::of(of_trials.into_iter()).unwrap();
         assert_eq!((all.times, all.trials_too_strong), (click.times, 2));
         assert_eq!(Loudness::of(std::iter::empty()), None);
-        assert_eq!(
-            TrialLoudness::of(&[vec![1.0; 9]], &recorded, &[], None),
-            None
-        );
+        assert_eq!(TrialLoudness::of(&[vec![1.0; 9]], &recorded, &[], None), None);
     }
 }

@@ -20,8 +20,8 @@ use serde::Serialize;
 
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::spectrum::{
-    AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, THIRD_OCTAVE_RATIO, band_edges_hz,
-    band_errors_within_db, longest_segment,
+    AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, THIRD_OCTAVE_RATIO, band_edges_hz, band_errors_within_db,
+    longest_segment,
 };
 use crate::fit::carried_hz;
 
@@ -56,11 +56,7 @@ impl Perceived {
 /// estimates of one Gaussian noise. It is 0 on average for another take of the same noise, and may be negative.
 ///
 /// `None` if the range holds no third octave, or a band has no power.
-fn level_error_squared_jnd(
-    reference: &PowerSpectrum,
-    other: &PowerSpectrum,
-    range: &ScoringRange,
-) -> Option<f64> {
+fn level_error_squared_jnd(reference: &PowerSpectrum, other: &PowerSpectrum, range: &ScoringRange) -> Option<f64> {
     let errors = band_errors_within_db(reference, other, range.band_edges_hz());
     let (mut sum, mut count) = (0.0, 0);
     for (band, error_db) in errors.iter().enumerate().take(BAND_COUNT) {
@@ -70,8 +66,7 @@ fn level_error_squared_jnd(
         }
         let error_db = (*error_db)?;
         let scatter = |spectrum: &PowerSpectrum| {
-            (10.0 / std::f64::consts::LN_10).powi(2)
-                * trigamma(spectrum.averages_between(low, high))
+            (10.0 / std::f64::consts::LN_10).powi(2) * trigamma(spectrum.averages_between(low, high))
         };
         sum += error_db.powi(2) - scatter(reference) - scatter(other);
         count += 1;
@@ -232,11 +227,7 @@ mod tests {
     #[test]
     fn trigamma_has_its_known_values() {
         let pi = std::f64::consts::PI;
-        for (x, value) in [
-            (1.0, pi * pi / 6.0),
-            (0.5, pi * pi / 2.0),
-            (10.0, 0.105_166_335_7),
-        ] {
+        for (x, value) in [(1.0, pi * pi / 6.0), (0.5, pi * pi / 2.0), (10.0, 0.105_166_335_7)] {
             assert!((trigamma(x) - value).abs() < 1e-6, "{x}: {}", trigamma(x));
         }
     }
@@ -247,10 +238,7 @@ mod tests {
         let pairs = 30;
         let mut mean = 0.0;
         for seed in 0..pairs {
-            let (a, b) = (
-                surface(5000, 2 * seed, 90.0),
-                surface(50_000, 2 * seed + 1, 90.0),
-            );
+            let (a, b) = (surface(5000, 2 * seed, 90.0), surface(50_000, 2 * seed + 1, 90.0));
             mean += score(&a, &b).level_error_squared_jnd.unwrap() / pairs as f64;
         }
         // The variance of levels of few averages is approximate. A tenth of a squared JND is less than a third of a

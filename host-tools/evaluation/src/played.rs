@@ -86,19 +86,14 @@ pub fn in_words(parts: &PartsSpec) -> String {
 }
 
 /// Calls `work` with the parts of `texture` that `played` selects.
-pub fn with<T>(
-    texture: &Texture<'_>,
-    played: Played,
-    work: impl FnOnce(Texture<'_>) -> Result<T>,
-) -> Result<T> {
+pub fn with<T>(texture: &Texture<'_>, played: Played, work: impl FnOnce(Texture<'_>) -> Result<T>) -> Result<T> {
     let spec = texture_spec(texture);
     let parts = played.of(&spec.parts);
     // The same parts need no other library.
     if parts == spec.parts {
         return work(*texture);
     }
-    let bytes = encode(&[TextureSpec { parts, ..spec }])
-        .map_err(|failure| Error::Model(failure.to_string()))?;
+    let bytes = encode(&[TextureSpec { parts, ..spec }]).map_err(|failure| Error::Model(failure.to_string()))?;
     let library = decoded(&bytes)?;
     work(library.textures().next().expect("one was encoded"))
 }
@@ -142,10 +137,7 @@ mod tests {
         let residual = Played::Residual.of(&stored);
         assert!(residual.lines.is_none() && residual.excitation == stored.excitation);
         let beside = |played: Played, stored: &PartsSpec| played.beside(stored);
-        assert_eq!(
-            beside(Played::Fitted, &stored),
-            [Played::Gaussian, Played::Residual]
-        );
+        assert_eq!(beside(Played::Fitted, &stored), [Played::Gaussian, Played::Residual]);
         assert_eq!(beside(Played::Fitted, &residual), [Played::Gaussian]);
         assert_eq!(beside(Played::Gaussian, &residual), [Played::Residual]);
         assert_eq!(beside(Played::Fitted, &PartsSpec::default()), []);

@@ -82,15 +82,12 @@ impl Stroke {
         let signal = fit::whole_signal(&trial, conditioning)?;
         let per_window = rate_hz * WINDOW_S;
         // The signal is at 5 kHz, speed and force at the recording's own rate; both must contain the last window.
-        let count =
-            (signal.samples.len() / WINDOW).min((speed_mm_s.len() as f64 / per_window) as usize);
+        let count = (signal.samples.len() / WINDOW).min((speed_mm_s.len() as f64 / per_window) as usize);
         let window = |index: usize| {
             let begin = (index as f64 * per_window) as usize;
             let own = begin..begin + per_window as usize;
             let is_bad = is_outlier[own.clone()].iter().any(|bad| *bad);
-            let in_contact = force_n[own.clone()]
-                .iter()
-                .all(|force| *force >= LEAST_FORCE_N);
+            let in_contact = force_n[own.clone()].iter().all(|force| *force >= LEAST_FORCE_N);
             let at = LevelAt {
                 speed_mm_s: mean(&speed_mm_s[own.clone()]),
                 force_n: mean(&force_n[own]),
@@ -127,15 +124,8 @@ impl Stroke {
 
     /// Mean logarithms of speed and force.
     fn middle(&self) -> [f64; 2] {
-        let of = |value: fn(&LevelAt) -> f64| {
-            mean(
-                &self
-                    .windows
-                    .iter()
-                    .map(|(_, at)| value(at).ln())
-                    .collect::<Vec<_>>(),
-            )
-        };
+        let of =
+            |value: fn(&LevelAt) -> f64| mean(&self.windows.iter().map(|(_, at)| value(at).ln()).collect::<Vec<_>>());
         [of(|at| at.speed_mm_s), of(|at| at.force_n)]
     }
 
@@ -223,15 +213,9 @@ pub struct AlongStrokes {
 ///
 /// # Errors
 /// A texture of another rate than 5 kHz, no stroke of one kind, or a stroke without motion in contact.
-pub fn along_strokes(
-    texture: Texture<'_>,
-    fitted: &[Stroke],
-    judges: &[Stroke],
-    seed: u64,
-) -> Result<AlongStrokes> {
+pub fn along_strokes(texture: Texture<'_>, fitted: &[Stroke], judges: &[Stroke], seed: u64) -> Result<AlongStrokes> {
     check(texture, fitted, judges)?;
-    let no_strokes =
-        || Error::Request("give at least one stroke of the fit and one that judges".into());
+    let no_strokes = || Error::Request("give at least one stroke of the fit and one that judges".into());
     let recorded: Vec<f64> = judges.iter().flat_map(Stroke::levels_db).collect();
     let baselines = of_baselines(fitted, judges, &recorded).ok_or_else(no_strokes)?;
     let library = of_library(texture, judges, seed, &recorded)?;
@@ -243,21 +227,13 @@ pub fn along_strokes(
         windows: recorded.len(),
         recorded_spread_db: variance(&recorded).sqrt(),
         simulated: texture.provenance() == Provenance::Simulated
-            || fitted
-                .iter()
-                .chain(judges)
-                .any(|stroke| stroke.is_simulated),
+            || fitted.iter().chain(judges).any(|stroke| stroke.is_simulated),
         nearness: library.into_iter().chain(baselines).collect(),
     })
 }
 
 /// Nearness of the library along the `judges`, played once and as a mean over seeds, to the `recorded` levels.
-fn of_library(
-    texture: Texture<'_>,
-    judges: &[Stroke],
-    seed: u64,
-    recorded: &[f64],
-) -> Result<[Nearness; 2]> {
+fn of_library(texture: Texture<'_>, judges: &[Stroke], seed: u64, recorded: &[f64]) -> Result<[Nearness; 2]> {
     let play = |index: usize| {
         let of_seed = |playing: u64| {
             // No two playings of the comparison have the same noise.
@@ -270,17 +246,13 @@ fn of_library(
     let played = played.collect::<Result<Vec<_>>>()?;
     let strokes = || judges.iter().zip(&played);
     let of_playings = |of: &dyn Fn(&[Vec<f64>], usize) -> f64| -> Vec<f64> {
-        let levels = strokes().flat_map(|(stroke, played)| {
-            (stroke.windows.iter()).map(move |(window, _)| of(played, *window))
-        });
+        let levels =
+            strokes().flat_map(|(stroke, played)| (stroke.windows.iter()).map(move |(window, _)| of(played, *window)));
         levels.collect()
     };
     let once = of_playings(&|played, window| level_db(&played[0], window));
     let averaged = of_playings(&|played, window| {
-        let levels: Vec<f64> = played
-            .iter()
-            .map(|signal| level_db(signal, window))
-            .collect();
+        let levels: Vec<f64> = played.iter().map(|signal| level_db(signal, window)).collect();
         mean(&levels)
     });
     let parts = strokes().map(|(stroke, played)| stroke.parts(&played[0]));
@@ -294,27 +266,16 @@ fn of_library(
 /// Nearness of predictions from the `fitted` strokes to the `recorded` levels of the `judges`; none if either kind of
 /// stroke is missing.
 fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Option<[Nearness; 3]> {
-    let levels: Vec<LevelAt> = fitted
-        .iter()
-        .flat_map(|s| s.windows.iter().map(|w| w.1))
-        .collect();
+    let levels: Vec<LevelAt> = fitted.iter().flat_map(|s| s.windows.iter().map(|w| w.1)).collect();
     let law = MotionLaw::of(&levels).filter(|_| !judges.is_empty())?;
     let constant_db = mean(&levels.iter().map(|at| at.level_db).collect::<Vec<_>>());
     let windows = judges.iter().flat_map(|stroke| &stroke.windows);
-    let by_law: Vec<f64> = windows
-        .map(|(_, at)| law.level_db(at.speed_mm_s, at.force_n))
-        .collect();
-    let nearest: Vec<&Stroke> = judges
-        .iter()
-        .map(|stroke| nearest(stroke, fitted))
-        .collect();
+    let by_law: Vec<f64> = windows.map(|(_, at)| law.level_db(at.speed_mm_s, at.force_n)).collect();
+    let nearest: Vec<&Stroke> = judges.iter().map(|stroke| nearest(stroke, fitted)).collect();
     let replayed: Vec<f64> = (judges.iter().zip(&nearest))
         .flat_map(|(stroke, near)| {
             // A shorter stroke is repeated.
-            near.levels_db()
-                .into_iter()
-                .cycle()
-                .take(stroke.windows.len())
+            near.levels_db().into_iter().cycle().take(stroke.windows.len())
         })
         .collect();
     let parts = nearest.iter().map(|near| near.parts(&near.signal));
@@ -337,17 +298,12 @@ fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Optio
 /// synthesis.
 fn verdict(library: [&Nearness; 2], baselines: &[Nearness]) -> String {
     let [played, averaged] = library;
-    let nearest = baselines
-        .iter()
-        .min_by(|a, b| a.error_db.total_cmp(&b.error_db));
+    let nearest = baselines.iter().min_by(|a, b| a.error_db.total_cmp(&b.error_db));
     let best = nearest.expect("there is at least one");
     let own = if best.is_recording { played } else { averaged };
     let (own_db, best_db) = (own.error_db, best.error_db);
     let mut clauses = vec![if further(own_db, best_db) <= NEAR_DB {
-        format!(
-            "levels as near as the best baseline, the {} ({best_db:.1} dB)",
-            best.by
-        )
+        format!("levels as near as the best baseline, the {} ({best_db:.1} dB)", best.by)
     } else {
         format!(
             "levels {own_db:.1} dB off, the best baseline, the {}, {best_db:.1} dB",
@@ -390,9 +346,7 @@ fn nearest<'a>(stroke: &Stroke, others: &'a [Stroke]) -> &'a Stroke {
         let middle = other.middle();
         (middle[0] - own[0]).hypot(middle[1] - own[1])
     };
-    let nearest = others
-        .iter()
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let nearest = others.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
     nearest.expect("there are levels of at least one")
 }
 
@@ -408,9 +362,7 @@ fn band_error_db(strokes: &[Stroke], others: &[Vec<&[f64]>]) -> Option<f64> {
         let Some(range) = range.filter(|_| !own.is_empty() && !other.is_empty()) else {
             continue;
         };
-        let spectrum = |parts: &[&[f64]]| {
-            PowerSpectrum::of_blocks(parts, range.segment, f64::from(SAMPLE_RATE_HZ))
-        };
+        let spectrum = |parts: &[&[f64]]| PowerSpectrum::of_blocks(parts, range.segment, f64::from(SAMPLE_RATE_HZ));
         let bands = band_errors_within_db(&spectrum(&own), &spectrum(other), range.band_edges_hz());
         errors.extend(bands.into_iter().flatten().map(f64::abs));
     }
@@ -419,11 +371,7 @@ fn band_error_db(strokes: &[Stroke], others: &[Vec<&[f64]>]) -> Option<f64> {
 
 impl Nearness {
     fn of(by: &'static str, recorded: &[f64], levels: &[f64], band_error_db: Option<f64>) -> Self {
-        let off: Vec<f64> = levels
-            .iter()
-            .zip(recorded)
-            .map(|(level, own)| level - own)
-            .collect();
+        let off: Vec<f64> = levels.iter().zip(recorded).map(|(level, own)| level - own).collect();
         let (bias_db, middle) = (mean(&off), (mean(recorded), mean(levels)));
         let product = recorded
             .iter()
@@ -464,11 +412,7 @@ impl AlongStrokes {
             "spread dB",
             "|band| dB",
         ];
-        let title = format!(
-            "'{}' along {}",
-            self.texture,
-            counted(self.strokes, "stroke")
-        );
+        let title = format!("'{}' along {}", self.texture, counted(self.strokes, "stroke"));
         Table::new(&title, headings, self.nearness.iter().map(row))
     }
 }
@@ -488,12 +432,7 @@ mod tests {
             spread_db: 0.0,
             band_error_db: None,
         };
-        let library = |played_db, averaged_db| {
-            [
-                near("library", played_db, false),
-                near("mean", averaged_db, false),
-            ]
-        };
+        let library = |played_db, averaged_db| [near("library", played_db, false), near("mean", averaged_db, false)];
         let said = |library: &[Nearness; 2], line_db, stroke_db| {
             let constant = near("constant level", 8.0, false);
             let line = near("line", line_db, false);
@@ -508,8 +447,7 @@ mod tests {
         );
         let by_stroke = said(&library(2.0, 1.0), 4.0, 2.5);
         assert!(
-            by_stroke
-                .starts_with("levels as near as the best baseline, the nearest stroke (2.5 dB)"),
+            by_stroke.starts_with("levels as near as the best baseline, the nearest stroke (2.5 dB)"),
             "{by_stroke}"
         );
         assert!(said(&library(4.0, 1.0), 1.2, 2.5).starts_with("levels as near as"));

@@ -74,15 +74,11 @@ impl Means {
         Self {
             mean_band_error_db: mean(errors.iter().copied()),
             bands_within_jnd: (!errors.is_empty()).then(|| within as f64 / errors.len() as f64),
-            mean_log_spectral_distance_db: mean(
-                scores.iter().filter_map(|s| s.log_spectral_distance_db),
-            ),
+            mean_log_spectral_distance_db: mean(scores.iter().filter_map(|s| s.log_spectral_distance_db)),
             // Negative squares count in the mean. If each became 0 before, the scatter of noise would not cancel.
             level_error_jnd: mean(perceived().filter_map(|p| p.level_error_squared_jnd))
                 .map(|square| square.max(0.0).sqrt()),
-            mean_balance_error_db: mean(
-                perceived().filter_map(|p| p.balance_error_db.map(f64::abs)),
-            ),
+            mean_balance_error_db: mean(perceived().filter_map(|p| p.balance_error_db.map(f64::abs))),
         }
     }
 }
@@ -99,14 +95,8 @@ pub(super) fn table(textures: &[TextureEvaluation], target: &str) -> Table {
             ("texture", texture.texture.clone()),
             ("trials", texture.trials.to_string()),
             ("C, %", beside(cost, cost_other)),
-            (
-                "LSD, dB",
-                both(&|m| number(m.mean_log_spectral_distance_db, 2)),
-            ),
-            (
-                "bands within JND, %",
-                both(&|m| percent(m.bands_within_jnd, 0)),
-            ),
+            ("LSD, dB", both(&|m| number(m.mean_log_spectral_distance_db, 2))),
+            ("bands within JND, %", both(&|m| percent(m.bands_within_jnd, 0))),
             ("level, JND", both(&|m| number(m.level_error_jnd, 2))),
         ]
     };
@@ -137,9 +127,7 @@ pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> 
             ("balance, other", number(other.mean_balance_error_db, 1)),
         ]
     };
-    let lively = textures
-        .iter()
-        .map(|t| (t.texture.clone(), t.liveliness.as_slice()));
+    let lively = textures.iter().map(|t| (t.texture.clone(), t.liveliness.as_slice()));
     let all = (textures.len() > 1).then(|| ("all".to_owned(), liveliness));
     let lively: Vec<(String, &[Summary])> = lively.chain(all).collect();
     [
@@ -152,9 +140,7 @@ pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> 
 pub fn liveliness_table(title: &str, of: &[(String, &[Summary])]) -> Table {
     let row = |name: &str, summary: &Summary| {
         let Summary {
-            median,
-            differences,
-            ..
+            median, differences, ..
         } = summary;
         vec![
             name.to_owned(),
@@ -173,9 +159,7 @@ pub fn liveliness_table(title: &str, of: &[(String, &[Summary])]) -> Table {
     let rows = of.iter().flat_map(|(name, summaries)| {
         // Only the first row has the name.
         let names = std::iter::once(name.as_str()).chain(std::iter::repeat(""));
-        names
-            .zip(*summaries)
-            .map(|(name, summary)| row(name, summary))
+        names.zip(*summaries).map(|(name, summary)| row(name, summary))
     });
     Table::new(
         title,
@@ -207,20 +191,14 @@ pub const LIVELINESS_EXPLANATION: &str = "\
 /// Summarises the trials of texture `name`.
 pub(super) fn summarise<'t>(name: &str, trials: &'t [TrialEvaluation]) -> TextureEvaluation {
     let members: Vec<&'t TrialEvaluation> = trials.iter().filter(|t| t.texture == name).collect();
-    let heard: Vec<&'t TrialEvaluation> = members
-        .iter()
-        .copied()
-        .filter(|trial| !trial.is_silent)
-        .collect();
+    let heard: Vec<&'t TrialEvaluation> = members.iter().copied().filter(|trial| !trial.is_silent).collect();
     let costs = || heard.iter().filter_map(|trial| trial.scores.cost);
     let mean_cost = mean(costs());
     let deviation = mean_cost.and_then(|m| mean(costs().map(|c| (c - m).powi(2))));
     let held_out = heard.iter().filter(|t| t.judge != JudgeKind::Nothing);
     let scores: Vec<&Scores> = heard.iter().map(|trial| &trial.scores).collect();
     let others: Vec<&Scores> = heard.iter().map(|trial| &trial.other).collect();
-    let common = |ranges: &mut dyn Iterator<Item = (f64, f64)>| {
-        ranges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))
-    };
+    let common = |ranges: &mut dyn Iterator<Item = (f64, f64)>| ranges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)));
     let ranges = || heard.iter().filter_map(|trial| trial.range);
     let lively = || {
         let of = |trial: &&'t TrialEvaluation| Some((trial.speed_mm_s, trial.liveliness.as_ref()?));
@@ -273,14 +251,10 @@ pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
 
 /// The target in words: the other recording in the place of the synthesis.
 pub(super) fn target_in_words(trials: &[TrialEvaluation]) -> &'static str {
-    let takes = trials
-        .iter()
-        .filter(|trial| trial.judge == JudgeKind::OtherTake);
+    let takes = trials.iter().filter(|trial| trial.judge == JudgeKind::OtherTake);
     match takes.count() {
         0 => "In brackets the target: how far two parts of one recording are from each other",
-        all if all == trials.len() => {
-            "In brackets the target: how far two takes of one surface are from each other"
-        }
+        all if all == trials.len() => "In brackets the target: how far two takes of one surface are from each other",
         _ => "In brackets the target: how far two takes, or parts of one, are from each other",
     }
 }

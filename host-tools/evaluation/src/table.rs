@@ -26,10 +26,7 @@ impl Table {
     }
 
     /// Creates a table from rows of headings and cells. Without a row it has no headings.
-    pub fn headed<H: Into<String>>(
-        title: &str,
-        rows: impl IntoIterator<Item = Vec<(H, String)>>,
-    ) -> Self {
+    pub fn headed<H: Into<String>>(title: &str, rows: impl IntoIterator<Item = Vec<(H, String)>>) -> Self {
         let mut headings = Vec::new();
         let rows = rows.into_iter().map(|row| {
             let (own, cells) = row.into_iter().unzip();
@@ -51,9 +48,7 @@ impl Table {
 
 /// Returns a number with this number of decimals, or a dash.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or("-".into(), |value| {
-        crate::support::decimal::fixed(value, decimals)
-    })
+    value.map_or("-".into(), |value| crate::support::decimal::fixed(value, decimals))
 }
 
 /// Returns a fraction in per cent with this number of decimals, or a dash. The heading has the per cent sign.

@@ -103,8 +103,7 @@ fn worst_band(heard: &[&TrialEvaluation]) -> Option<String> {
     let (beyond_db, own_db, band) = bands.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let way = if own_db > 0.0 { "strong" } else { "weak" };
     let centre_hz = BAND_LABELS_HZ[band];
-    (beyond_db > AMPLITUDE_JND_DB)
-        .then(|| format!("{:.0} dB too {way} at {centre_hz} Hz", own_db.abs()))
+    (beyond_db > AMPLITUDE_JND_DB).then(|| format!("{:.0} dB too {way} at {centre_hz} Hz", own_db.abs()))
 }
 
 /// Returns the summary of the signals with this role in the comparison.
@@ -132,10 +131,7 @@ fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
     for (is_weak, way) in [(true, "weak"), (false, "strong")] {
         let off = || of.by_speed.iter().filter(|at| is_off(at, is_weak));
         let kurtosis = |pick: fn(&AtSpeed) -> f64| median(off().map(pick));
-        if let (Some(own), Some(recorded)) = (
-            kurtosis(|at| at.kurtosis),
-            kurtosis(|at| at.recorded_kurtosis),
-        ) {
+        if let (Some(own), Some(recorded)) = (kurtosis(|at| at.kurtosis), kurtosis(|at| at.recorded_kurtosis)) {
             let speeds = match of.by_speed.len() {
                 1 => String::new(),
                 _ => speeds_in_words(&of.by_speed, |at| is_off(at, is_weak)),
@@ -247,18 +243,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_within_a_threshold_of_the_target_is_as_near_and_what_is_beyond_is_named_with_its_way()
-     {
+    fn what_is_within_a_threshold_of_the_target_is_as_near_and_what_is_beyond_is_named_with_its_way() {
         let of = |octaves, spread_db| {
             let of = lively(octaves, spread_db);
             let impulses = impulses(&of, &Impulses::default()).unwrap();
             [impulses, evenness(&of, &[]).unwrap()]
         };
         assert_eq!(of(-0.39, -1.19), ["impulses as near", "evenness as near"]);
-        let weak = [
-            "impulses too weak (kurtosis 3.0, recorded 6.0)",
-            "level 2 dB too even",
-        ];
+        let weak = ["impulses too weak (kurtosis 3.0, recorded 6.0)", "level 2 dB too even"];
         assert_eq!(of(-1.0, -2.0), weak);
         let strong = of(0.41, 1.3);
         assert!(strong[0].contains("too strong") && strong[1].contains("too uneven"));
@@ -289,10 +281,7 @@ mod tests {
         let mut speeds = near.to_vec();
         speeds.push(at(100.0, -1.2, 1.1));
         let count = "12 of 40 trials more than an octave off (target 1)";
-        assert_eq!(
-            said(speeds.clone(), 12),
-            format!("impulses as near, {count}")
-        );
+        assert_eq!(said(speeds.clone(), 12), format!("impulses as near, {count}"));
         speeds.extend([at(120.0, -2.0, 0.1), at(140.0, -3.0, 0.1)]);
         let weak = "impulses too weak at 120 mm/s and above (kurtosis 4.5, recorded 24.0)";
         assert_eq!(said(speeds.clone(), 12), format!("{weak}, {count}"));

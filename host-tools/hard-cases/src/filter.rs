@@ -110,9 +110,5 @@ pub fn any_at_end(signals: &[i32]) -> bool {
 
 /// Returns full scale with a random sign.
 pub fn full_scale(noise: &mut Excitation) -> i32 {
-    if noise.next_sample() < 0 {
-        i32::MIN
-    } else {
-        i32::MAX
-    }
+    if noise.next_sample() < 0 { i32::MIN } else { i32::MAX }
 }

@@ -84,29 +84,17 @@ fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
         let nodes = frequencies_hz.map(|frequency_hz| (resonance(radius, frequency_hz), LOUDEST));
         nodes.to_vec()
     };
-    let orders = [400, 37, 1, 0]
-        .map(|order| (falling(order), LOUDEST))
-        .to_vec();
+    let orders = [400, 37, 1, 0].map(|order| (falling(order), LOUDEST)).to_vec();
     let quiet = [LOUDEST, LOUDEST * 1e-9, LOUDEST * 1e-6, LOUDEST];
-    let quiet = ["H1a", "H1b", "H2b", "H3"]
-        .map(model)
-        .into_iter()
-        .zip(quiet)
-        .collect();
+    let quiet = ["H1a", "H1b", "H2b", "H3"].map(model).into_iter().zip(quiet).collect();
     vec![
         ("H1a/H1b", loud(["H1a", "H1b", "H1b", "H1a"])),
         ("H2a/H2b", loud(["H2a", "H2b", "H2b", "H2a"])),
         ("H1-H4 mixed", loud(["H4", "H1b", "H2a", "H3"])),
         ("orders 400/37/1/0", orders),
         ("near-silent beside loud", quiet),
-        (
-            "r 0.9999, 4 lines",
-            resonant(0.9999, [50.0, 180.0, 700.0, 2200.0]),
-        ),
-        (
-            "r 0.99999, 4 lines",
-            resonant(0.999_99, [60.0, 75.0, 1000.0, 2400.0]),
-        ),
+        ("r 0.9999, 4 lines", resonant(0.9999, [50.0, 180.0, 700.0, 2200.0])),
+        ("r 0.99999, 4 lines", resonant(0.999_99, [60.0, 75.0, 1000.0, 2400.0])),
     ]
 }
 
@@ -154,9 +142,7 @@ pub fn suite(length: Length) -> Vec<Case> {
     // Models that ring for long take long to fall silent. The short suite therefore has fewer of their motions.
     if length == Length::Short {
         cases.retain(|case| case.pole_radius() < 0.999_95 || case.is_still());
-        cases.retain(|case| {
-            case.pole_radius() < 0.9995 || !matches!(case.path, Path::Random { .. })
-        });
+        cases.retain(|case| case.pole_radius() < 0.9995 || !matches!(case.path, Path::Random { .. }));
     }
     if length == Length::Long {
         cases.extend(marathon());

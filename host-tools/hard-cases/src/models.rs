@@ -40,9 +40,7 @@ impl NamedModel {
 /// The six models of order 400 of `tests/fixtures`, made from the formulas that are given there.
 pub fn fixtures() -> Vec<NamedModel> {
     let damped = |first_hz: f64, second_hz: f64| {
-        let line = |radius: f64, hz: f64, lag: usize| {
-            radius.powi(lag as i32) * (TAU * hz * lag as f64 / RATE_HZ).cos()
-        };
+        let line = |radius: f64, hz: f64, lag: usize| radius.powi(lag as i32) * (TAU * hz * lag as f64 / RATE_HZ).cos();
         let lag = |lag| line(0.995, first_hz, lag) + 0.5 * line(0.99, second_hz, lag);
         let mut lags: Vec<f64> = (0..=limits::MAX_ORDER).map(lag).collect();
         lags[0] += 1e-4;

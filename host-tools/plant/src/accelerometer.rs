@@ -78,11 +78,7 @@ impl Sensor {
 fn direction(accelerometer: &Accelerometer) -> [f64; 3] {
     let tilt = accelerometer.tilt_deg.to_radians();
     let azimuth = accelerometer.azimuth_deg.to_radians();
-    let mut direction = [
-        tilt.cos(),
-        tilt.sin() * azimuth.cos(),
-        tilt.sin() * azimuth.sin(),
-    ];
+    let mut direction = [tilt.cos(), tilt.sin() * azimuth.cos(), tilt.sin() * azimuth.sin()];
     direction.rotate_right(match accelerometer.main_axis {
         Axis::X => 0,
         Axis::Y => 1,

@@ -10,7 +10,5 @@ mod plant;
 pub use fault::{Axis, Fault};
 pub use linear::STEP_HZ;
 pub use num_complex::Complex;
-pub use parameters::{
-    Accelerometer, Amplifier, Body, Coil, Error, Hand, PRESETS, Parameters, Result,
-};
+pub use parameters::{Accelerometer, Amplifier, Body, Coil, Error, Hand, PRESETS, Parameters, Result};
 pub use plant::Plant;

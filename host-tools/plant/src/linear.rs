@@ -104,9 +104,7 @@ pub fn steady_state(rows: &Rows, z: Complex<f64>) -> [Complex<f64>; STATES] {
         }
     }
     for at in (0..STATES).rev() {
-        let known: Complex<f64> = (at + 1..STATES)
-            .map(|other| left[at][other] * right[other])
-            .sum();
+        let known: Complex<f64> = (at + 1..STATES).map(|other| left[at][other] * right[other]).sum();
         right[at] = (right[at] - known) / left[at][at];
     }
     // The solution holds before the step.

@@ -158,8 +158,7 @@ impl Parameters {
     /// The parameters in a TOML text: the tables `coil`, `amplifier`, `body`, `hand` and `accelerometer`, and any
     /// number of `[[faults]]`.
     pub fn from_toml(text: &str) -> Result<Self> {
-        let parameters: Self =
-            toml::from_str(text).map_err(|error| Error::Form(error.to_string()))?;
+        let parameters: Self = toml::from_str(text).map_err(|error| Error::Form(error.to_string()))?;
         parameters.check()?;
         Ok(parameters)
     }
@@ -196,9 +195,7 @@ impl Parameters {
         };
         match std::fs::read_to_string(source) {
             Ok(text) => Self::from_toml(&text).map_err(|error| file(error.to_string())),
-            Err(error) => {
-                Self::preset(&name).map_err(|unknown| file(format!("{error}; {unknown}")))
-            }
+            Err(error) => Self::preset(&name).map_err(|unknown| file(format!("{error}; {unknown}"))),
         }
     }
 
@@ -282,9 +279,7 @@ fn check_in(path: &str, table: &toml::Table) -> Result<()> {
 fn check_value(path: &str, key: &str, value: &Value) -> Result<()> {
     match value {
         Value::Table(table) => check_in(&format!("{path}."), table),
-        Value::Array(values) => values
-            .iter()
-            .try_for_each(|value| check_value(path, key, value)),
+        Value::Array(values) => values.iter().try_for_each(|value| check_value(path, key, value)),
         Value::Float(number) => {
             let (least, most) = range(key);
             // A comparison with NaN is false.
@@ -306,12 +301,8 @@ fn check_value(path: &str, key: &str, value: &Value) -> Result<()> {
 /// Moves every number of `value`, which is at `key`, to the nearest one in its range.
 fn hold_in_range(key: &str, value: &mut Value) {
     match value {
-        Value::Table(table) => table
-            .iter_mut()
-            .for_each(|(key, value)| hold_in_range(key, value)),
-        Value::Array(values) => values
-            .iter_mut()
-            .for_each(|value| hold_in_range(key, value)),
+        Value::Table(table) => table.iter_mut().for_each(|(key, value)| hold_in_range(key, value)),
+        Value::Array(values) => values.iter_mut().for_each(|value| hold_in_range(key, value)),
         Value::Float(number) => {
             let (least, most) = range(key);
             *number = number.clamp(least, most);

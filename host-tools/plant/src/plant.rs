@@ -56,12 +56,7 @@ impl Plant {
         let checked = parameters.check();
         assert!(checked.is_ok(), "{checked:?}");
         let derivatives = derivatives(parameters);
-        let is_bent = |fault: &Fault| {
-            matches!(
-                fault,
-                Fault::LooseMount { .. } | Fault::MovingResonance { .. }
-            )
-        };
+        let is_bent = |fault: &Fault| matches!(fault, Fault::LooseMount { .. } | Fault::MovingResonance { .. });
         // A linear plant is exact in steps of any length, so it needs no parts.
         let parts = if parameters.faults.iter().any(is_bent) {
             PARTS
@@ -228,9 +223,7 @@ fn derivatives(parameters: &Parameters) -> Rows {
     body_speed[BODY_AT] = -hand.stiffness_n_per_m;
     body_speed[BODY_SPEED] = -hand.damping_n_s_per_m;
     body_speed[FORCE] = -1.0;
-    body_speed
-        .iter_mut()
-        .for_each(|force| *force /= body.mass_kg);
+    body_speed.iter_mut().for_each(|force| *force /= body.mass_kg);
     // Forces on the moving mass: the opposite of all of these but the grip's. The body's acceleration is subtracted,
     // because the displacement is relative to the body.
     let of_body = rows[BODY_SPEED];

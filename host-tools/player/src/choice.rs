@@ -51,11 +51,7 @@ impl Without {
 }
 
 /// Returns the plan of `selection` from `library`, without the parts in `without`.
-pub fn plan_of<'a>(
-    library: &Library<'a>,
-    selection: Selection,
-    without: Without,
-) -> Result<Plan<'a>, ChoiceError> {
+pub fn plan_of<'a>(library: &Library<'a>, selection: Selection, without: Without) -> Result<Plan<'a>, ChoiceError> {
     let plan = match selection {
         Selection::Texture(index) => {
             let count = library.len();
@@ -100,10 +96,7 @@ impl fmt::Display for ChoiceError {
             Self::NoScene { index, count } => ("scene", index, count),
             Self::Scene(error) => return write!(f, "the scene cannot be played: {error}"),
         };
-        write!(
-            f,
-            "there is no {kind} {index}: the library has {count}, counted from 0"
-        )
+        write!(f, "there is no {kind} {index}: the library has {count}, counted from 0")
     }
 }
 

@@ -161,10 +161,7 @@ mod tests {
             assert!(held.begin_mm.is_nan() && held.contact.is_nan(), "{block}");
         }
         let left = follower.next_block(&moves, LAST_S);
-        assert_eq!(
-            (left.speed_mm_s, left.force_n, left.contact),
-            (0.0, 0.7, 0.0)
-        );
+        assert_eq!((left.speed_mm_s, left.force_n, left.contact), (0.0, 0.7, 0.0));
     }
 
     #[test]

@@ -47,13 +47,7 @@ impl BlockMotion {
 
     /// The numbers of the motion, in the order of the fields.
     pub const fn numbers(self) -> [f64; BLOCK_NUMBERS] {
-        [
-            self.speed_mm_s,
-            self.force_n,
-            self.begin_mm,
-            self.end_mm,
-            self.contact,
-        ]
+        [self.speed_mm_s, self.force_n, self.begin_mm, self.end_mm, self.contact]
     }
 
     /// Returns speed and force in the kernel's form.

@@ -239,10 +239,7 @@ impl Filler {
     /// Fills `samples` with the next samples, in m/s² times the gain of [`Mover::set_gain`], clamped to its limit.
     pub fn fill(&mut self, samples: &mut [f32]) {
         let scale = self.source.shared.scale.load(Ordering::Relaxed);
-        let (target, limit) = (
-            f32::from_bits((scale >> 32) as u32),
-            f32::from_bits(scale as u32),
-        );
+        let (target, limit) = (f32::from_bits((scale >> 32) as u32), f32::from_bits(scale as u32));
         self.aim(target);
         for sample in samples {
             let gain = self.gain.as_mut().map_or(target, Gain::next);

@@ -185,10 +185,7 @@ mod tests {
                     let samples = resampled(frequency_hz, from_hz, to_hz, 0.05);
                     let level = amplitude(&samples, frequency_hz, f64::from(to_hz));
                     let level_db = 20.0 * level.log10();
-                    assert!(
-                        level_db.abs() < 0.1,
-                        "{from_hz} {to_hz} {frequency_hz}: {level_db}"
-                    );
+                    assert!(level_db.abs() < 0.1, "{from_hz} {to_hz} {frequency_hz}: {level_db}");
                 }
             }
         }
@@ -213,8 +210,7 @@ mod tests {
                     });
                     let unwanted = images.filter(|hz| hz.abs() >= lower / 2.0);
                     for image_hz in unwanted.map(folded) {
-                        let is_own =
-                            frequency_hz < lower / 2.0 && (image_hz - own_hz).abs() < 200.0;
+                        let is_own = frequency_hz < lower / 2.0 && (image_hz - own_hz).abs() < 200.0;
                         let level_db = 20.0 * amplitude(&samples, image_hz, rate_hz).log10();
                         assert!(
                             is_own || level_db < -80.0,
@@ -228,12 +224,7 @@ mod tests {
 
     #[test]
     fn the_delay_is_the_one_that_is_stated_at_every_frequency() {
-        for (from_hz, to_hz) in [
-            (5000, 48_000),
-            (10_000, 44_100),
-            (10_000, 5000),
-            (5000, 8000),
-        ] {
+        for (from_hz, to_hz) in [(5000, 48_000), (10_000, 44_100), (10_000, 5000), (5000, 8000)] {
             for frequency_hz in [50.0, 700.0, 1900.0] {
                 let samples = resampled(frequency_hz, from_hz, to_hz, 0.05);
                 let begin = f64::from(to_hz / 20);

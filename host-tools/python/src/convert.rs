@@ -5,8 +5,8 @@ use host_tools::fit::conditioning::Conditioning;
 use host_tools::recording::{MAX_CHANNELS, MAX_FRAMES};
 use host_tools::support::number;
 use numpy::{
-    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyUntypedArray, PyUntypedArrayMethods,
+    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray,
+    PyUntypedArrayMethods,
 };
 use pyo3::Borrowed;
 use pyo3::call::PyCallArgs;
@@ -43,11 +43,7 @@ pub fn conditioning(reduce: &str, high_pass: &str) -> PyResult<Conditioning> {
 }
 
 /// Checks a number by the rule of an option of the command.
-pub fn checked(
-    name: &str,
-    value: f64,
-    rule: fn(&str) -> std::result::Result<f64, String>,
-) -> PyResult<f64> {
+pub fn checked(name: &str, value: f64, rule: fn(&str) -> std::result::Result<f64, String>) -> PyResult<f64> {
     rule(&value.to_string()).map_err(|problem| refused(format!("{name} is {value}: it {problem}")))
 }
 
@@ -74,11 +70,7 @@ pub fn plain<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py
 ///
 /// # Errors
 /// None for the arguments of the class.
-pub fn made<'py>(
-    py: Python<'py>,
-    class: &str,
-    arguments: impl PyCallArgs<'py>,
-) -> PyResult<Bound<'py, PyAny>> {
+pub fn made<'py>(py: Python<'py>, class: &str, arguments: impl PyCallArgs<'py>) -> PyResult<Bound<'py, PyAny>> {
     let results = py.import("stylus_haptics._results")?;
     results.getattr(class)?.call1(arguments)
 }
@@ -110,8 +102,7 @@ pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let of_kind = |failure: PyErr| PyTypeError::new_err(format!("argument '{name}': {failure}"));
     let numpy = values.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (bounded, "float64"));
-    let array: PyReadonlyArray1<'_, f64> =
-        array.and_then(|array| array.extract()).map_err(of_kind)?;
+    let array: PyReadonlyArray1<'_, f64> = array.and_then(|array| array.extract()).map_err(of_kind)?;
     Ok(array.as_array().iter().copied().collect())
 }
 
@@ -139,12 +130,7 @@ impl Left {
 /// The argument `name` as NumPy may take it: an array, or a list that is as long as it says and nested at most `depth`
 /// times. NumPy would otherwise believe a length, and take memory for it. What is neither is left as it is, because
 /// NumPy refuses it, or makes one value of it.
-fn bounded<'py>(
-    name: &str,
-    values: &Bound<'py, PyAny>,
-    depth: u32,
-    left: &mut Left,
-) -> PyResult<Bound<'py, PyAny>> {
+fn bounded<'py>(name: &str, values: &Bound<'py, PyAny>, depth: u32, left: &mut Left) -> PyResult<Bound<'py, PyAny>> {
     let py = values.py();
     if !values.hasattr("__len__")? && values.extract::<f64>().is_ok() {
         left.take(name, 1)?;
@@ -210,10 +196,7 @@ impl<'py, T: FromPyObjectOwned<'py>> FromPyObject<'_, 'py> for Several<T> {
     fn extract(values: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         if values.is_instance_of::<PyString>() || values.cast::<PySequence>().is_err() {
             let kind = values.get_type();
-            return Err(PyTypeError::new_err(format!(
-                "'{}' is no list",
-                kind.name()?
-            )));
+            return Err(PyTypeError::new_err(format!("'{}' is no list", kind.name()?)));
         }
         let mut all = Vec::new();
         for value in values.try_iter()? {
@@ -236,9 +219,7 @@ pub fn words(name: &str, words: &PyReadonlyArray1<'_, i32>) -> PyResult<Vec<i32>
 fn check_mask(name: &str, array: &Bound<'_, PyAny>) -> PyResult<()> {
     let masks = array.py().import("numpy")?.getattr("ma")?;
     if masks.call_method1("is_masked", (array,))?.extract()? {
-        return Err(refused(format!(
-            "{name} has masked values: cut them off, or fill them"
-        )));
+        return Err(refused(format!("{name} has masked values: cut them off, or fill them")));
     }
     Ok(())
 }

@@ -13,8 +13,8 @@ use host_tools::link::upload::upload_over;
 use host_tools::link::{Device as Linked, LinkAddress, LinkError, Timeouts};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{
-    Activity, DeviceInfo, MotionRefused, MotionSource, PlayRequest, Selection, SettingChange,
-    SettingsChange, SlotId, Status, TextureName,
+    Activity, DeviceInfo, MotionRefused, MotionSource, PlayRequest, Selection, SettingChange, SettingsChange, SlotId,
+    Status, TextureName,
 };
 use model_format::scene::SceneName;
 use pyo3::prelude::*;
@@ -67,9 +67,7 @@ impl Device {
         request: impl FnOnce(&Linked) -> std::result::Result<T, LinkError> + Send,
     ) -> PyResult<T> {
         let answer = py.detach(|| open(&mut locked(&self.shared)).map(|device| request(device)));
-        answer
-            .map_err(raised)?
-            .map_err(|failure| link_raised(&failure))
+        answer.map_err(raised)?.map_err(|failure| link_raised(&failure))
     }
 
     fn reported<'py>(&self, py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyAny>> {
@@ -283,12 +281,7 @@ impl Device {
     /// accelerations along x, y and z, m/s², the path since the sample before, mm, and the force, N; what is torn is
     /// NaN. Ticks are 200 µs long by the device's clock and count from its start. `told(status, asked_s)` gets the
     /// status four times per second, and the time since it was asked for, s. Both must not use this `Device`.
-    fn record<'py>(
-        &self,
-        py: Python<'py>,
-        heard: Py<PyAny>,
-        told: Py<PyAny>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn record<'py>(&self, py: Python<'py>, heard: Py<PyAny>, told: Py<PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let loss = py.detach(|| {
             let broken = |failure: LinkError| link_raised(&failure);
             let mut device = locked(&self.shared);
@@ -335,12 +328,8 @@ impl Device {
 
     /// The settings as plain objects: those of `stylus settings --json`, with value, unit and range.
     fn settings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let (settings, state) = self.ask(py, |device| {
-            Ok((device.settings()?, device.status()?.settings))
-        })?;
-        let rows = settings
-            .iter()
-            .map(|change| SettingRow::new(change, &state));
+        let (settings, state) = self.ask(py, |device| Ok((device.settings()?, device.status()?.settings)))?;
+        let rows = settings.iter().map(|change| SettingRow::new(change, &state));
         plain(py, &rows.collect::<Vec<_>>())
     }
 
@@ -349,12 +338,7 @@ impl Device {
     /// A change that protects coil and hand less than before is refused, with what it would allow in volts and watts,
     /// unless `accept` is True.
     #[pyo3(signature = (values, *, accept = false))]
-    fn change_settings(
-        &self,
-        py: Python<'_>,
-        values: HashMap<String, f32>,
-        accept: bool,
-    ) -> PyResult<()> {
+    fn change_settings(&self, py: Python<'_>, values: HashMap<String, f32>, accept: bool) -> PyResult<()> {
         let changes = values.iter().map(|(name, &value)| {
             let setting = described::named(name)?;
             Ok(SettingChange { setting, value })
@@ -415,12 +399,7 @@ struct Played {
 }
 
 /// Plays, and stops the output whatever comes.
-fn played(
-    device: &Linked,
-    plan: &Drive,
-    request: &PlayRequest,
-    steps: &work::Steps,
-) -> PyResult<Played> {
+fn played(device: &Linked, plan: &Drive, request: &PlayRequest, steps: &work::Steps) -> PyResult<Played> {
     let failed = |problem: String| refused(format!("{}: {problem}", device.address()));
     let broken = |failure: LinkError| link_raised(&failure);
     let mut heard = Heard::since(&device.status().map_err(broken)?);
@@ -438,11 +417,7 @@ fn played(
             ended.set(status.output.activity == Activity::Idle);
         },
     );
-    let over = || {
-        failed(
-            "stopped over the stylus's other link, or by the device: Device.status says why".into(),
-        )
-    };
+    let over = || failed("stopped over the stylus's other link, or by the device: Device.status says why".into());
     let is_refused = matches!(driven, Err(LinkError::Motion(MotionRefused::Held { .. })));
     // A stop now could end what another program plays over the other link since.
     if ended.get() || is_refused {

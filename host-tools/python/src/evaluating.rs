@@ -70,14 +70,8 @@ impl Judged {
         let sets = [Some(&self.set), self.takes.as_ref()];
         let files = sets.into_iter().flatten().flat_map(|set| &set.trials);
         let files: Vec<PathBuf> = files.map(|trial| trial.file.clone()).collect();
-        let folders: BTreeSet<PathBuf> = files
-            .iter()
-            .map(|file| folder_of(file).to_owned())
-            .collect();
-        let given = folders
-            .into_iter()
-            .chain([self.path.clone()])
-            .map(Input::from);
+        let folders: BTreeSet<PathBuf> = files.iter().map(|file| folder_of(file).to_owned()).collect();
+        let given = folders.into_iter().chain([self.path.clone()]).map(Input::from);
         let mut all = files_behind(&given.collect::<Vec<_>>(), output);
         // Their folders hold them, and are no inputs themselves.
         all.retain(|input| !input.is_dir());
@@ -185,9 +179,7 @@ pub fn evaluate<'py>(
                 unused_takes: &unused,
             };
             let begun = OutputFolder::begin(&folder, overwrite)?;
-            begun.fill(|folder| {
-                evaluation_page::write(&inputs, folder.path(), || steps.between())
-            })?;
+            begun.fill(|folder| evaluation_page::write(&inputs, folder.path(), || steps.between()))?;
         }
         Ok((found, unused))
     })?;
@@ -374,10 +366,7 @@ fn trials_of(trials: usize, excerpt_s: f64) -> PyResult<listening::Options> {
 #[pyo3(name = "_read_answers")]
 pub fn read_answers(py: Python<'_>, paths: Several<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
     let files = Answers::read_all(&paths.0).map_err(raised)?;
-    plain(
-        py,
-        &files.iter().flat_map(Answers::rows).collect::<Vec<_>>(),
-    )
+    plain(py, &files.iter().flat_map(Answers::rows).collect::<Vec<_>>())
 }
 
 /// Scores saved answers of listening tests, those of all files together, as `stylus compare --score` does.

@@ -46,9 +46,7 @@ pub enum SnapLike {
 fn snap_of(snap: SnapLike) -> PyResult<Snap> {
     match snap {
         SnapLike::Within(share) => checked("snap", share, tolerance).map(Snap::Within),
-        SnapLike::Named(word) => {
-            (word.parse()).map_err(|fault| refused(format!("snap '{word}' {fault}")))
-        }
+        SnapLike::Named(word) => (word.parse()).map_err(|fault| refused(format!("snap '{word}' {fault}"))),
     }
 }
 
@@ -102,13 +100,7 @@ pub fn fit<'py>(
         strict,
         snap: snap_of(snap)?,
         sample_rate_hz: model_rate_hz,
-        ..options_of(
-            order,
-            conditioning,
-            silence_floor_m_s2,
-            excitation,
-            modulation,
-        )?
+        ..options_of(order, conditioning, silence_floor_m_s2, excitation, modulation)?
     };
     options.check_rate().map_err(raised)?;
     // What was chosen by hand and exists only at 5 kHz was refused above. Automatic choices are left out.
@@ -164,17 +156,8 @@ pub fn fit_strokes<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let conditioning = conditioning(reduce, high_pass)?;
-    let options = options_of(
-        order,
-        conditioning,
-        silence_floor_m_s2,
-        excitation,
-        modulation,
-    )?;
-    for (name, value) in [
-        ("sample_rate_hz", sample_rate_hz),
-        ("scale_m_s2", scale_m_s2),
-    ] {
+    let options = options_of(order, conditioning, silence_floor_m_s2, excitation, modulation)?;
+    for (name, value) in [("sample_rate_hz", sample_rate_hz), ("scale_m_s2", scale_m_s2)] {
         value.map(|value| positive(name, value)).transpose()?;
     }
     if let Some(fault) = texture_fault(texture) {
@@ -262,10 +245,7 @@ fn order_of(order: OrderLike) -> PyResult<Order> {
 }
 
 fn verdicts(names: Vec<String>) -> PyResult<Vec<String>> {
-    match names
-        .iter()
-        .find(|name| !Kind::NAMES.contains(&name.as_str()))
-    {
+    match names.iter().find(|name| !Kind::NAMES.contains(&name.as_str())) {
         None => Ok(names),
         Some(name) => Err(refused(format!(
             "drop names '{name}', which is no verdict: there are {}",

@@ -33,11 +33,7 @@ pub struct Library {
 impl Library {
     /// A library of valid `bytes`.
     pub fn of(bytes: Arc<[u8]>, path: Option<PathBuf>, record: Option<Arc<FitRecord>>) -> Self {
-        Self {
-            bytes,
-            path,
-            record,
-        }
+        Self { bytes, path, record }
     }
 
     /// Reads a library, and the record beside it.
@@ -88,8 +84,7 @@ impl Library {
             Some(record) => {
                 // Both are checked before either is written, so that library and record stay a pair.
                 let beside = FitRecord::path_for(path);
-                check_file(&beside, overwrite, &[])
-                    .and_then(|()| record.write_with(path, &self.bytes))
+                check_file(&beside, overwrite, &[]).and_then(|()| record.write_with(path, &self.bytes))
             }
             None => atomic_file::write(path, &self.bytes),
         };
@@ -158,10 +153,7 @@ impl Library {
         let library = self.decoded().map_err(raised)?;
         let names = library.scenes().map(|scene| scene.name.as_str().to_owned());
         let names: Vec<String> = names.collect();
-        names
-            .iter()
-            .map(|name| self.scene(Some(name.as_str())))
-            .collect()
+        names.iter().map(|name| self.scene(Some(name.as_str()))).collect()
     }
 
     /// The scene `name`, or the only one.
@@ -180,10 +172,7 @@ impl Library {
         for scene in &scenes.0 {
             let scene = scene.get().wired();
             if wired.iter().any(|other| other.name == scene.name) {
-                return Err(refused(format!(
-                    "two scenes are called '{}': rename one",
-                    scene.name
-                )));
+                return Err(refused(format!("two scenes are called '{}': rename one", scene.name)));
             }
             wired.push(scene.clone());
         }

@@ -52,9 +52,7 @@ impl Motion {
         let count = times.len();
         let speeds = rows("speed_mm_s", speed_mm_s, count)?;
         let forces = rows("force_n", force_n, count)?;
-        let of = |name, values: Option<&Bound<'_, PyAny>>| {
-            values.map(|values| rows(name, values, count)).transpose()
-        };
+        let of = |name, values: Option<&Bound<'_, PyAny>>| values.map(|values| rows(name, values, count)).transpose();
         let positions = of("position_mm", position_mm)?;
         let contacts = of("contact", contact)?;
         let rows = (0..count).map(|row| MotionRow {
@@ -118,10 +116,7 @@ fn constant(speed_mm_s: f64, force_n: f64) -> PyResult<MotionPath> {
     };
     // For its checks: a constant motion is only asked to be finite.
     MotionPath::from_rows([row]).map_err(raised)?;
-    let (speed, force) = (
-        MillimetresPerSecond(speed_mm_s as f32),
-        Newton(force_n as f32),
-    );
+    let (speed, force) = (MillimetresPerSecond(speed_mm_s as f32), Newton(force_n as f32));
     MotionPath::constant(speed, force).map_err(raised)
 }
 
@@ -205,7 +200,5 @@ pub fn warn_of_motion(py: Python<'_>, motion: &MotionPath) -> PyResult<()> {
              below zero is no contact",
         )?;
     }
-    motion
-        .doubt_of_times()
-        .map_or(Ok(()), |doubt| warn(py, &doubt))
+    motion.doubt_of_times().map_or(Ok(()), |doubt| warn(py, &doubt))
 }

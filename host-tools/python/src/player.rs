@@ -45,9 +45,7 @@ struct Filling {
 
 /// Locks a mutex, even one whose holder has panicked: a panic leaves the locked value as it was.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex
-        .lock()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 fn fault(fault: stylus_player::Fault) -> PyErr {
@@ -60,18 +58,12 @@ fn shared(library: &Library) -> PyResult<SharedLibrary> {
 }
 
 /// The place and the sample rate of a texture or scene of `library`; none if neither is named.
-fn found(
-    library: &Library,
-    texture: Option<&str>,
-    scene: Option<&str>,
-) -> PyResult<Option<(Selection, u32)>> {
+fn found(library: &Library, texture: Option<&str>, scene: Option<&str>) -> PyResult<Option<(Selection, u32)>> {
     let decoded = library.decoded().map_err(raised)?;
     let place = match (texture, scene) {
         (None, None) => return Ok(None),
         (Some(_), Some(_)) => {
-            return Err(refused(
-                "a texture or a scene is played, not both: leave one out",
-            ));
+            return Err(refused("a texture or a scene is played, not both: leave one out"));
         }
         (Some(name), None) => {
             // By its name first, for the error that lists the names that there are.
@@ -82,9 +74,7 @@ fn found(
         (None, Some(name)) => {
             let scene = scene_named(&decoded, Some(name), &library.named()).map_err(raised)?;
             let rate_hz = scene.plan(&decoded).map_err(raised)?.sample_rate_hz();
-            let index = decoded
-                .scenes()
-                .position(|other| other.name.as_str() == name);
+            let index = decoded.scenes().position(|other| other.name.as_str() == name);
             (index.map(Selection::Scene), rate_hz)
         }
     };
@@ -101,9 +91,7 @@ impl Player {
         match self.filling.try_lock() {
             Ok(filling) => Ok(filling),
             // A filler is of no use after a panic, which left it amid a sample.
-            Err(TryLockError::Poisoned(_)) => {
-                Err(refused("the player has failed before: make another one"))
-            }
+            Err(TryLockError::Poisoned(_)) => Err(refused("the player has failed before: make another one")),
             Err(TryLockError::WouldBlock) => Err(refused(
                 "another thread fills from this player: make a player for each output",
             )),
@@ -149,9 +137,7 @@ impl Player {
     /// Moves to `position_mm` with `force_n` at `time_s` of the caller's clock, such as `time.monotonic()`. The speed
     /// is that from the position before. Lines that are tied to position stand where they were recorded.
     fn move_to(&self, time_s: f64, position_mm: f64, force_n: f64) -> PyResult<()> {
-        self.mover
-            .reach(time_s, position_mm, force_n)
-            .map_err(fault)
+        self.mover.reach(time_s, position_mm, force_n).map_err(fault)
     }
 
     /// Moves as one block of 2 ms says: `begin_mm` and `end_mm` are the positions of its first and last sample,
@@ -194,9 +180,7 @@ impl Player {
         };
         let missing = || refused("name a texture or a scene, or stop the player");
         let (selection, rate_hz) = found(library.get(), texture, scene)?.ok_or_else(missing)?;
-        let chosen = self
-            .mover
-            .choose(&decoded, selection, Without::default(), seed);
+        let chosen = self.mover.choose(&decoded, selection, Without::default(), seed);
         chosen.map_err(fault)?;
         // Only after success: a refused choice leaves the library of what plays.
         *locked(&self.chosen) = (library, decoded, rate_hz);
@@ -251,10 +235,7 @@ impl Player {
                 "a block has 1 to {MOST_SAMPLES} samples, and not {samples}"
             )));
         }
-        Ok(Blocks {
-            player: slf,
-            samples,
-        })
+        Ok(Blocks { player: slf, samples })
     }
 
     /// Samples per second that `fill` plays.

@@ -136,9 +136,7 @@ pub fn compile_scene<'py>(
         None => SceneFile::read(&source.extract::<PathBuf>()?),
     };
     let decoded = library.decoded().map_err(raised)?;
-    let compiled = file
-        .and_then(|file| file.compile(&decoded))
-        .map_err(raised)?;
+    let compiled = file.and_then(|file| file.compile(&decoded)).map_err(raised)?;
     let scene = Scene::of(compiled, library.bytes().clone());
     let report = scene.costed().map_err(raised)?;
     if !report.fits {

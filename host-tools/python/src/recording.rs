@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use host_tools::recording::freehand::{self, GridAxis, Options};
 use host_tools::recording::{
-    self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, TimeUnit, Trial,
-    texture_fault,
+    self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, TimeUnit, Trial, texture_fault,
 };
 use host_tools::rig::{RigFile, simulate_to_folder};
 use host_tools::support::error::{Error, Result};
@@ -18,9 +17,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PySequence;
 
-use crate::convert::{
-    Several, array, channels, choice, conditioning, not_negative, positive, table,
-};
+use crate::convert::{Several, array, channels, choice, conditioning, not_negative, positive, table};
 use crate::error::{raised, refused, warn};
 use crate::hatt::Paths;
 
@@ -221,11 +218,7 @@ fn checked(trial: Trial) -> PyResult<Recording> {
         )));
     }
     for (name, value, fault) in [
-        (
-            "speed_mm_s",
-            trial.speed_mm_s,
-            speed_fault(trial.speed_mm_s),
-        ),
+        ("speed_mm_s", trial.speed_mm_s, speed_fault(trial.speed_mm_s)),
         ("force_n", trial.force_n, force_fault(trial.force_n)),
     ] {
         not_negative(name, value)?;
@@ -299,9 +292,7 @@ impl Recordings {
     fn __getitem__(&self, index: isize) -> PyResult<Recording> {
         let count = self.0.trials.len() as isize;
         let at = if index < 0 { index + count } else { index };
-        let trial = usize::try_from(at)
-            .ok()
-            .and_then(|at| self.0.trials.get(at));
+        let trial = usize::try_from(at).ok().and_then(|at| self.0.trials.get(at));
         let absent = || pyo3::exceptions::PyIndexError::new_err("no such recording");
         trial.cloned().map(Recording).ok_or_else(absent)
     }
@@ -428,10 +419,7 @@ pub fn segment(
             .transpose()
             .map_err(|problem| refused(format!("{name} {problem}")))
     };
-    let grid = (
-        axis("speeds_mm_s", speeds_mm_s)?,
-        axis("forces_n", forces_n)?,
-    );
+    let grid = (axis("speeds_mm_s", speeds_mm_s)?, axis("forces_n", forces_n)?);
     let files = files.all();
     // Before the work, so that no time is lost to an output that cannot be written.
     check_folder(&out, overwrite, &files).map_err(raised)?;
@@ -479,11 +467,7 @@ pub fn simulate_rig(
     let rig = match rig {
         None => Ok(RigFile::paper()),
         // A text has line breaks, and a path has none.
-        Some(rig) => match rig
-            .extract::<String>()
-            .ok()
-            .filter(|text| text.contains('\n'))
-        {
+        Some(rig) => match rig.extract::<String>().ok().filter(|text| text.contains('\n')) {
             Some(text) => RigFile::from_toml(&PathBuf::from("rig.toml"), &text),
             None => rig_file(&rig.extract::<PathBuf>()?),
         },

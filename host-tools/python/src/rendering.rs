@@ -68,11 +68,7 @@ pub fn rendered<'py>(
                 Played::Texture(name) => {
                     let texture = texture_named(&library, name)?;
                     let rendering = playing::Rendering::new(texture, &motion, seconds, seed)?;
-                    (
-                        rendering,
-                        visible_line(name).into_owned(),
-                        texture.provenance(),
-                    )
+                    (rendering, visible_line(name).into_owned(), texture.provenance())
                 }
                 Played::Scene(scene) => {
                     let (name, plan) = (scene.scene.name.as_str(), scene.plan(&library)?);
@@ -84,14 +80,7 @@ pub fn rendered<'py>(
             Ok((collected(rendering, steps)?, label, simulated))
         })?;
     let (samples, words) = (array(py, samples), array(py, words));
-    let arguments = (
-        samples,
-        words,
-        sample_rate_hz,
-        saturations,
-        label,
-        simulated,
-    );
+    let arguments = (samples, words, sample_rate_hz, saturations, label, simulated);
     made(py, "Rendering", arguments)
 }
 
@@ -101,11 +90,7 @@ type Collected = (u32, u32, Vec<i32>, Vec<f32>);
 fn collected(mut rendering: playing::Rendering<'_>, steps: &Steps) -> Result<Collected> {
     let rate_hz = rendering.sample_rate_hz();
     let count = rendering.len();
-    let failed = |_| {
-        Error::Request(format!(
-            "{count} samples do not fit into memory: render less"
-        ))
-    };
+    let failed = |_| Error::Request(format!("{count} samples do not fit into memory: render less"));
     let mut words: Vec<i32> = Vec::new();
     let mut samples: Vec<f32> = Vec::new();
     // An allocation that fails would end the interpreter.

@@ -48,10 +48,7 @@ impl Scene {
     /// the hand.
     fn own_motion(&self) -> (Option<f64>, Option<f64>) {
         match self.compiled.scene.motion {
-            MotionOfScene::Constant {
-                speed_mm_s,
-                force_n,
-            } => (Some(speed_mm_s.into()), Some(force_n.into())),
+            MotionOfScene::Constant { speed_mm_s, force_n } => (Some(speed_mm_s.into()), Some(force_n.into())),
             MotionOfScene::Followed => (None, None),
         }
     }
@@ -135,11 +132,7 @@ impl Scene {
                 "scene '{name}' follows the hand: give motion, or speed_mm_s, force_n and seconds"
             )));
         };
-        let no_end = || {
-            refused(format!(
-                "scene '{name}': a constant motion has no end; give seconds"
-            ))
-        };
+        let no_end = || refused(format!("scene '{name}': a constant motion has no end; give seconds"));
         let seconds = seconds.ok_or_else(no_end)?;
         rendered(
             py,

@@ -47,9 +47,5 @@ pub fn described<'py>(py: Python<'py>, texture: &Texture<'_>) -> PyResult<Bound<
     let nodes = nodes.collect::<PyResult<Vec<_>>>()?;
     let simulated = texture.provenance() == Provenance::Simulated;
     let (name, speeds, forces) = (texture.name(), array(py, speeds), array(py, forces));
-    made(
-        py,
-        "Texture",
-        (name, simulated, rate_hz, speeds, forces, nodes),
-    )
+    made(py, "Texture", (name, simulated, rate_hz, speeds, forces, nodes))
 }

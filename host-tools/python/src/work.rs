@@ -88,14 +88,10 @@ fn started<T: Send + 'static>(
             let _ = sender.send(outcome);
         }
     };
-    let spawned = thread::Builder::new()
-        .name("stylus-work".to_owned())
-        .spawn(run);
+    let spawned = thread::Builder::new().name("stylus-work".to_owned()).spawn(run);
     match spawned {
         Ok(_) => Ok(receiver),
-        Err(failure) => Err(Error::Request(format!(
-            "the system gives no thread: {failure}"
-        ))),
+        Err(failure) => Err(Error::Request(format!("the system gives no thread: {failure}"))),
     }
 }
 

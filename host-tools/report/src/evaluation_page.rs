@@ -6,17 +6,13 @@ use std::path::{Path, PathBuf};
 use model_format::{Axis, Library, Node, SAMPLE_RATE_HZ, Texture};
 
 use super::html::{Page, Sound};
-use super::plot::{
-    COST, Caption, GridCell, GridMap, Scale, Svg, WIDE, grid_map, spectra, spectrograms, waveforms,
-};
+use super::plot::{COST, Caption, GridCell, GridMap, Scale, Svg, WIDE, grid_map, spectra, spectrograms, waveforms};
 use super::sound::{SOUNDS_BYTES, clip, sound};
 use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, texture_named};
 use crate::evaluation::held_out::JudgeKind;
 use crate::evaluation::leave_one_out::LeaveOneOut;
 use crate::evaluation::liveliness::summaries;
-use crate::evaluation::summary::{
-    LIVELINESS_EXPLANATION, TrialEvaluation, explanation, liveliness_table,
-};
+use crate::evaluation::summary::{LIVELINESS_EXPLANATION, TrialEvaluation, explanation, liveliness_table};
 use crate::evaluation::{evaluate, verdict};
 use crate::recording::RecordingSet;
 use crate::support::error::Result;
@@ -98,8 +94,7 @@ impl Example<'_> {
             JudgeKind::OtherTake => "another take, which was not fitted".into(),
             JudgeKind::Unseen => "a recording that was not fitted".into(),
             JudgeKind::Nothing => {
-                "in-sample if the library was fitted to it, and then not a measure of fidelity"
-                    .into()
+                "in-sample if the library was fitted to it, and then not a measure of fidelity".into()
             }
         }
     }
@@ -161,23 +156,23 @@ impl<'a> Report<'a> {
                  stylus comes to a real surface.",
             );
         }
-        page.list(&evaluation.verdicts().collect::<Vec<_>>())
-            .folded("What is compared, and what the verdicts mean", |page| {
+        page.list(&evaluation.verdicts().collect::<Vec<_>>()).folded(
+            "What is compared, and what the verdicts mean",
+            |page| {
                 page.paragraph(&format!(
                     "Each recording is compared with {} s of what the stylus plays at its speed and force, computed by \
                      the device's own kernel. Held out: {}",
                     self.inputs.options.synthesis_s, evaluation.held_out
                 ))
                 .paragraph(&verdict::explanation());
-            });
+            },
+        );
     }
 
     /// Draws the maps of all textures.
     fn maps(&mut self) -> Result<()> {
         let Inputs {
-            library,
-            evaluation,
-            ..
+            library, evaluation, ..
         } = self.inputs;
         self.page.section("Maps").paragraph(
             "C is the paper's mismatch of spectra in per cent, equation (6): 0 if they are equal. It is good where it \
@@ -243,10 +238,7 @@ impl<'a> Report<'a> {
         let (title, comparison) = (self.caption(&example.title), &example.comparison);
         let stem = self.stems.of(name);
         // The picture and the sounds show all of the recording, and C below is of a block that was held out.
-        let whole = (
-            comparison.recording.as_slice(),
-            comparison.synthesised.as_slice(),
-        );
+        let whole = (comparison.recording.as_slice(), comparison.synthesised.as_slice());
         let picture = spectrograms(&title, whole, RATE_HZ, HIGHEST_HZ)?;
         let sounds = self.sounds(&example)?;
         let heard = if sounds.is_empty() {
@@ -265,10 +257,7 @@ impl<'a> Report<'a> {
         )?;
         self.page.verdict(verdict);
         self.nodes(name);
-        let block = (
-            comparison.longest_block(),
-            comparison.synthesised.as_slice(),
-        );
+        let block = (comparison.longest_block(), comparison.synthesised.as_slice());
         let width_hz = self.inputs.options.smoothing_hz;
         self.figure(
             &spectra(&title, block, RATE_HZ, width_hz)?,
@@ -376,8 +365,7 @@ impl<'a> Report<'a> {
             let clips = [&excerpt.recorded, &excerpt.synthesised];
             let clips = clips.map(|signal| clip(signal, full_scale));
             let [recorded, synthesised] = &clips;
-            self.page
-                .node(texture, place, SAMPLE_RATE_HZ, [recorded, synthesised]);
+            self.page.node(texture, place, SAMPLE_RATE_HZ, [recorded, synthesised]);
         }
     }
 
@@ -395,9 +383,7 @@ impl<'a> Report<'a> {
             let mut trials = self.inputs.evaluation.trials.iter();
             // A library's axes are the recordings' own values rounded to `f32`, so equal values compare as equal.
             let here = trials.find(|trial| {
-                trial.texture == texture.name()
-                    && trial.speed_mm_s as f32 == speed
-                    && trial.force_n as f32 == force
+                trial.texture == texture.name() && trial.speed_mm_s as f32 == speed && trial.force_n as f32 == force
             });
             GridCell {
                 value: here.and_then(|t| t.scores.cost).map(|cost| 100.0 * cost),
@@ -444,9 +430,7 @@ impl<'a> Report<'a> {
 
 /// Returns the excerpts that the map of `texture` plays, each with the speed and force of its node.
 fn node_excerpts<'a>(
-    Evaluation {
-        trials, excerpts, ..
-    }: &'a Evaluation,
+    Evaluation { trials, excerpts, .. }: &'a Evaluation,
     texture: &str,
 ) -> Vec<((f64, f64), &'a Excerpt)> {
     let mut nodes: Vec<((f64, f64), &Excerpt)> = Vec::new();

@@ -6,8 +6,7 @@ use stylus_costs::Origin;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CHOICES_NOTE, CLOCKS_HZ, Filter, Frontier, Point, Structure, clock_headings, interval_ms,
-    moving, share,
+    CHOICES_NOTE, CLOCKS_HZ, Filter, Frontier, Point, Structure, clock_headings, interval_ms, moving, share,
 };
 use crate::evaluation::table::{Table, percent};
 use crate::fit::Order;
@@ -33,12 +32,10 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
              comes to a surface.",
         );
     }
-    page.paragraph(&frontier.answer())
-        .table(&frontier.choice_table());
+    page.paragraph(&frontier.answer()).table(&frontier.choice_table());
     let (answer, of_answer) = time_picture(frontier)?;
     let (intervals, of_intervals) = interval_picture(frontier)?;
-    page.paragraph(CHOICES_NOTE)
-        .figure(&answer, &of_answer, &[]);
+    page.paragraph(CHOICES_NOTE).figure(&answer, &of_answer, &[]);
     page.folded("Error in motion by the interval of updates", |page| {
         page.figure(&intervals, &of_intervals, &[]);
     });
@@ -90,13 +87,7 @@ fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     let choices: Vec<(&str, f64, f64)> = choices.collect();
     let title = "Error in third-octave bands, at rest and in motion, against time";
     let caption = Caption::new(title, frontier.simulated);
-    let picture = front_chart(
-        &caption,
-        (CYCLES, ERROR),
-        true,
-        (&total, &[front]),
-        &choices,
-    )?;
+    let picture = front_chart(&caption, (CYCLES, ERROR), true, (&total, &[front]), &choices)?;
     let words = format!(
         "Error at rest and in motion together against the time of a sample and its share of the updates. Coloured \
          lines join orders at the stylus's own interval of {} ms; dashed structures are not shipped. The steps are \
@@ -176,10 +167,7 @@ fn filter_table(frontier: &Frontier) -> Table {
         row.extend([
             cell("cycles, M7", format!("{:.0}", m7.sample.cycles)),
             cell("an update, instructions", update),
-            cell(
-                "flash, bytes per node",
-                filter.library_bytes_per_node.to_string(),
-            ),
+            cell("flash, bytes per node", filter.library_bytes_per_node.to_string()),
             cell("RAM, bytes", filter.ram_bytes.to_string()),
         ]);
         row
@@ -243,8 +231,7 @@ fn notes(frontier: &Frontier) -> Vec<String> {
              {} s.",
             moving::FRAME_S
         ),
-        "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB is on no front."
-            .to_owned(),
+        "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB is on no front.".to_owned(),
         "Orders per node, with the highest of all: as fit chooses (auto), or by the Bayesian criterion (BIC), as fit \
          --order bic does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have less."
             .to_owned(),

@@ -370,10 +370,7 @@ mod tests {
         assert_eq!(page.matches("<script").count(), 2);
         super::assert_fetches_nothing(&page);
         let page = page.replace("href=\"data:,\"", "");
-        assert_eq!(
-            page.matches("href=").count(),
-            page.matches("href=\"#").count()
-        );
+        assert_eq!(page.matches("href=").count(), page.matches("href=\"#").count());
     }
 
     #[test]
@@ -385,9 +382,7 @@ mod tests {
         let page = page.finish();
         let after = |mark: &str| -> Vec<String> {
             let found = page.split(mark).skip(1);
-            found
-                .map(|rest| rest.split('"').next().unwrap().to_owned())
-                .collect()
+            found.map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
         };
         let (links, anchors) = (after("href=\"#"), after("<h2 id=\""));
         assert_eq!(links.len(), 5);
@@ -395,11 +390,7 @@ mod tests {
         assert_eq!(distinct, links.iter().collect());
         assert_eq!(distinct.len(), 5);
         for anchor in anchors {
-            assert!(
-                anchor
-                    .chars()
-                    .all(|c| c.is_ascii_alphanumeric() || c == '-')
-            );
+            assert!(anchor.chars().all(|c| c.is_ascii_alphanumeric() || c == '-'));
         }
         assert!(!Page::new("title").section("one").finish().contains("<nav"));
     }

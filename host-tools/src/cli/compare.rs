@@ -52,12 +52,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value = "abx")]
     design: Design,
     /// Parts whose strengths the staircases of --design staircase find
-    #[arg(
-        long,
-        value_enum,
-        value_delimiter = ',',
-        default_value = "level,codebook,lines"
-    )]
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "level,codebook,lines")]
     parts: Vec<Part>,
     /// Trials, 1 to 200: abx: per pair [default: 12]; similarity: per pair, and per kind with itself [default: 6];
     /// staircase: at most, per part [default: 80]
@@ -108,10 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => None,
     };
     let before = match &before {
-        Some((path, bytes)) => Some((
-            decode_library(path, bytes)?,
-            FitRecord::beside(path, bytes)?,
-        )),
+        Some((path, bytes)) => Some((decode_library(path, bytes)?, FitRecord::beside(path, bytes)?)),
         None => None,
     };
     let options = listening::Options {
@@ -137,9 +129,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Returns an error if options exclude each other: pairs or a library of before with a staircase, `--before` without
 /// `--takes`, or pairs that need a library of before that is not given.
 fn check(arguments: &Arguments) -> Result<()> {
-    if arguments.design == Design::Staircase
-        && (!arguments.pairs.is_empty() || arguments.before.is_some())
-    {
+    if arguments.design == Design::Staircase && (!arguments.pairs.is_empty() || arguments.before.is_some()) {
         return Err(Error::Request(
             "a staircase varies parts of one library: give --parts in place of --pairs and --before".into(),
         ));
@@ -171,11 +161,7 @@ fn summary(plan: &Plan, design: Design, out: &Path, size: usize) -> String {
     format!(
         "{}: {}{}, {}, {:.1} MB{origin}",
         out.display(),
-        if design == Design::Staircase {
-            "up to "
-        } else {
-            ""
-        },
+        if design == Design::Staircase { "up to " } else { "" },
         counted(plan.task.trials(), "trial"),
         counted(plan.sounds.len(), "sound"),
         size as f64 / 1e6
@@ -196,21 +182,14 @@ fn scores(scores: &[Score]) -> String {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let row = |score: &Score| {
         let (low, high) = score.interval;
-        let told_apart = if score.is_told_apart {
-            "yes"
-        } else {
-            "not shown"
-        };
+        let told_apart = if score.is_told_apart { "yes" } else { "not shown" };
         [
             ("pair", score.pair.clone()),
             ("files", score.files.to_string()),
             ("trials", score.trials.to_string()),
             ("right", score.correct.to_string()),
             ("share", percent(score.proportion)),
-            (
-                "95 % interval",
-                format!("{} to {}", percent(low), percent(high)),
-            ),
+            ("95 % interval", format!("{} to {}", percent(low), percent(high))),
             ("told apart", told_apart.to_owned()),
         ]
     };

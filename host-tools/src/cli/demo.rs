@@ -60,8 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let begin = Instant::now();
     // The demo replaces its own earlier result without asking, because nobody edits that. A folder with any other file
     // is kept.
-    let page =
-        OutputFolder::begin(&arguments.out, true)?.fill(|folder| all(arguments, folder, begin))?;
+    let page = OutputFolder::begin(&arguments.out, true)?.fill(|folder| all(arguments, folder, begin))?;
     let out = arguments.out.display();
     print(&format!(
         "Done in {:.1} s. Open in a browser, with sound:\n  \
@@ -77,24 +76,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Runs every step, with outputs in `folder`. Returns the path that the report's page will have at the end.
 fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<PathBuf> {
     let out = folder.path();
-    let step = |number: u32, what: &str| {
-        print(&format!(
-            "[{number}/4, {:.1} s] {what}",
-            begin.elapsed().as_secs_f64()
-        ))
-    };
+    let step = |number: u32, what: &str| print(&format!("[{number}/4, {:.1} s] {what}", begin.elapsed().as_secs_f64()));
 
     let recordings = out.join("recordings");
-    step(
-        1,
-        "stylus simulate-rig: SIMULATED recordings of four surfaces",
-    )?;
+    step(1, "stylus simulate-rig: SIMULATED recordings of four surfaces")?;
     rig::simulate_to_folder(&RigFile::demo(), arguments.seed, &recordings, false)?;
 
-    step(
-        2,
-        "stylus fit: a model per speed and force, and what no filter holds",
-    )?;
+    step(2, "stylus fit: a model per speed and force, and what no filter holds")?;
     let set = RecordingSet::open(&[recordings])?;
     let path = out.join("textures.lib");
     let (fit, bytes, record) = fit_into(folder, &path, &set)?;
@@ -102,10 +90,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     print(&format!("  {}", parts_in_words(&library)))?;
     warn_of(&fit.warnings());
 
-    step(
-        3,
-        "stylus evaluate: the device's kernel against what was not fitted",
-    )?;
+    step(3, "stylus evaluate: the device's kernel against what was not fitted")?;
     let options = evaluate::Options {
         seed: arguments.seed,
         // What the report plays at each node has to be kept while its trial is judged.
@@ -114,10 +99,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     };
     let (evaluation, page) = evaluated(&set, &library, &record, &options, out)?;
 
-    step(
-        4,
-        "stylus render and stylus page: sounds, and a page to rub",
-    )?;
+    step(4, "stylus render and stylus page: sounds, and a page to rub")?;
     render_all(&library, arguments.seed, &created(out.join(RENDERED))?)?;
 
     let inputs = Inputs {
@@ -138,11 +120,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
 }
 
 /// Fits `set`, and writes library and record to `path` in `folder`.
-fn fit_into(
-    folder: &OutputFolder,
-    path: &Path,
-    set: &RecordingSet,
-) -> Result<(Fit, Vec<u8>, FitRecord)> {
+fn fit_into(folder: &OutputFolder, path: &Path, set: &RecordingSet) -> Result<(Fit, Vec<u8>, FitRecord)> {
     let options = fit::Options::default();
     let (fit, bytes) = super::fit::fit_library(set, &options)?;
     let mut record = FitRecord::of(set, &options, &bytes)?.with_account_of(&fit);

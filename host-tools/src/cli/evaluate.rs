@@ -147,8 +147,7 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         ));
     }
     let read = |paths: &[PathBuf]| {
-        let read =
-            |path: &PathBuf| freehand::read(path, assumed.sample_rate_hz, assumed.scale_m_s2);
+        let read = |path: &PathBuf| freehand::read(path, assumed.sample_rate_hz, assumed.scale_m_s2);
         paths.iter().map(read).collect::<Result<Vec<_>>>()
     };
     let (fitted, judges) = (arguments.recordings.inputs(), &arguments.strokes);
@@ -224,9 +223,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;
-    let test = asked
-        .then(|| removed_node_test(&set, &removal))
-        .transpose()?;
+    let test = asked.then(|| removed_node_test(&set, &removal)).transpose()?;
     // Written before anything is printed, so that a reader that closes the output early does not cost the numbers.
     write_numbers(arguments, Some(&evaluation), test.as_ref())?;
     print(&summary(&evaluation))?;
@@ -323,12 +320,7 @@ pub fn choose(
     let unused = chosen.unused.iter().map(|reason| {
         // A reason has the form `take: why`. The take becomes the warning's subject, so that many are told in one line.
         let (take, why) = reason.rsplit_once(": ").unwrap_or(("", reason));
-        Warning::of(
-            "take",
-            ("take", take),
-            0.0,
-            format!("judges nothing: {why}"),
-        )
+        Warning::of("take", ("take", take), 0.0, format!("judges nothing: {why}"))
     });
     warn_of(&unused.collect::<Vec<_>>());
     if let Some(first) = chosen.without.first() {

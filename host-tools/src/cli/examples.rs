@@ -33,9 +33,7 @@ pub fn with_examples(command: Command, path: &str) -> Command {
 pub fn with_short_outputs(command: Command) -> Command {
     command.mut_subcommands(|inner| {
         // Asked by the long name, because the `out` of `record` is positional. A short name would make it an option.
-        let has_output = inner
-            .get_arguments()
-            .any(|argument| argument.get_long() == Some("out"));
+        let has_output = inner.get_arguments().any(|argument| argument.get_long() == Some("out"));
         let inner = if has_output {
             inner.mut_arg("out", |out| out.short('o').alias("output"))
         } else {
@@ -57,9 +55,7 @@ mod tests {
 
     /// Names of the commands without subcommands, except those that only programs start.
     fn leaves(command: &Command, path: &str) -> Vec<String> {
-        let inner = command
-            .get_subcommands()
-            .filter(|inner| !inner.is_hide_set());
+        let inner = command.get_subcommands().filter(|inner| !inner.is_hide_set());
         let inner = inner.map(|inner| {
             let path = format!("{path} {}", inner.get_name());
             leaves(inner, &path)
@@ -75,10 +71,7 @@ mod tests {
     fn every_command_has_one_to_three_examples() {
         for command in leaves(&Arguments::command(), "stylus") {
             let count = examples(&command).len();
-            assert!(
-                (1..=3).contains(&count),
-                "{command}: {count} in examples.txt"
-            );
+            assert!((1..=3).contains(&count), "{command}: {count} in examples.txt");
         }
     }
 

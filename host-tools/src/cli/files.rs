@@ -34,11 +34,7 @@ impl Overwrite {
         // The variable is not read by clap, because clap would count its value as a given option, in conflict with
         // options that exclude all others.
         let of_environment = std::env::var_os("STYLUS_OVERWRITE");
-        let is_no = |value: &OsStr| {
-            ["", "0", "n", "no", "f", "false", "off"]
-                .iter()
-                .any(|no| value == *no)
-        };
+        let is_no = |value: &OsStr| ["", "0", "n", "no", "f", "false", "off"].iter().any(|no| value == *no);
         self.overwrite || of_environment.is_some_and(|value| !is_no(&value))
     }
 
@@ -216,10 +212,7 @@ impl RenderedFile {
             ("the thermal limiter attenuated the output", limited.thermal),
         ] {
             if samples > 0 {
-                warn(&format!(
-                    "{what} in {} of the kernel",
-                    counted(samples, "sample")
-                ));
+                warn(&format!("{what} in {} of the kernel", counted(samples, "sample")));
             }
         }
         Ok(())
@@ -237,9 +230,6 @@ pub fn read_plant(source: &Path) -> Result<Parameters> {
 /// Parses a setting's name and value.
 fn setting(text: &str) -> std::result::Result<(String, f32), String> {
     let (name, value) = text.split_once('=').ok_or("must be NAME=VALUE")?;
-    let value = value
-        .trim()
-        .parse()
-        .map_err(|_| "the value must be a number")?;
+    let value = value.trim().parse().map_err(|_| "the value must be a number")?;
     Ok((name.trim().to_owned(), value))
 }

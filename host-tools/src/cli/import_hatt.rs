@@ -37,9 +37,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let sources = read_all(&paths, &arguments.options)?;
     // All files at once, because the grids of all textures share the room of one library.
     let plan = plan(&sources, &arguments.options)?;
-    let of_file = |kind, path: &Path, text: &str| {
-        Warning::of(kind, ("file", &path.display().to_string()), 0.0, text)
-    };
+    let of_file = |kind, path: &Path, text: &str| Warning::of(kind, ("file", &path.display().to_string()), 0.0, text);
     let read = sources.iter().flat_map(|source| {
         let warnings = source.toolkit.warnings.iter();
         warnings.map(|text| of_file("model", &source.path, text))
@@ -49,20 +47,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     atomic_file::write(&arguments.out, &bytes)?;
-    let far = sources
-        .iter()
-        .zip(&converted)
-        .filter_map(|(source, converted)| {
-            let text = far_nodes(&converted.nodes)?;
-            Some(of_file("far nodes", &source.path, &text))
-        });
+    let far = sources.iter().zip(&converted).filter_map(|(source, converted)| {
+        let text = far_nodes(&converted.nodes)?;
+        Some(of_file("far nodes", &source.path, &text))
+    });
     warn_of(&far.collect::<Vec<_>>());
     if arguments.json {
-        let reports: Vec<ImportReport> = sources
-            .into_iter()
-            .zip(converted)
-            .map(ImportReport::of)
-            .collect();
+        let reports: Vec<ImportReport> = sources.into_iter().zip(converted).map(ImportReport::of).collect();
         return print_json(&reports);
     }
     print(&format!("{}\n", textures(&converted)))?;
@@ -85,20 +76,12 @@ fn textures(converted: &[Converted]) -> String {
             let bands = texture.nodes.iter().filter_map(|node| node.worst_band_db);
             let mut row = vec![
                 spec.name.clone(),
-                format!(
-                    "{} x {}",
-                    spec.speed_axis_mm_s.len(),
-                    spec.force_axis_n.len()
-                ),
+                format!("{} x {}", spec.speed_axis_mm_s.len(), spec.force_axis_n.len()),
                 format!("{:.2}", bands.fold(0.0, f64::max)),
             ];
             for errors in [&texture.own, &texture.between] {
                 let summary = Summary::of(errors);
-                let number = |of: fn(&Summary) -> f64| {
-                    summary
-                        .as_ref()
-                        .map_or("-".into(), |s| format!("{:.2}", of(s)))
-                };
+                let number = |of: fn(&Summary) -> f64| summary.as_ref().map_or("-".into(), |s| format!("{:.2}", of(s)));
                 row.extend([
                     number(|s| s.level_median_db),
                     number(|s| s.level_95_db),

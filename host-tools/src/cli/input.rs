@@ -41,8 +41,7 @@ impl Recordings {
 
     /// Opens other takes of the same trials, if given. The same values are assumed where their files lack them.
     pub fn open_takes(&self, takes: Option<&PathBuf>) -> Result<Option<RecordingSet>> {
-        let open =
-            |path: &PathBuf| RecordingSet::open_with(std::slice::from_ref(path), &self.assumed);
+        let open = |path: &PathBuf| RecordingSet::open_with(std::slice::from_ref(path), &self.assumed);
         takes.map(open).transpose()
     }
 }
@@ -103,8 +102,7 @@ const OFF_GRID: f64 = 0.05;
 pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
     let (speed, force) = motion.largest();
     // A line's frequency is speed over wavelength, whatever the grid.
-    let of_speed = (texture.lines().is_some())
-        .then_some("; a tone that is tied to position follows the speed");
+    let of_speed = (texture.lines().is_some()).then_some("; a tone that is tied to position follows the speed");
     for (what, value, axis, unit, tone) in [
         ("speed", speed, texture.speed_axis(), "mm/s", of_speed),
         ("force", force, texture.force_axis(), "N", None),
@@ -152,13 +150,8 @@ impl ConstantMotion {
 
     /// Returns the motion in the file `motion`; else the constant motion that was given; else one with the speed and
     /// force `own`.
-    pub fn or_in(
-        &self,
-        motion: Option<&Path>,
-        own: Option<(f32, f32)>,
-    ) -> Result<Option<MotionPath>> {
-        let constant =
-            |(speed, force)| MotionPath::constant(MillimetresPerSecond(speed), Newton(force));
+    pub fn or_in(&self, motion: Option<&Path>, own: Option<(f32, f32)>) -> Result<Option<MotionPath>> {
+        let constant = |(speed, force)| MotionPath::constant(MillimetresPerSecond(speed), Newton(force));
         match motion {
             Some(path) => MotionPath::from_csv(path).map(Some),
             None => self.given().or(own).map(constant).transpose(),
@@ -223,10 +216,7 @@ pub struct TextureAlong {
 impl TextureAlong {
     /// Calls `render` with the texture, the motion, its duration, s, and the seed. Warnings about them are printed
     /// before.
-    pub fn with(
-        &self,
-        render: impl FnOnce(Texture<'_>, &MotionPath, f64, u64) -> Result<()>,
-    ) -> Result<()> {
+    pub fn with(&self, render: impl FnOnce(Texture<'_>, &MotionPath, f64, u64) -> Result<()>) -> Result<()> {
         let bytes = read_library(&self.library)?;
         let library = decode_library(&self.library, &bytes)?;
         let texture = texture_named(&library, &self.texture)?;

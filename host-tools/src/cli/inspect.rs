@@ -83,16 +83,10 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
             [
                 ("texture", texture.name.clone()),
                 ("wavelength, mm", format!("{:.4}", line.wavelength_mm)),
-                (
-                    "amplitude m/s²",
-                    format!("{} to {}", figure(low), figure(high)),
-                ),
+                ("amplitude m/s²", format!("{} to {}", figure(low), figure(high))),
                 ("phase, turns", format!("{:.3}", line.phase_turns)),
                 ("wander's RMS, mm", wander(line, |wander| wander.rms_mm)),
-                (
-                    "correlated over, mm",
-                    wander(line, |wander| wander.correlation_mm),
-                ),
+                ("correlated over, mm", wander(line, |wander| wander.correlation_mm)),
                 ("bytes", line.bytes.to_string()),
             ]
         };
@@ -168,10 +162,7 @@ fn storage_table(textures: &[TextureSummary]) -> String {
             ("stages of 24-bit θ", texture.fine_stages.to_string()),
             ("of 8-bit θ", texture.tail_stages.to_string()),
             ("within rad", tail.unwrap_or_default()),
-            (
-                "bytes of coefficients",
-                texture.coefficient_bytes.to_string(),
-            ),
+            ("bytes of coefficients", texture.coefficient_bytes.to_string()),
             ("bytes of parts", joined(&parts.collect::<Vec<_>>())),
         ]
     }));
@@ -181,20 +172,15 @@ fn storage_table(textures: &[TextureSummary]) -> String {
 /// Returns a table of the excitation of textures with codebooks or a level track; `None` if no texture has either.
 fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
     let row = |texture: &TextureSummary| {
-        let each = |of: &dyn Fn(&CodebookSummary) -> String| {
-            joined(&texture.codebooks.iter().map(of).collect::<Vec<_>>())
-        };
+        let each =
+            |of: &dyn Fn(&CodebookSummary) -> String| joined(&texture.codebooks.iter().map(of).collect::<Vec<_>>());
         let track = texture.level_track.as_ref();
-        let of_track =
-            |of: &dyn Fn(&TrackSummary) -> String| track.map_or_else(|| "none".to_owned(), of);
+        let of_track = |of: &dyn Fn(&TrackSummary) -> String| track.map_or_else(|| "none".to_owned(), of);
         let range = |[low, high]: [f64; 2]| format!("{low:+.1} to {high:+.1}");
         [
             ("texture", texture.name.clone()),
             ("codebooks", texture.codebooks.len().to_string()),
-            (
-                "seconds",
-                each(&|codebook| format!("{:.1}", codebook.seconds)),
-            ),
+            ("seconds", each(&|codebook| format!("{:.1}", codebook.seconds))),
             ("peak", each(&|codebook| format!("{:.1}", codebook.peak))),
             ("nodes", each(&|codebook| codebook.nodes.to_string())),
             (
@@ -203,19 +189,12 @@ fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
                     .moment_s
                     .map_or_else(|| "none".to_owned(), |s| format!("{:.0}", 1000.0 * s)),
             ),
-            (
-                "level track s",
-                of_track(&|track| format!("{:.1}", track.seconds)),
-            ),
-            (
-                "step ms",
-                of_track(&|track| format!("{:.0}", 1000.0 * track.step_s)),
-            ),
+            ("level track s", of_track(&|track| format!("{:.1}", track.seconds))),
+            ("step ms", of_track(&|track| format!("{:.0}", 1000.0 * track.step_s))),
             ("dB", of_track(&|track| range(track.range_db))),
         ]
     };
-    let fed =
-        |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
+    let fed = |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
     let (header, rows) = headed(textures.iter().filter(fed).map(row));
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
@@ -234,10 +213,7 @@ fn scene_table(scenes: &[SceneSummary]) -> String {
             ("regions", scene.regions.to_string()),
             ("motion", motion.to_owned()),
             ("effects", scene.effects.join(", ")),
-            (
-                "instructions at most",
-                scene.worst_case_instructions.to_string(),
-            ),
+            ("instructions at most", scene.worst_case_instructions.to_string()),
         ]
     }));
     table(&header, &rows)

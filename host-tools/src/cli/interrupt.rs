@@ -122,9 +122,7 @@ impl Interrupt {
 /// Listens for Ctrl-C through the link's runtime, on systems without another handler.
 #[cfg(not(unix))]
 fn listen_by_the_runtime() -> io::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let listener = move || {
         runtime.block_on(async {
             loop {

@@ -39,11 +39,7 @@ mod tests {
     fn folded_text_keeps_its_words() {
         let text = "a few words ".repeat(40);
         let folded = folded_text(&text);
-        assert!(
-            folded
-                .lines()
-                .all(|line| line.chars().count() <= LINE_CHARS)
-        );
+        assert!(folded.lines().all(|line| line.chars().count() <= LINE_CHARS));
         assert!(folded.split_whitespace().eq(text.split_whitespace()));
     }
 }

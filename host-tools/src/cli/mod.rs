@@ -142,9 +142,7 @@ pub fn run() -> ExitCode {
 fn failed(failure: &Error) -> ExitCode {
     match failure {
         // The reader has closed the output, like `head` after its last line, and expects no message.
-        Error::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe => {
-            ExitCode::from(EXIT_CLOSED)
-        }
+        Error::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe => ExitCode::from(EXIT_CLOSED),
         _ => {
             output::failed(failure);
             ExitCode::from(EXIT_UNUSABLE)
@@ -199,10 +197,7 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
     let given = words().find(|word| command.find_subcommand(word).is_some());
     let given = given.unwrap_or_else(|| first.get_name().to_owned());
     let tip = format!("'{option}' belongs after the command: stylus {given} {option} ...");
-    answer.insert(
-        ContextKind::Suggested,
-        ContextValue::StyledStrs(vec![tip.into()]),
-    );
+    answer.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     answer
 }
 

@@ -50,8 +50,7 @@ pub fn to_json(value: &impl serde::Serialize) -> String {
 /// Prints bytes that this program itself has made, such as a script for a shell, to standard output without changes.
 pub fn print_exactly(bytes: &[u8]) -> Result<()> {
     let mut output = io::stdout().lock();
-    (output.write_all(bytes).and_then(|()| output.flush()))
-        .map_err(Error::io("write to", Path::new("standard output")))
+    (output.write_all(bytes).and_then(|()| output.flush())).map_err(Error::io("write to", Path::new("standard output")))
 }
 
 /// Prints a note about the results on standard error, unless `--quiet` suppresses notes. A closed or full standard

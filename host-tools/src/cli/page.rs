@@ -64,8 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         arguments.recordings.as_slice()
     };
-    let set =
-        (!recordings.is_empty()).then(|| RecordingSet::open_with(recordings, &arguments.assumed));
+    let set = (!recordings.is_empty()).then(|| RecordingSet::open_with(recordings, &arguments.assumed));
     let set = set.transpose()?;
     let (bytes, record) = match &set {
         Some(set) if is_recordings => fitted(set, arguments)?,
@@ -98,8 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ..evaluate::Options::default()
     };
     let judges = choose(&set, None, record.as_ref(), arguments.conditioning)?.judges;
-    let evaluation =
-        super::evaluate::evaluate_set(&set, &library, judges, record.as_ref(), &options)?;
+    let evaluation = super::evaluate::evaluate_set(&set, &library, judges, record.as_ref(), &options)?;
     let recordings = Recordings {
         set: &set,
         evaluation: &evaluation,
@@ -197,9 +195,7 @@ pub fn summary(path: &Path, written: &Written) -> String {
         many => format!("{many} clips of recordings"),
     };
     let shown = written.digests.iter().take(SHOWN_DIGESTS);
-    let shown: Vec<String> = shown
-        .map(|(name, digest)| format!("{name} {digest}"))
-        .collect();
+    let shown: Vec<String> = shown.map(|(name, digest)| format!("{name} {digest}")).collect();
     let more = match written.digests.len() - shown.len() {
         0 => String::new(),
         more => format!(" and {more} more, which the page shows"),

@@ -73,18 +73,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     cut.check()?;
     let overwrite = arguments.overwrite.is_asked();
-    freehand::write(
-        &arguments.out,
-        &arguments.texture,
-        &recordings,
-        &cut,
-        overwrite,
-    )?;
-    let mut nodes: Vec<(f64, f64)> = cut
-        .placed
-        .iter()
-        .map(|p| (p.speed_mm_s, p.force_n))
-        .collect();
+    freehand::write(&arguments.out, &arguments.texture, &recordings, &cut, overwrite)?;
+    let mut nodes: Vec<(f64, f64)> = cut.placed.iter().map(|p| (p.speed_mm_s, p.force_n)).collect();
     // The pieces of a node stand together.
     nodes.dedup();
     let origin = if recordings.iter().any(|recording| recording.is_simulated) {

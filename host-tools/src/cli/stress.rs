@@ -34,9 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         print(&summary(&outcomes))?;
     }
-    let broken = outcomes
-        .iter()
-        .filter(|outcome| !outcome.broken().is_empty());
+    let broken = outcomes.iter().filter(|outcome| !outcome.broken().is_empty());
     let broken = broken.count();
     if broken > 0 {
         return Err(Error::Request(format!(
@@ -49,12 +47,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 fn summary(outcomes: &[Outcome]) -> String {
     let (header, rows) = headed(outcomes.iter().map(row));
-    let held = outcomes
-        .iter()
-        .filter(|outcome| outcome.broken().is_empty());
-    let outside = outcomes
-        .iter()
-        .filter(|outcome| !outcome.is_within_common_limits());
+    let held = outcomes.iter().filter(|outcome| outcome.broken().is_empty());
+    let outside = outcomes.iter().filter(|outcome| !outcome.is_within_common_limits());
     let broken: Vec<String> = outcomes.iter().filter_map(broken).collect();
     let text = format!(
         "Spectrum and growth are in dB; stopped, FS/3 and glitch: samples until silence after a stop, an overdrive and \
@@ -90,9 +84,8 @@ fn broken(outcome: &Outcome) -> Option<String> {
 }
 
 fn row(outcome: &Outcome) -> [(&'static str, String); 11] {
-    let optional = |value: Option<f64>, decimals: usize| {
-        value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))
-    };
+    let optional =
+        |value: Option<f64>, decimals: usize| value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"));
     let rests = [outcome.stopped, outcome.overdriven, outcome.glitched];
     let growth = rests.iter().map(|rest| rest.growth_db).fold(0.0, f64::max);
     let breaks = match outcome.broken().len() {

@@ -61,10 +61,7 @@ fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
         let line = folded_text(&format!("{before}: {}", names.join(", ")));
         (!names.is_empty()).then(|| format!("\n{line}"))
     };
-    let notes = [
-        note("in every row", same),
-        note("left out, shown by --full", left_out),
-    ];
+    let notes = [note("in every row", same), note("left out, shown by --full", left_out)];
     let rule = "-".repeat(width(&columns));
     let headings: Vec<_> = columns.iter().map(Column::heading_lines).collect();
     let mut lines = lines_of(&headings, &columns, true);
@@ -89,9 +86,7 @@ impl Column {
         let shown = |cell: &String| visible_line(cell).into_owned();
         let mut column = Self {
             heading: heading.to_owned(),
-            cells: cells
-                .map(|cell| cell.map_or_else(String::new, shown))
-                .collect(),
+            cells: cells.map(|cell| cell.map_or_else(String::new, shown)).collect(),
             width: 0,
         };
         column.widen();
@@ -238,41 +233,23 @@ mod tests {
     #[test]
     fn a_wide_table_stays_one_and_says_the_columns_of_one_value_below_before_it_wraps() {
         let remark = "words of a remark ".repeat(6);
-        let header = [
-            "texture",
-            "from",
-            "an idle column of many words",
-            "doubtful",
-            "remark",
-        ];
+        let header = ["texture", "from", "an idle column of many words", "doubtful", "remark"];
         let rows = [
             row(&["paper", "simulated", "-", "12", remark.trim()]),
             row(&["organza", "simulated", "", "0", "short"]),
         ];
         let text = table(&header, &rows);
         assert!(widest(&text) <= LINE_CHARS, "{text}");
-        assert_eq!(
-            text.lines().filter(|line| line.starts_with("---")).count(),
-            1
-        );
+        assert_eq!(text.lines().filter(|line| line.starts_with("---")).count(), 1);
         let (table, note) = text.rsplit_once('\n').unwrap();
         let same = "in every row: from simulated, an idle column of many words none";
         assert_eq!(note, same);
         assert!(!table.contains("from"), "{table}");
         assert!(table.contains("doubtful"), "{table}");
-        assert_eq!(
-            table
-                .split_whitespace()
-                .filter(|word| *word == "remark")
-                .count(),
-            7
-        );
+        assert_eq!(table.split_whitespace().filter(|word| *word == "remark").count(), 7);
         // A single row has no columns to drop, and a table that is narrow enough keeps every column.
         assert!(super::table(&header, &rows[..1]).contains("from"));
-        let narrow = super::table(
-            &header[..2],
-            &[rows[0][..2].to_vec(), rows[1][..2].to_vec()],
-        );
+        let narrow = super::table(&header[..2], &[rows[0][..2].to_vec(), rows[1][..2].to_vec()]);
         assert!(narrow.contains("from"), "{narrow}");
         assert!(!narrow.contains("every"), "{narrow}");
     }

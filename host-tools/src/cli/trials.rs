@@ -53,8 +53,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let (folder, scale) = (arguments.folder.as_path(), arguments.scale);
     if arguments.list.contains(['/', '\\']) {
-        let problem =
-            "--list is the name of a file in the folder, because its files are named from there";
+        let problem = "--list is the name of a file in the folder, because its files are named from there";
         return Err(Error::Request(problem.into()));
     }
     let list = folder.join(&arguments.list);
@@ -91,12 +90,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         record.extend(has_simulated.then(|| simulated.to_string()));
         records.push(record);
     }
-    let failed =
-        |fault: &dyn std::fmt::Display| Error::file(&list, format!("cannot be made: {fault}"));
+    let failed = |fault: &dyn std::fmt::Display| Error::file(&list, format!("cannot be made: {fault}"));
     for record in records {
-        writer
-            .write_record(record)
-            .map_err(|fault| failed(&fault))?;
+        writer.write_record(record).map_err(|fault| failed(&fault))?;
     }
     let text = writer.into_inner().map_err(|fault| failed(&fault))?;
     atomic_file::write(&list, &text)?;
@@ -129,9 +125,7 @@ fn completed(file: &mut Named, arguments: &Arguments) -> Result<(String, f64, f6
         return Err(Error::file(&arguments.folder.join(&file.file), problem));
     }
     let speed = file.speed_mm_s.or(arguments.speed);
-    let speed = *file
-        .speed_mm_s
-        .insert(speed.ok_or_else(|| missing("speed"))?);
+    let speed = *file.speed_mm_s.insert(speed.ok_or_else(|| missing("speed"))?);
     let force = file.force_n.or(arguments.force);
     let force = *file.force_n.insert(force.ok_or_else(|| missing("force"))?);
     Ok((texture.clone(), speed, force))
@@ -159,10 +153,7 @@ fn first(values: impl ExactSizeIterator<Item: ToString>) -> String {
 
 /// Returns a table with a row per texture: its trials, speeds, forces and takes.
 fn understood(named: &[Named]) -> String {
-    let textures: BTreeSet<&str> = named
-        .iter()
-        .filter_map(|file| file.texture.as_deref())
-        .collect();
+    let textures: BTreeSet<&str> = named.iter().filter_map(|file| file.texture.as_deref()).collect();
     let rows: Vec<Vec<String>> = textures
         .into_iter()
         .map(|texture| {
@@ -187,10 +178,7 @@ fn understood(named: &[Named]) -> String {
             ]
         })
         .collect();
-    table(
-        &["texture", "trials", "speeds mm/s", "forces N", "takes"],
-        &rows,
-    )
+    table(&["texture", "trials", "speeds mm/s", "forces N", "takes"], &rows)
 }
 
 #[cfg(test)]

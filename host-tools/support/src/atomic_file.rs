@@ -19,10 +19,7 @@ use crate::temporaries::Temporary;
 /// # Errors
 /// The error of `write`; something at `path` that is not a regular file; or a file that cannot be created, flushed to
 /// the disk, or replaced.
-pub fn write_with<T>(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
-) -> Result<T> {
+pub fn write_with<T>(path: &Path, write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>) -> Result<T> {
     let (unnamed, value) = Unnamed::write(path, write)?;
     unnamed.name()?;
     Ok(value)
@@ -39,9 +36,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// See [`write()`]. If a file cannot get its name, the files that already have theirs stay.
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     let written = files.iter().map(|(path, bytes)| {
-        let written = Unnamed::write(path, |file| {
-            file.write_all(bytes).map_err(Error::io("write", path))
-        });
+        let written = Unnamed::write(path, |file| file.write_all(bytes).map_err(Error::io("write", path)));
         written.map(|(unnamed, ())| unnamed)
     });
     let written: Vec<Unnamed<'_>> = written.collect::<Result<_>>()?;
@@ -62,8 +57,7 @@ pub fn target(path: &Path) -> Result<PathBuf> {
     let found = match fs::metadata(path) {
         Ok(found) => found,
         Err(failure) if failure.kind() == io::ErrorKind::NotFound => {
-            let problem =
-                "is a link to a file that is not there: remove the link, or name another file";
+            let problem = "is a link to a file that is not there: remove the link, or name another file";
             return Err(Error::file(path, problem));
         }
         Err(failure) => return Err(Error::io("write", path)(failure)),
@@ -116,27 +110,22 @@ struct Unnamed<'a> {
 }
 
 impl<'a> Unnamed<'a> {
-    fn write<T>(
-        path: &'a Path,
-        write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
-    ) -> Result<(Self, T)> {
+    fn write<T>(path: &'a Path, write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>) -> Result<(Self, T)> {
         let target = target(path)?;
         let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
         // In the target's folder, because a file can be renamed only within one file system.
-        let (temporary, mut file) = Temporary::file_in(folder_of(&target), permissions.clone())
-            .map_err(Error::io("create", path))?;
+        let (temporary, mut file) =
+            Temporary::file_in(folder_of(&target), permissions.clone()).map_err(Error::io("create", path))?;
         // Permissions are set before the content is written, which must never be readable by more users than the
         // earlier file was. The umask may have removed some permissions.
         if let Some(permissions) = permissions.filter(|_| cfg!(unix)) {
-            file.set_permissions(permissions)
-                .map_err(Error::io("write", path))?;
+            file.set_permissions(permissions).map_err(Error::io("write", path))?;
         }
         let mut buffer = BufWriter::new(&mut file);
         let value = write(&mut buffer)?;
         buffer.flush().map_err(Error::io("write", path))?;
         drop(buffer);
-        file.sync_all()
-            .map_err(Error::io("bring to the disk", path))?;
+        file.sync_all().map_err(Error::io("bring to the disk", path))?;
         let unnamed = Self {
             path,
             target,
@@ -191,10 +180,7 @@ mod tests {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o7777;
-        let (ordinary, written) = (
-            folder.path().join("ordinary"),
-            folder.path().join("written"),
-        );
+        let (ordinary, written) = (folder.path().join("ordinary"), folder.path().join("written"));
         fs::write(&ordinary, "").unwrap();
         write(&written, b"").unwrap();
         assert_eq!(mode(&written), mode(&ordinary));

@@ -54,10 +54,7 @@ impl Limit {
         // To open a pipe would mean to wait for its other end.
         let found = std::fs::metadata(path).map_err(|source| absent("open", path, source))?;
         if let Some(other) = other_than_a_file(&found) {
-            let problem = format!(
-                "is {other}, and {} is read from a file: copy it to one",
-                self.of
-            );
+            let problem = format!("is {other}, and {} is read from a file: copy it to one", self.of);
             return Err(Error::file(path, problem));
         }
         if found.len() > self.bytes {
@@ -85,9 +82,7 @@ impl Limit {
         let mut bytes = Vec::new();
         // One byte more than allowed is enough to know that there are too many.
         let mut counted = file.take(self.bytes + 1);
-        counted
-            .read_to_end(&mut bytes)
-            .map_err(Error::io("read", path))?;
+        counted.read_to_end(&mut bytes).map_err(Error::io("read", path))?;
         if bytes.len() as u64 > self.bytes {
             return Err(self.exceeded(path));
         }
@@ -109,10 +104,7 @@ mod tests {
     use super::*;
     use test_helpers::holds;
 
-    const SMALL: Limit = Limit {
-        of: "a note",
-        bytes: 4,
-    };
+    const SMALL: Limit = Limit { of: "a note", bytes: 4 };
 
     #[test]
     fn a_file_up_to_its_limit_is_read_and_a_larger_one_is_named_with_it() {
@@ -139,10 +131,7 @@ mod tests {
         }
         let other = SMALL.read(&folder.path().join("silk.csv")).unwrap_err();
         assert!(!other.to_string().contains("did you mean"), "{other}");
-        holds(
-            &SMALL.read(folder.path()).unwrap_err(),
-            &["is a folder", "a note"],
-        );
+        holds(&SMALL.read(folder.path()).unwrap_err(), &["is a folder", "a note"]);
     }
 
     #[cfg(unix)]

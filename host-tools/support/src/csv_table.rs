@@ -294,9 +294,7 @@ impl Lines<'_> {
         self.bytes.clear();
         // A byte more than a row may have shows that it is too long, before a file without line feeds fills the memory.
         let most = MOST_ROW_BYTES as u64 + 1;
-        let read = (&mut self.reader)
-            .take(most)
-            .read_until(b'\n', &mut self.bytes);
+        let read = (&mut self.reader).take(most).read_until(b'\n', &mut self.bytes);
         if read.map_err(Error::io("read", self.path))? == 0 {
             return Ok(false);
         }
@@ -306,12 +304,7 @@ impl Lines<'_> {
         }
         let text = match std::str::from_utf8(&self.bytes) {
             Ok(text) => Cow::Borrowed(text),
-            Err(_)
-                if self
-                    .bytes
-                    .iter()
-                    .all(|byte| byte.is_ascii() || SIGNS.contains(byte)) =>
-            {
+            Err(_) if self.bytes.iter().all(|byte| byte.is_ascii() || SIGNS.contains(byte)) => {
                 // Bytes of this code page have the numbers of their characters in Unicode.
                 self.bytes.iter().map(|&byte| char::from(byte)).collect()
             }
@@ -363,9 +356,7 @@ impl Lines<'_> {
     }
 
     fn too_long(&self) -> Error {
-        self.error(&format!(
-            "a row of more than {MOST_ROW_BYTES} bytes: is it a table?"
-        ))
+        self.error(&format!("a row of more than {MOST_ROW_BYTES} bytes: is it a table?"))
     }
 
     fn error(&self, problem: &str) -> Error {
@@ -591,8 +582,7 @@ impl<'a> Rows<'a> {
         let (mut input, mut written, mut ended) = (self.lines.line.as_bytes(), 0, 0);
         loop {
             let (result, read, bytes, fields) =
-                self.parser
-                    .read_record(input, &mut text[written..], &mut ends[ended..]);
+                self.parser.read_record(input, &mut text[written..], &mut ends[ended..]);
             input = &input[read..];
             written += bytes;
             ended += fields;
@@ -632,11 +622,7 @@ impl<'a> Rows<'a> {
                 } else {
                     ""
                 };
-                format!(
-                    "'{}' in column {} is of no column{commas}",
-                    shown(first),
-                    index + 1
-                )
+                format!("'{}' in column {} is of no column{commas}", shown(first), index + 1)
             }
             None => format!("column {} is missing", count + 1),
         };
@@ -817,20 +803,14 @@ mod tests {
             "# time,x\n# of a hand\n0,1\n",
             "# time,x,y\n0,1\n",
         ] {
-            assert!(
-                names(text).iter().all(|name| name.parse::<f64>().is_ok()),
-                "{text:?}"
-            );
+            assert!(names(text).iter().all(|name| name.parse::<f64>().is_ok()), "{text:?}");
         }
     }
 
     #[test]
     fn a_preamble_is_left_out_and_a_header_above_rows_with_empty_ends_is_none() {
         for (text, line) in [
-            (
-                "Logger 3\nRate: 1000 Hz, 16 bits\n\nt,x,y\n0,1,2\n1,2,3\n",
-                4,
-            ),
+            ("Logger 3\nRate: 1000 Hz, 16 bits\n\nt,x,y\n0,1,2\n1,2,3\n", 4),
             ("Rig A;;\nt;x;y\ns;g;g\n0,5;1;2\n1,5;2;3\n", 2),
             ("t,x,p\n0,1,5\n1,2,\n2,3,\n3,4,6\n", 1),
             ("t,x,p\n0,1,\n1,2,\n", 1),
@@ -861,18 +841,10 @@ mod tests {
         assert_eq!(semicolons.number("-1,25e-3"), Some(-1.25e-3));
         assert_eq!(semicolons.number("1.250,5"), None);
         assert_eq!(semicolons.number("1.5"), None, "after a decimal comma");
-        let message = numbers(&table("x;y\n1.5;2\n1,250;2\n"))
-            .unwrap_err()
-            .to_string();
+        let message = numbers(&table("x;y\n1.5;2\n1,250;2\n")).unwrap_err().to_string();
         holds(
             &message,
-            &[
-                "line 3",
-                "column 1",
-                "'1,250'",
-                "semicolon",
-                "decimals by a point",
-            ],
+            &["line 3", "column 1", "'1,250'", "semicolon", "decimals by a point"],
         );
     }
 
@@ -892,8 +864,7 @@ mod tests {
     }
 
     /// Separators with decimal signs.
-    const DIALECTS: [(&str, &str); 5] =
-        [(";", ","), (";", "."), ("\t", ","), (",", "."), (" ", ".")];
+    const DIALECTS: [(&str, &str); 5] = [(";", ","), (";", "."), ("\t", ","), (",", "."), (" ", ".")];
 
     proptest! {
         /// Line numbers are those of the text, whatever comments, empty lines and line endings precede the row.

@@ -57,11 +57,7 @@ impl Error {
     /// Returns a function for `map_err` that adds the operation and the file to an I/O error.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self::Io {
-            action,
-            path,
-            source,
-        }
+        move |source| Self::Io { action, path, source }
     }
 
     /// Returns an error about the content of a file.
@@ -83,10 +79,8 @@ impl Error {
     /// Returns the error with its path, if it has one, replaced by the result of `of`.
     #[must_use]
     pub(crate) fn with_path(mut self, of: impl FnOnce(&Path) -> PathBuf) -> Self {
-        if let Self::Io { path, .. }
-        | Self::File { path, .. }
-        | Self::Line { path, .. }
-        | Self::Library { path, .. } = &mut self
+        if let Self::Io { path, .. } | Self::File { path, .. } | Self::Line { path, .. } | Self::Library { path, .. } =
+            &mut self
         {
             *path = of(path);
         }

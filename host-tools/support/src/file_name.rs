@@ -71,9 +71,7 @@ pub fn fault(name: &str) -> Option<&'static str> {
         return Some("must have no path separators, control characters or : * ? \" < > |");
     }
     if name.contains(|c: char| ('\u{300}'..='\u{36f}').contains(&c)) {
-        return Some(
-            "has an accent as a character of its own: write the letter and its accent as one",
-        );
+        return Some("has an accent as a character of its own: write the letter and its accent as one");
     }
     if name.ends_with(['.', ' ']) {
         return Some("must not end with a dot or a space");
@@ -138,21 +136,11 @@ mod tests {
     #[test]
     fn names_of_devices_and_endings_that_are_dropped_name_no_folder() {
         for name in [
-            "", "NUL", "con", "Com1.txt", "lpt9", "aux .x", "x.", "x ", "a/b", "a\\b", "C:",
-            "a\nb", "e\u{301}",
+            "", "NUL", "con", "Com1.txt", "lpt9", "aux .x", "x.", "x ", "a/b", "a\\b", "C:", "a\nb", "e\u{301}",
         ] {
             assert!(fault(name).is_some(), "{name:?}");
         }
-        for name in [
-            "denim",
-            "null",
-            "com",
-            "com10",
-            "lpt",
-            "é",
-            "denim (worn)",
-            ".hidden",
-        ] {
+        for name in ["denim", "null", "com", "com10", "lpt", "é", "denim (worn)", ".hidden"] {
             assert_eq!(fault(name), None, "{name:?}");
         }
     }

@@ -14,11 +14,7 @@ const MOST_SAMPLES: usize = ((u32::MAX - HEADER_ROOM) / 4) as usize;
 ///
 /// # Errors
 /// The number of samples is not a multiple of the number of channels, or is more than a WAV file can hold.
-pub fn float_wav(
-    channels: usize,
-    sample_rate: u32,
-    samples: impl IntoIterator<Item = f64>,
-) -> hound::Result<Vec<u8>> {
+pub fn float_wav(channels: usize, sample_rate: u32, samples: impl IntoIterator<Item = f64>) -> hound::Result<Vec<u8>> {
     at_most(MOST_SAMPLES, channels, sample_rate, samples)
 }
 

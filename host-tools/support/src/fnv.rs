@@ -24,9 +24,11 @@ impl Fnv {
     /// The hash of all bytes so far, with `bytes` after them.
     #[must_use]
     pub fn then(self, bytes: &[u8]) -> Self {
-        Self(bytes.iter().fold(self.0, |hash, &byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(PRIME)
-        }))
+        Self(
+            bytes
+                .iter()
+                .fold(self.0, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(PRIME)),
+        )
     }
 
     /// Value of the hash.

@@ -9,10 +9,7 @@ use rayon::prelude::*;
 /// # Errors
 /// The error of the first item, in the order of `items`, that fails, even if another item failed earlier in time. Items
 /// after it may be skipped.
-pub fn in_order<I: Sync, T: Send, E: Send>(
-    items: &[I],
-    work: impl Fn(&I) -> Result<T, E> + Sync,
-) -> Result<Vec<T>, E> {
+pub fn in_order<I: Sync, T: Send, E: Send>(items: &[I], work: impl Fn(&I) -> Result<T, E> + Sync) -> Result<Vec<T>, E> {
     let first_failed = AtomicUsize::new(usize::MAX);
     let results = items.par_iter().enumerate().map(|(index, item)| {
         // A stale value does no harm: the item is only worked on in vain.

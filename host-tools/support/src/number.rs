@@ -72,8 +72,6 @@ pub fn tolerance(text: &str) -> Result<f64, String> {
     const MOST: f64 = 0.25;
     match positive(text) {
         Ok(share) if share <= MOST => Ok(share),
-        _ => Err(format!(
-            "must be a share above zero and at most {MOST}, such as 0.05"
-        )),
+        _ => Err(format!("must be a share above zero and at most {MOST}, such as 0.05")),
     }
 }

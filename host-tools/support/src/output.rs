@@ -93,8 +93,7 @@ fn check_place(path: &Path, folder: &Path) -> Result<()> {
 /// The first of these conditions that does not hold, with the remedy.
 pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
     if path.is_symlink() && !path.exists() {
-        let problem =
-            "is a link to a folder that is not there: remove the link, or name another folder";
+        let problem = "is a link to a folder that is not there: remove the link, or name another folder";
         return Err(Error::file(path, problem));
     }
     let Ok(folder) = fs::canonicalize(path) else {
@@ -109,8 +108,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
     if content.files.is_empty() && content.empty.is_empty() {
         return Ok(());
     }
-    let is_within =
-        |input: &&PathBuf| fs::canonicalize(input).is_ok_and(|input| input.starts_with(&folder));
+    let is_within = |input: &&PathBuf| fs::canonicalize(input).is_ok_and(|input| input.starts_with(&folder));
     if let Some(input) = inputs.iter().find(is_within) {
         let problem = format!(
             "holds an input of the command ({}): name another folder",

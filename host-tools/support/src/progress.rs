@@ -21,8 +21,8 @@ pub fn is_hidden() -> bool {
 ///
 /// indicatif hides the bar if standard error is not a terminal.
 pub fn bar(total: u64, action: &str) -> ProgressBar {
-    let style = ProgressStyle::with_template("{msg:<24} {wide_bar} {pos}/{len}  {eta} left")
-        .expect("the template is fixed");
+    let style =
+        ProgressStyle::with_template("{msg:<24} {wide_bar} {pos}/{len}  {eta} left").expect("the template is fixed");
     shown(ProgressBar::new(total), style, action)
 }
 

@@ -74,20 +74,12 @@ pub struct Temporary {
 impl Temporary {
     /// Creates a file in `folder` with these permissions, or with those of an ordinary file. The process's umask
     /// restricts them further.
-    #[cfg_attr(
-        not(unix),
-        expect(unused_variables, reason = "permissions are those of the folder")
-    )]
-    pub fn file_in(
-        folder: &Path,
-        permissions: Option<fs::Permissions>,
-    ) -> io::Result<(Self, File)> {
+    #[cfg_attr(not(unix), expect(unused_variables, reason = "permissions are those of the folder"))]
+    pub fn file_in(folder: &Path, permissions: Option<fs::Permissions>) -> io::Result<(Self, File)> {
         let builder = &mut tempfile::Builder::new();
         // By default, only its owner could open a temporary file.
         #[cfg(unix)]
-        builder.permissions(
-            permissions.unwrap_or(std::os::unix::fs::PermissionsExt::from_mode(0o666)),
-        );
+        builder.permissions(permissions.unwrap_or(std::os::unix::fs::PermissionsExt::from_mode(0o666)));
         let mut list = lock();
         let made = builder.prefix(PREFIX).tempfile_in(folder);
         // From here on this list, and not tempfile, removes it.

@@ -102,11 +102,7 @@ impl Field {
 
     /// Requires that a condition holds.
     pub fn require(&self, holds: bool, problem: impl FnOnce() -> String) -> Checked {
-        if holds {
-            Ok(())
-        } else {
-            Err(self.fault(problem()))
-        }
+        if holds { Ok(()) } else { Err(self.fault(problem())) }
     }
 
     /// Requires a value above `low` and at most `high`; NaN is outside.
@@ -148,10 +144,7 @@ impl Field {
     pub fn ascending(&self, values: &[f64]) -> Checked {
         for (index, pair) in values.windows(2).enumerate() {
             self.item(index + 1).require(pair[0] < pair[1], || {
-                format!(
-                    "must ascend without repeats, and {} follows {}",
-                    pair[1], pair[0]
-                )
+                format!("must ascend without repeats, and {} follows {}", pair[1], pair[0])
             })?;
         }
         Ok(())
@@ -164,10 +157,7 @@ impl Field {
     pub fn name(&self, name: &str) -> Checked {
         self.require(!name.is_empty(), || "must not be empty".into())?;
         self.require(name.len() <= MAX_NAME_BYTES, || {
-            format!(
-                "must be at most {MAX_NAME_BYTES} bytes long, but is {}",
-                name.len()
-            )
+            format!("must be at most {MAX_NAME_BYTES} bytes long, but is {}", name.len())
         })?;
         if let Some(fault) = file_name::fault(name) {
             return Err(self.fault(format!("is {name:?}; {fault}")));

@@ -43,10 +43,7 @@ pub fn message(text: &str) -> String {
         return shown;
     };
     let begin: String = shown.chars().take(LONGEST_MESSAGE * 2 / 3).collect();
-    let end: String = shown
-        .chars()
-        .skip(LONGEST_MESSAGE * 2 / 3 + left_out)
-        .collect();
+    let end: String = shown.chars().skip(LONGEST_MESSAGE * 2 / 3 + left_out).collect();
     format!("{begin}… ({left_out} characters left out) …{end}")
 }
 
@@ -80,11 +77,7 @@ fn number(c: char, out: &mut String) {
     };
 }
 
-fn replaced(
-    text: &str,
-    is_replaced: impl Fn(char) -> bool,
-    write: impl Fn(char, &mut String),
-) -> Cow<'_, str> {
+fn replaced(text: &str, is_replaced: impl Fn(char) -> bool, write: impl Fn(char, &mut String)) -> Cow<'_, str> {
     if !text.contains(&is_replaced) {
         return Cow::Borrowed(text);
     }
@@ -141,10 +134,7 @@ mod tests {
     #[test]
     fn a_message_keeps_its_place_and_its_remedy_whatever_a_file_made_of_it() {
         assert_eq!(message("a.csv: \n is no number"), "a.csv: \\n is no number");
-        assert_eq!(
-            message(&format!("{}", 1e300)).chars().count(),
-            MOST_DIGITS + 1
-        );
+        assert_eq!(message(&format!("{}", 1e300)).chars().count(), MOST_DIGITS + 1);
         let long = format!("a.csv: {}: remove it", "ä".repeat(5_000_000));
         let shown = message(&long);
         assert!(shown.starts_with("a.csv: ä"), "{shown}");

@@ -35,12 +35,7 @@ impl Warning {
     }
 
     /// Creates a warning about the subject with this noun and name, such as a recording.
-    pub fn of(
-        kind: &'static str,
-        (noun, name): (&'static str, &str),
-        magnitude: f64,
-        text: impl Into<String>,
-    ) -> Self {
+    pub fn of(kind: &'static str, (noun, name): (&'static str, &str), magnitude: f64, text: impl Into<String>) -> Self {
         Self {
             subject: Some((noun, name.to_owned())),
             magnitude,
@@ -82,10 +77,7 @@ pub fn by_kind(warnings: &[Warning]) -> Vec<String> {
         };
         let next = alike[1].subject.as_ref().map_or("", |(_, name)| name);
         let text = &alike[0].text;
-        format!(
-            "{} {noun}s, the worst {worst} and {next}: {text}",
-            alike.len()
-        )
+        format!("{} {noun}s, the worst {worst} and {next}: {text}", alike.len())
     };
     kinds.iter_mut().map(line).collect()
 }
@@ -96,9 +88,7 @@ mod tests {
 
     #[test]
     fn a_kind_is_one_line_with_its_count_and_its_two_worst_and_no_kind_is_lost() {
-        let of = |kind, name: &str, size: f64| {
-            Warning::of_texture(kind, name, size, format!("{size} off"))
-        };
+        let of = |kind, name: &str, size: f64| Warning::of_texture(kind, name, size, format!("{size} off"));
         let all = [
             of("loud", "a", 1.0),
             of("late", "b", 2.0),

@@ -36,10 +36,7 @@ const TARGETS: [(&str, &str); 8] = [
     (FUZZ, ""),
     ("boots", "-p stylus-app --test app -- boots::"),
     ("requests", "-p stylus-app --test app -- interleavings::"),
-    (
-        "settings",
-        "-p stylus-app --test app -- settings::histories::",
-    ),
+    ("settings", "-p stylus-app --test app -- settings::histories::"),
     ("hosts", "-p stylus-app --test app -- hosts::"),
     ("safety", "-p stylus-app --test app -- safety::"),
     (
@@ -105,9 +102,7 @@ fn round(name: &str, tests: &str, seed: u64, limit: Option<Duration>) -> Command
 /// # Errors
 /// The first failure, with its seed.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let is_asked = |name| {
-        arguments.targets.is_empty() || arguments.targets.iter().any(|target| target == name)
-    };
+    let is_asked = |name| arguments.targets.is_empty() || arguments.targets.iter().any(|target| target == name);
     let begin = Instant::now();
     let (mut rounds, mut targets) = (0, Vec::from(TARGETS));
     targets.retain(|(name, _)| is_asked(*name));

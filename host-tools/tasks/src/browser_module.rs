@@ -37,14 +37,9 @@ struct Built {
 
 /// Builds the module and keeps it. Returns a message on the result.
 pub fn write() -> Result<String> {
-    let Built {
-        bytes, compiler, ..
-    } = build()?;
+    let Built { bytes, compiler, .. } = build()?;
     std::fs::write(workspace::root().join(KEPT), &bytes)?;
-    std::fs::write(
-        workspace::root().join(KEPT_COMPILER),
-        format!("{compiler}\n"),
-    )?;
+    std::fs::write(workspace::root().join(KEPT_COMPILER), format!("{compiler}\n"))?;
     Ok(format!("{KEPT}: {} bytes by {compiler}", bytes.len()))
 }
 
@@ -108,9 +103,7 @@ fn play(file: &Path) -> Result<()> {
 
 fn build() -> Result<Built> {
     if !toolchain::has_target(TARGET) {
-        bail!(
-            "the Rust toolchain here does not build for {TARGET}; install it: `rustup target add {TARGET}`"
-        );
+        bail!("the Rust toolchain here does not build for {TARGET}; install it: `rustup target add {TARGET}`");
     }
     let folders = Folders::here("browser");
     let mut cargo = Command::new("cargo");
@@ -126,11 +119,7 @@ fn build() -> Result<Built> {
         // Incremental compilation would divide the code differently.
         .env("CARGO_INCREMENTAL", "0");
     process::run(&mut cargo)?;
-    let file = folders
-        .target
-        .join(TARGET)
-        .join(PROFILE)
-        .join("stylus_browser.wasm");
+    let file = folders.target.join(TARGET).join(PROFILE).join("stylus_browser.wasm");
     let bytes = std::fs::read(process::built(file.clone())?)?;
     // Then the same sources would give other bytes in another folder.
     if let Some(name) = folders.named_in(&bytes) {

@@ -44,10 +44,7 @@ impl EmulatorReport {
         let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
         let end = lines.iter().position(|line| *line == keyword::END);
         let end = end.context("the image's report ends before its last line")?;
-        ensure!(
-            end + 1 == lines.len(),
-            "the image's report goes on after its end"
-        );
+        ensure!(end + 1 == lines.len(), "the image's report goes on after its end");
         for line in &lines[..end] {
             let costs = match line.split(' ').next() {
                 Some(keyword::SAMPLE_COST) => &mut report.samples,
@@ -104,11 +101,7 @@ pub fn on_host() -> Vec<String> {
             let sink = |sample: model_format::OutputSample| words.push(sample.0.cast_unsigned());
             let full_scale = run::<Portable>(&library, vector, sink);
             let full_scale = full_scale.expect("the library holds every vector");
-            played.push(format!(
-                "{} {arithmetic} {}",
-                keyword::VECTOR,
-                vector.texture
-            ));
+            played.push(format!("{} {arithmetic} {}", keyword::VECTOR, vector.texture));
             played.extend(lines(&words));
             played.push(format!("{} {full_scale}", keyword::FULL_SCALE));
         }
@@ -149,12 +142,7 @@ pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
     for measured in &MEASURED {
         let texture = measured.texture;
         for (what, costs, calls, budget) in [
-            (
-                "sample",
-                &report.samples,
-                MIN_CALLS,
-                measured.budget_instructions,
-            ),
+            ("sample", &report.samples, MIN_CALLS, measured.budget_instructions),
             (
                 "update",
                 &report.follows,
@@ -168,19 +156,13 @@ pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
                 bail!("{name}, {texture}: the cost of a {what} was not measured often enough");
             };
             let Cost { fewest, most, .. } = cost;
-            println!(
-                "{name}, {texture}: a {what} takes {fewest} to {most} instructions of {budget}"
-            );
+            println!("{name}, {texture}: a {what} takes {fewest} to {most} instructions of {budget}");
             // The length of a tick must not depend on the data; an update may vary within its budget.
             if what == "sample" && fewest != most {
-                bail!(
-                    "{name}, {texture}: a sample takes {fewest} to {most} instructions, by the data"
-                );
+                bail!("{name}, {texture}: a sample takes {fewest} to {most} instructions, by the data");
             }
             if *most > budget {
-                bail!(
-                    "{name}, {texture}: a {what} takes {most} instructions, and its budget is {budget}"
-                );
+                bail!("{name}, {texture}: a {what} takes {most} instructions, and its budget is {budget}");
             }
         }
     }
@@ -213,9 +195,7 @@ mod tests {
         assert!(flipped.contains(VECTORS[0].texture), "{flipped}");
         assert!(changed(|played| drop(played.pop())).contains("'nothing'"));
         assert!(changed(|played| drop(played.remove(0))).contains("line 1"));
-        assert!(
-            changed(|played| played.push("words".to_owned())).contains("on the host 'nothing'")
-        );
+        assert!(changed(|played| played.push("words".to_owned())).contains("on the host 'nothing'"));
     }
 
     #[test]
@@ -242,16 +222,8 @@ mod tests {
             (Vec::new(), costs(7, 7, calls), false),
             (costs(7, 7, calls), Vec::new(), false),
             (costs(sample, sample, calls), costs(0, update, calls), true),
-            (
-                costs(sample + 1, sample + 1, calls),
-                costs(0, update, calls),
-                false,
-            ),
-            (
-                costs(sample, sample, calls),
-                costs(0, update + 1, calls),
-                false,
-            ),
+            (costs(sample + 1, sample + 1, calls), costs(0, update, calls), false),
+            (costs(sample, sample, calls), costs(0, update + 1, calls), false),
         ] {
             let report = EmulatorReport {
                 samples,

@@ -18,10 +18,7 @@ const BOARD_MINUTES: f64 = 10.0;
 
 /// Options of `cargo tasks hil`.
 #[derive(clap::Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a switch of the command line"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Arguments {
     /// The stylus: usb[:SERIAL], serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
     #[arg(long, env = "STYLUS_LINK", required_unless_present = "virtual_stylus")]
@@ -54,14 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // Building an example selects the same features as the tests, with which the library of the host's tools is already
     // built.
     let mut build = Command::new("cargo");
-    build.args([
-        "build",
-        "--quiet",
-        "--locked",
-        "--workspace",
-        "--bin",
-        "hil",
-    ]);
+    build.args(["build", "--quiet", "--locked", "--workspace", "--bin", "hil"]);
     build.args(["--example", "forty_lines"]);
     process::run(build.current_dir(workspace::root()))?;
     let mut suite = Command::new(workspace::host_target_folder().join("debug/hil"));
@@ -70,9 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let product = firmware::build(&toolchain, Image::Product)?;
         let faults = firmware::build(&toolchain, Image::FaultInjection)?;
         if arguments.virtual_stylus {
-            suite
-                .arg("--virtual-stylus")
-                .arg(virtual_stylus::build_as_tested()?);
+            suite.arg("--virtual-stylus").arg(virtual_stylus::build_as_tested()?);
         } else {
             let program = firmware::probe_rs()?;
             firmware::download(&product)?;
@@ -90,10 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // The environment may name the link of a board, for other commands.
     let link = arguments.link.iter().filter(|_| !arguments.virtual_stylus);
     suite.args(link.flat_map(|link| ["--link", link]));
-    let files = [
-        ("--json", &arguments.json),
-        ("--library", &arguments.library),
-    ];
+    let files = [("--json", &arguments.json), ("--library", &arguments.library)];
     for (option, file) in files {
         if let Some(file) = file {
             suite.arg(option).arg(file);

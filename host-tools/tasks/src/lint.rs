@@ -54,8 +54,7 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let target_folder = workspace::target_folder(PROCESSOR.name());
     let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
     guest.arg("--release");
-    let mut bootloader =
-        firmware::bootloader(toolchain, "clippy", &Folders::here(firmware::FOLDER));
+    let mut bootloader = firmware::bootloader(toolchain, "clippy", &Folders::here(firmware::FOLDER));
     for command in [&mut packages, &mut image, &mut bootloader, &mut guest] {
         command.arg("--quiet");
         command.env("RUSTFLAGS", guest::compiler_flags(PROCESSOR));

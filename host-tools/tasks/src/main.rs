@@ -10,8 +10,7 @@ use tasks::firmware::Image;
 use tasks::process::Progress;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, browser_module, firmware, hil, house, lint, qemu, release, soak, tables,
-    virtual_stylus, workspace,
+    attack, browser_module, firmware, hil, house, lint, qemu, release, soak, tables, virtual_stylus, workspace,
 };
 
 /// Tasks around the microcontroller's core.
@@ -97,9 +96,7 @@ enum Task {
 fn main() -> ExitCode {
     let done = match Arguments::parse().task {
         Task::Setup => setup(),
-        Task::Firmware { fault_injection } => {
-            build_firmware(either(fault_injection, Image::FaultInjection)).map(drop)
-        }
+        Task::Firmware { fault_injection } => build_firmware(either(fault_injection, Image::FaultInjection)).map(drop),
         Task::Image(arguments) => build_firmware(Image::Product)
             .and_then(|file| firmware::write_update(&file, &arguments))
             .map(|written| println!("{}", written.display())),
@@ -111,16 +108,18 @@ fn main() -> ExitCode {
         Task::Reproducible => Toolchain::find()
             .and_then(|toolchain| firmware::check_reproducible(&toolchain))
             .map(|bytes| println!("the same {bytes} bytes from two folders")),
-        Task::Flash { debug_halt } => build_firmware(either(debug_halt, Image::DebugHalt))
-            .and_then(|file| firmware::flash(&file)),
+        Task::Flash { debug_halt } => {
+            build_firmware(either(debug_halt, Image::DebugHalt)).and_then(|file| firmware::flash(&file))
+        }
         Task::VirtualStylus { arguments } => {
             match Toolchain::find().and_then(|found| virtual_stylus::run(&found, &arguments)) {
                 Ok(code) => return ExitCode::from(code),
                 Err(failure) => Err(failure),
             }
         }
-        Task::TestVirtualStylus { long, arguments } => Toolchain::find()
-            .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
+        Task::TestVirtualStylus { long, arguments } => {
+            Toolchain::find().and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments))
+        }
         Task::Hil(arguments) => hil::run(&arguments),
         Task::Attack(arguments) => attack::run(&arguments),
         Task::Soak(arguments) => soak::run(&arguments),
@@ -135,9 +134,7 @@ fn main() -> ExitCode {
             };
             done.map(|told| println!("{told}"))
         }
-        Task::Release(arguments) => {
-            release::run(&arguments).map(|folder| println!("{}", folder.display()))
-        }
+        Task::Release(arguments) => release::run(&arguments).map(|folder| println!("{}", folder.display())),
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),
     };
@@ -160,10 +157,7 @@ fn setup() -> Result<()> {
     let toolchain = Toolchain::find();
     let lints = toolchain.as_ref().ok().map_or(Ok(()), check_clippy);
     let programs = [
-        (
-            "toolchain for the target",
-            toolchain.map(|found| found.to_string()),
-        ),
+        ("toolchain for the target", toolchain.map(|found| found.to_string())),
         ("lints for the target", lints.map(|()| "found".to_owned())),
         ("emulator", qemu::version()),
     ];
@@ -198,9 +192,9 @@ fn check_house() -> Result<()> {
     }
     match findings.len() {
         0 => Ok(()),
-        count => bail!(
-            "the house is not as drawn, in {count} places above; the rules are in host-tools/tasks/src/house"
-        ),
+        count => {
+            bail!("the house is not as drawn, in {count} places above; the rules are in host-tools/tasks/src/house")
+        }
     }
 }
 

@@ -56,10 +56,7 @@ pub fn output(command: &mut Command) -> Result<String> {
 
 fn whole(command: &Command) -> String {
     let arguments = command.get_args().map(|word| word.to_string_lossy());
-    let words: Vec<_> = [name(command).into()]
-        .into_iter()
-        .chain(arguments)
-        .collect();
+    let words: Vec<_> = [name(command).into()].into_iter().chain(arguments).collect();
     words.join(" ")
 }
 
@@ -71,9 +68,7 @@ fn name(command: &Command) -> String {
 /// Returns the version that `program` prints after the word "version".
 pub fn version(program: &PathBuf) -> Result<String> {
     let text = output(Command::new(program).arg("--version"))?;
-    let mut words = text
-        .split_whitespace()
-        .skip_while(|&word| word != "version");
+    let mut words = text.split_whitespace().skip_while(|&word| word != "version");
     let version = words.nth(1);
     version
         .map(str::to_owned)
@@ -95,10 +90,7 @@ pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
 /// Returns `file`, which a build must have written.
 pub fn built(file: PathBuf) -> Result<PathBuf> {
     if !file.is_file() {
-        bail!(
-            "{}: the build succeeded and left no file here",
-            file.display()
-        );
+        bail!("{}: the build succeeded and left no file here", file.display());
     }
     Ok(file)
 }

@@ -29,13 +29,7 @@ pub fn find() -> Result<PathBuf> {
         QEMU,
         "`tests/run` unpacks it on Debian without root; as root, `apt-get install qemu-system-arm`",
     )
-    .or_else(|missing| {
-        if unpacked.is_file() {
-            Ok(unpacked)
-        } else {
-            Err(missing)
-        }
-    })
+    .or_else(|missing| if unpacked.is_file() { Ok(unpacked) } else { Err(missing) })
 }
 
 /// Returns QEMU's version in the form that QEMU prints: numbers with points.
@@ -65,10 +59,7 @@ pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<
     let machine = processor.machine();
     match status {
         Some(status) if status.success() => Ok(output),
-        Some(status) => bail!(
-            "the image on {machine} failed ({status}); its last lines:\n{}",
-            tail()
-        ),
+        Some(status) => bail!("the image on {machine} failed ({status}); its last lines:\n{}", tail()),
         None => bail!(
             "the image on {machine} did not end within {} s and was stopped; its last lines:\n{}",
             TIME_LIMIT.as_secs(),
@@ -92,10 +83,7 @@ fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Result<
     if let Some(JobFile(file)) = job {
         // Within a value, QEMU reads two commas as one.
         let path = file.path().to_string_lossy().replace(',', ",,");
-        command.args([
-            "-device",
-            &format!("loader,file={path},addr={ADDRESS:#x},force-raw=on"),
-        ]);
+        command.args(["-device", &format!("loader,file={path},addr={ADDRESS:#x},force-raw=on")]);
     }
     Ok(command)
 }
@@ -105,12 +93,7 @@ struct JobFile(tempfile::NamedTempFile);
 
 impl JobFile {
     fn write(job: &Job<'_>) -> Result<Self> {
-        let too_large = || {
-            format!(
-                "a job takes more than the {} bytes of its room",
-                job::CAPACITY
-            )
-        };
+        let too_large = || format!("a job takes more than the {} bytes of its room", job::CAPACITY);
         let bytes = job::write(job).with_context(too_large)?;
         let mut file = tempfile::NamedTempFile::new()?;
         file.write_all(&bytes)?;

@@ -26,9 +26,7 @@ pub struct Arguments {
 /// A build fails, or an invariant does not hold. The message contains the seed.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let toolchain = Toolchain::find()?;
-    let seed = arguments
-        .seed
-        .unwrap_or_else(|| RandomState::new().hash_one(0));
+    let seed = arguments.seed.unwrap_or_else(|| RandomState::new().hash_one(0));
     println!("soak, seed {seed}");
     let variables = [
         ("STYLUS_SOAK_SECONDS", arguments.time.as_secs()),

@@ -14,8 +14,7 @@ use crate::workspace::TARGET;
 use crate::{process, workspace};
 
 /// Packages of Debian 12 that build for [`TARGET`].
-const DEBIAN_PACKAGES: &str =
-    "rustc-web cargo-web rust-web-src rust-web-llvm rust-web-clippy lld-22";
+const DEBIAN_PACKAGES: &str = "rustc-web cargo-web rust-web-src rust-web-llvm rust-web-clippy lld-22";
 
 /// Returns the folder with the programs of Debian's toolchain: the unpacked one if there is one, else the installed
 /// one.
@@ -44,17 +43,13 @@ impl Toolchain {
     /// Returns the first toolchain found that builds for the target.
     pub fn find() -> Result<Self> {
         if let Some(sysroot) = sysroot(Path::new("rustc"))
-            && sysroot
-                .join("lib/rustlib")
-                .join(TARGET)
-                .join("lib")
-                .is_dir()
+            && sysroot.join("lib/rustlib").join(TARGET).join("lib").is_dir()
         {
             return Ok(Self::Installed { sysroot });
         }
         let debian = |program: &str| debian_folder().join(program);
-        let source = sysroot(&debian("rustc"))
-            .is_some_and(|sysroot| sysroot.join("lib/rustlib/src/rust/library/core").is_dir());
+        let source =
+            sysroot(&debian("rustc")).is_some_and(|sysroot| sysroot.join("lib/rustlib/src/rust/library/core").is_dir());
         if source && debian("cargo").is_file() && debian("rust-lld").is_file() {
             Ok(Self::Debian)
         } else {
@@ -77,10 +72,7 @@ impl Toolchain {
     /// Returns the version of the compiler, without its name.
     pub fn compiler(&self) -> Result<String> {
         let version = self.compiler_version()?;
-        Ok(version
-            .strip_prefix("rustc ")
-            .unwrap_or(&version)
-            .to_owned())
+        Ok(version.strip_prefix("rustc ").unwrap_or(&version).to_owned())
     }
 
     /// Returns the command `cargo <subcommand> --locked --target <the target>`, run in `folder`, with outputs in
@@ -98,9 +90,7 @@ impl Toolchain {
             // The compiler looks for its linker, rust-lld, on the search path.
             command.env("PATH", debian_first());
             // Building `core` is a nightly feature. No other nightly feature is used.
-            command
-                .env("RUSTC_BOOTSTRAP", "1")
-                .args(["-Z", "build-std=core"]);
+            command.env("RUSTC_BOOTSTRAP", "1").args(["-Z", "build-std=core"]);
         }
         command
     }
@@ -112,11 +102,7 @@ impl std::fmt::Display for Toolchain {
             Self::Installed { sysroot } => write!(f, "{}", sysroot.display()),
             Self::Debian => {
                 let folder = debian_folder();
-                write!(
-                    f,
-                    "Debian's, in {}, with core from its source",
-                    folder.display()
-                )
+                write!(f, "Debian's, in {}, with core from its source", folder.display())
             }
         }
     }
@@ -141,9 +127,7 @@ pub fn has_target(target: &str) -> bool {
 
 fn sysroot(rustc: &Path) -> Option<PathBuf> {
     let mut rustc = Command::new(rustc);
-    rustc
-        .args(["--print", "sysroot"])
-        .current_dir(workspace::root());
+    rustc.args(["--print", "sysroot"]).current_dir(workspace::root());
     process::output(&mut rustc).ok().map(PathBuf::from)
 }
 
@@ -184,8 +168,6 @@ pub fn check_clippy(toolchain: &Toolchain) -> Result<()> {
     match toolchain {
         Toolchain::Debian if debian_folder().join("cargo-clippy").is_file() => Ok(()),
         Toolchain::Debian => bail!("clippy is not installed: `apt-get install rust-web-clippy`"),
-        Toolchain::Installed { .. } => {
-            process::find("cargo-clippy", "`rustup component add clippy`").map(drop)
-        }
+        Toolchain::Installed { .. } => process::find("cargo-clippy", "`rustup component add clippy`").map(drop),
     }
 }

@@ -110,14 +110,7 @@ pub fn soak(toolchain: &Toolchain, variables: [(&str, u64); 2]) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let mut test = tests(toolchain, product)?;
     test.envs(variables.map(|(name, value)| (name, value.to_string())));
-    process::run(test.args([
-        "--test",
-        "image",
-        "--",
-        "--ignored",
-        "--nocapture",
-        "soak::",
-    ]))
+    process::run(test.args(["--test", "image", "--", "--ignored", "--nocapture", "soak::"]))
 }
 
 /// Returns the command that tests the virtual stylus with the product's image in the file `product`.
@@ -125,10 +118,7 @@ fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test", Progress::Quiet);
     test.env("STYLUS_IMAGE", product);
     test.env("STYLUS_COMPILER", toolchain.compiler()?);
-    test.env(
-        "STYLUS_FAULT_IMAGE",
-        firmware::build(toolchain, Image::FaultInjection)?,
-    );
+    test.env("STYLUS_FAULT_IMAGE", firmware::build(toolchain, Image::FaultInjection)?);
     test.env("VIRTUAL_STYLUS_PROBE_IMAGE", build_probe(toolchain)?);
     Ok(test)
 }

@@ -15,8 +15,7 @@ pub fn root() -> &'static Path {
 
 /// Returns the folder of the host's builds.
 pub fn host_target_folder() -> PathBuf {
-    let host =
-        env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
+    let host = env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
     root().join(host)
 }
 
@@ -56,11 +55,7 @@ impl Folders {
     pub fn named_in(&self, output: &[u8]) -> Option<String> {
         let folders = [&self.sources, &self.cargo_home, &self.target].into_iter();
         let mut names = folders.map(|folder| folder.display().to_string());
-        names.find(|name| {
-            output
-                .windows(name.len())
-                .any(|part| part == name.as_bytes())
-        })
+        names.find(|name| output.windows(name.len()).any(|part| part == name.as_bytes()))
     }
 
     /// Returns flags for the compiler, `flags` first, in the form that `CARGO_ENCODED_RUSTFLAGS` requires.

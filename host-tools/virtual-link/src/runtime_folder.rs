@@ -29,10 +29,7 @@ fn first_of(runtime: Option<&Path>, home: Option<&Path>, temporary: &Path) -> io
     let is_usable = |folder: &&Path| folder.is_absolute() && is_own(folder);
     let runtime = runtime.filter(is_usable).map(|folder| folder.join(NAME));
     let home = (home.filter(is_usable)).map(|folder| folder.join(format!(".{NAME}")));
-    let mut private_ones = [runtime, home]
-        .into_iter()
-        .flatten()
-        .map(|folder| private(&folder));
+    let mut private_ones = [runtime, home].into_iter().flatten().map(|folder| private(&folder));
     match private_ones.find_map(Result::ok) {
         Some(folder) => Ok(folder),
         None => private(temporary),
@@ -117,14 +114,8 @@ mod tests {
         std::fs::write(at("temporary"), "").unwrap();
         let (runtime, home, temporary) = (at("runtime"), at("home"), at("temporary"));
         let first = |runtime: Option<&Path>, home| first_of(runtime, home, &temporary).ok();
-        assert_eq!(
-            first(Some(&runtime), Some(&home)),
-            Some(runtime.join("stylus"))
-        );
-        assert_eq!(
-            first(Some(&at("gone")), Some(&home)),
-            Some(home.join(".stylus"))
-        );
+        assert_eq!(first(Some(&runtime), Some(&home)), Some(runtime.join("stylus")));
+        assert_eq!(first(Some(&at("gone")), Some(&home)), Some(home.join(".stylus")));
         assert_eq!(first(None, Some(&home)), Some(home.join(".stylus")));
         assert_eq!(first(None, None), None);
     }

@@ -45,12 +45,7 @@ pub fn encode(message: &impl Serialize) -> Vec<u8> {
 
 /// Removes the first message from the front of `bytes`, and returns it, or `None` if it is not yet complete.
 pub fn take<T: for<'a> Deserialize<'a>>(bytes: &mut VecDeque<u8>) -> io::Result<Option<T>> {
-    let unusable = || {
-        io::Error::new(
-            io::ErrorKind::InvalidData,
-            "not a message that is known here",
-        )
-    };
+    let unusable = || io::Error::new(io::ErrorKind::InvalidData, "not a message that is known here");
     let head: Vec<u8> = bytes.iter().copied().take(4).collect();
     let Some(length) = head.first_chunk().map(|head| u32::from_le_bytes(*head)) else {
         return Ok(None);
@@ -63,9 +58,7 @@ pub fn take<T: for<'a> Deserialize<'a>>(bytes: &mut VecDeque<u8>) -> io::Result<
         return Ok(None);
     }
     let message: Vec<u8> = bytes.drain(..end).skip(4).collect();
-    postcard::from_bytes(&message)
-        .map(Some)
-        .map_err(|_| unusable())
+    postcard::from_bytes(&message).map(Some).map_err(|_| unusable())
 }
 
 #[cfg(test)]

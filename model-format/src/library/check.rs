@@ -19,22 +19,12 @@ use crate::wire::{NodeRecord, Summary};
 pub(super) fn check_header(texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
     let here = |problem: Problem| problem.at(Place::Texture(index));
     let lengths = [1, limits::MAX_NAME_BYTES];
-    Problem::count(
-        "the length of the name in bytes",
-        texture.name.len(),
-        lengths,
-    )
-    .map_err(here)?;
+    Problem::count("the length of the name in bytes", texture.name.len(), lengths).map_err(here)?;
     if texture.name.chars().any(char::is_control) {
         return Err(here(Problem::Rule("a name with a control character")));
     }
     let (rate, rates) = (texture.sample_rate_hz, [1, limits::MAX_SAMPLE_RATE_HZ]);
-    Problem::count(
-        "the sample rate in Hz",
-        rate as usize,
-        rates.map(|hz| hz as usize),
-    )
-    .map_err(here)?;
+    Problem::count("the sample rate in Hz", rate as usize, rates.map(|hz| hz as usize)).map_err(here)?;
     check_axis(texture.speed_axis, Place::SpeedAxis(index))?;
     check_axis(texture.force_axis, Place::ForceAxis(index))?;
     whole_records(texture.nodes, NodeRecord::BYTES).map_err(here)?;
@@ -50,12 +40,7 @@ pub(super) fn check_header(texture: &Texture<'_>, index: usize) -> Result<(), De
 fn check_axis(axis: Axis<'_>, place: Place) -> Result<(), DecodeError> {
     let at = |problem: Problem| problem.at(place);
     whole_records(axis.0, Axis::VALUE_BYTES).map_err(at)?;
-    Problem::count(
-        "the number of values",
-        axis.len(),
-        [1, limits::MAX_AXIS_LEN],
-    )
-    .map_err(at)?;
+    Problem::count("the number of values", axis.len(), [1, limits::MAX_AXIS_LEN]).map_err(at)?;
     let mut before = None;
     for value in axis.values() {
         Problem::within("a value", value, [0.0, f32::MAX]).map_err(at)?;
@@ -142,9 +127,7 @@ impl<'a> NodesCheck<'a> {
             return here(Problem::Needless("the last stage of fractions of θ"));
         }
         // Without a node of more stages, all steps are 0 and the part states nothing.
-        if self.texture.has_tails()
-            && usize::from(self.summary.highest_order) <= limits::MAX_FINE_STAGES
-        {
+        if self.texture.has_tails() && usize::from(self.summary.highest_order) <= limits::MAX_FINE_STAGES {
             return here(Problem::Needless("the part with the steps of tails"));
         }
         let (stored, found) = (self.texture.summary, self.summary);
@@ -159,11 +142,7 @@ impl<'a> NodesCheck<'a> {
 
     /// Checks that the coefficients end at byte `end`.
     fn check_length(&self, end: usize) -> Result<(), Problem> {
-        Problem::same(
-            "bytes of coefficients",
-            self.texture.coefficients.len(),
-            end,
-        )
+        Problem::same("bytes of coefficients", self.texture.coefficients.len(), end)
     }
 
     /// Checks the next node, and returns the byte at which its coefficients end.
@@ -171,17 +150,11 @@ impl<'a> NodesCheck<'a> {
         let texture = &self.texture;
         check_record(texture, self.number, record)?;
         // Nodes lie one after the other, so that no two share coefficients and none are left over.
-        Problem::same(
-            "the begin of its coefficients",
-            record.offset as usize,
-            self.begin,
-        )?;
+        Problem::same("the begin of its coefficients", record.offset as usize, self.begin)?;
         let order = usize::from(record.order);
         let end = self.begin + texture.bytes_of_order(order);
         let Some(bytes) = texture.coefficients.get(self.begin..end) else {
-            return Err(Problem::Rule(
-                "the coefficients end within those of this node",
-            ));
+            return Err(Problem::Rule("the coefficients end within those of this node"));
         };
         self.summary = self.summary.with_node(record.order, record.output_power);
         self.last_fine_stage_is_used |= self.check_stages(order, bytes)?;
@@ -229,9 +202,7 @@ fn check_record(texture: &Texture<'_>, number: usize, record: &NodeRecord) -> Re
         }
     }
     if record.prediction_error_power > record.output_power {
-        return Err(Problem::Rule(
-            "the prediction error's power is above the output's",
-        ));
+        return Err(Problem::Rule("the prediction error's power is above the output's"));
     }
     let silent = record.output_power.to_bits() == 0;
     if flags.contains(NodeFlags::SILENT) != silent {
@@ -309,8 +280,7 @@ impl<'a> LinesCheck<'a> {
                         self.sounds = true;
                         // Only the first force can be 0, because the axis ascends.
                         if rests || (self.force == 0 && forces.value(0) <= 0.0) {
-                            let rule =
-                                "a line must have an amplitude of 0 at speed 0 and at force 0";
+                            let rule = "a line must have an amplitude of 0 at speed 0 and at force 0";
                             return Err(self.at_node(Problem::Rule(rule)));
                         }
                     }

@@ -216,8 +216,8 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             return Err(at(Problem::NotALibrary));
         }
         let found = self.bytes.len();
-        let (prefix, _) = postcard::take_from_bytes::<Prefix>(self.bytes)
-            .map_err(|_| at(Problem::Malformed("its prefix")))?;
+        let (prefix, _) =
+            postcard::take_from_bytes::<Prefix>(self.bytes).map_err(|_| at(Problem::Malformed("its prefix")))?;
         // Before all other rules, which may differ in another version.
         if prefix.version != wire::FORMAT_VERSION {
             let found = prefix.version;
@@ -272,22 +272,14 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             return Ok(Stage::Scene);
         }
         let here = |problem: Problem| problem.at(Place::Texture(index));
-        let record = self
-            .rest
-            .string()
-            .ok_or(here(Problem::Malformed("its header")))?;
+        let record = self.rest.string().ok_or(here(Problem::Malformed("its header")))?;
         let texture = Texture::parse(record, index)?;
         check_header(&texture, index)?;
         // A record begins with its name.
         let offset = self.offset(record);
         let work = self.work.borrow_mut();
         let inserted = work.texture_names.insert(self.bytes, offset);
-        inserted.map_err(|other| {
-            here(Problem::Taken {
-                what: "name",
-                other,
-            })
-        })?;
+        inserted.map_err(|other| here(Problem::Taken { what: "name", other }))?;
         // The bounds are taken from the texture's summary. The summary is compared with the nodes before any scene is
         // checked.
         work.bounds[index] = TextureBounds::of(&texture);
@@ -310,12 +302,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             .validate_with(self.library.len, |_, texture| bounds.get(texture).copied())
             .map_err(|error| here(error.into()))?;
         let inserted = work.scene_names.insert(self.bytes, offset);
-        inserted.map_err(|other| {
-            here(Problem::Taken {
-                what: "name",
-                other,
-            })
-        })?;
+        inserted.map_err(|other| here(Problem::Taken { what: "name", other }))?;
         self.scenes += 1;
         Ok(if scene.equaliser.is_empty() {
             Stage::Scene

@@ -93,11 +93,7 @@ mod tests {
             let bytes = strings(&texts, length);
             let mut names = Names::<256>::new();
             for index in 0..256 {
-                let expected = if length == 7 || index == 0 {
-                    Ok(())
-                } else {
-                    Err(0)
-                };
+                let expected = if length == 7 || index == 0 { Ok(()) } else { Err(0) };
                 assert_eq!(names.insert(&bytes, 8 * index), expected);
             }
             for index in (0..256).filter(|_| length == 7) {
@@ -108,16 +104,13 @@ mod tests {
 
     #[test]
     fn the_order_is_total_and_only_equal_strings_are_equal() {
-        let texts: [&[u8]; 9] = [
-            b"", b"a", b"b", b"aa", b"abcd", b"abce", b"bbcd", b"abcde", b"abcdf",
-        ];
+        let texts: [&[u8]; 9] = [b"", b"a", b"b", b"aa", b"abcd", b"abce", b"bbcd", b"abcde", b"abcdf"];
         for one in texts {
             for other in texts {
                 assert_eq!(order(one, other), order(other, one).reverse());
                 assert_eq!(order(one, other) == Ordering::Equal, one == other);
                 for third in texts {
-                    if order(one, other) == Ordering::Less && order(other, third) == Ordering::Less
-                    {
+                    if order(one, other) == Ordering::Less && order(other, third) == Ordering::Less {
                         assert_eq!(order(one, third), Ordering::Less);
                     }
                 }

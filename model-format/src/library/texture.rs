@@ -33,8 +33,7 @@ impl<'a> Texture<'a> {
     pub(crate) fn parse(bytes: &'a [u8], index: usize) -> Result<Self, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Texture(index));
         let mut reader = Reader(bytes);
-        let record =
-            TextureRecord::read(&mut reader).ok_or(here(Problem::Malformed("its header")))?;
+        let record = TextureRecord::read(&mut reader).ok_or(here(Problem::Malformed("its header")))?;
         let parts = Parts::read(&mut reader).map_err(here)?;
         if !reader.0.is_empty() {
             return Err(here(Problem::LeftOver(reader.0.len())));
@@ -246,12 +245,7 @@ impl<'a> Texture<'a> {
 
     /// The codes of 16 bits and the tail of node number `index`, whose coefficients are `bytes`.
     #[inline]
-    pub(super) fn lattice_codes(
-        &self,
-        index: usize,
-        order: usize,
-        bytes: &'a [u8],
-    ) -> (&'a [[u8; 2]], Tail<'a>) {
+    pub(super) fn lattice_codes(&self, index: usize, order: usize, bytes: &'a [u8]) -> (&'a [[u8; 2]], Tail<'a>) {
         let Some(part) = self.parts.tails else {
             return (bytes.as_chunks().0, Tail::default());
         };

@@ -78,8 +78,7 @@ impl<'a> Library<'a> {
     /// The texture of this name, if there is one. Of the textures before it, only the names are read.
     pub fn texture(&self, name: &str) -> Option<Texture<'a>> {
         let mut records = self.records().enumerate();
-        let (index, record) =
-            records.find(|(_, r)| Texture::name_of(r) == Some(name.as_bytes()))?;
+        let (index, record) = records.find(|(_, r)| Texture::name_of(r) == Some(name.as_bytes()))?;
         Texture::parse(record, index).ok()
     }
 

@@ -29,8 +29,7 @@ pub const BUILT_FOR_OHM: f32 = 8.0;
 ///
 /// This cap holds for any `coil-resistance`, `amplifier-gain` and `power-limit`. A gain that is set too small, or a
 /// resistance that is set too large, cannot lead beyond the cap.
-pub const MAX_PIN_MEAN_SQUARE: f32 =
-    MAX_COIL_POWER_WATT * BUILT_FOR_OHM / (BUILT_FOR_GAIN * BUILT_FOR_GAIN);
+pub const MAX_PIN_MEAN_SQUARE: f32 = MAX_COIL_POWER_WATT * BUILT_FOR_OHM / (BUILT_FOR_GAIN * BUILT_FOR_GAIN);
 
 /// Longest `thermal-time-constant`, s. Before the thermal limiter acts, a cold coil takes up an energy of this time
 /// constant times its power limit: 60 J at most, for any settings.

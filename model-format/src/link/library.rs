@@ -119,13 +119,9 @@ pub enum ActivateError {
         /// Fault of the slot.
         fault: SlotFault,
     },
-    #[error(
-        "the copy of slot {slot} in RAM differs from it, and no library is active now: activate again"
-    )]
+    #[error("the copy of slot {slot} in RAM differs from it, and no library is active now: activate again")]
     NotCopied { slot: SlotId },
-    #[error(
-        "another library is being activated or settings are being stored: try again in a moment"
-    )]
+    #[error("another library is being activated or settings are being stored: try again in a moment")]
     Busy,
     #[error("the output did not come to rest: stop it, then activate again")]
     NotAtRest,

@@ -32,61 +32,53 @@ mod upload;
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
 pub use cap::{
-    BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE,
-    MAX_THERMAL_TIME_CONSTANT_S, OutputLimits,
+    BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE, MAX_THERMAL_TIME_CONSTANT_S, OutputLimits,
 };
 pub use lease::{LeaseStatus, LinkId};
 pub use library::{
-    ActivateError, Activated, LIBRARY_CRC, ListError, ListRequest, Reason, SceneInfo, SlotFault,
-    SlotId, SlotInfo, SlotState, Slots, TextureInfo, TextureName,
+    ActivateError, Activated, LIBRARY_CRC, ListError, ListRequest, Reason, SceneInfo, SlotFault, SlotId, SlotInfo,
+    SlotState, Slots, TextureInfo, TextureName,
 };
 pub use play::{
-    Arithmetic, MAX_PLAY_GAIN, MUTE_REASON_COUNT, MotionRefused, MotionSample, MotionSource,
-    MuteReason, MuteReasons, PlayError, PlayRequest, Playing, Selection, StopError,
+    Arithmetic, MAX_PLAY_GAIN, MUTE_REASON_COUNT, MotionRefused, MotionSample, MotionSource, MuteReason, MuteReasons,
+    PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use probe::{
-    MAX_PROBE_M_S2, MAX_PROBE_S, MAX_PROBE_SAMPLES, PROBE_CHUNK_SAMPLES, ProbeError, ProbeLoad,
-    ProbeStart, ProbeStarted, ProbeThrough, waveform_crc32,
+    MAX_PROBE_M_S2, MAX_PROBE_S, MAX_PROBE_SAMPLES, PROBE_CHUNK_SAMPLES, ProbeError, ProbeLoad, ProbeStart,
+    ProbeStarted, ProbeThrough, waveform_crc32,
 };
-pub use proposal::{
-    LOCKED, ProposalToken, SettingSet, SettingsChange, SettingsProposal, SettingsState,
-};
+pub use proposal::{LOCKED, ProposalToken, SettingSet, SettingsChange, SettingsProposal, SettingsState};
 pub use record::{
-    BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
-    RecordStopped,
+    BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted, RecordStopped,
 };
 pub use response::{
-    RESPONSE_BANDS, RESPONSE_BYTES, Response, ResponseChange, ResponseError, ResponseState,
-    Sections, StoredResponse,
+    RESPONSE_BANDS, RESPONSE_BYTES, Response, ResponseChange, ResponseError, ResponseState, Sections, StoredResponse,
 };
 pub use selftest::{
-    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,
-    ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues, LOWEST_OUTPUT_CODE, OUTPUT_CODE_STEP,
-    OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS, REST_CONVERSIONS, RestValues,
-    STEP_CODES, STEP_INSTANT_CYCLES, STEP_INSTANTS, SelfTestError, SelfTestRequest, SelfTestValues,
-    output_code,
+    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues, ErrorCorrectionValues, FLASH_TEST_BYTES,
+    FlashValues, LOWEST_OUTPUT_CODE, OUTPUT_CODE_STEP, OUTPUT_CODES, OptionByteValues, OutputValues, RAM_MONITORS,
+    REST_CONVERSIONS, RestValues, STEP_CODES, STEP_INSTANT_CYCLES, STEP_INSTANTS, SelfTestError, SelfTestRequest,
+    SelfTestValues, output_code,
 };
 pub use settings::{
-    PROPOSAL_VALID_MS, SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError,
-    Tighter,
+    PROPOSAL_VALID_MS, SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
 };
 pub use start::{
-    ClockSource, FLASH_SUPPLY_MV, LEAST_BROWN_OUT_LEVEL, QUICK_FAULT_MS, QUICK_FAULTS,
-    SiliconRevision, StartReport, StartStage,
+    ClockSource, FLASH_SUPPLY_MV, LEAST_BROWN_OUT_LEVEL, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision, StartReport,
+    StartStage,
 };
 pub use status::{
-    Activity, CycleRange, CycleReport, DeviceInfo, Fault, FaultKind, FaultText, Levels,
-    LinkCounters, Marks, OutputStatus, ProductName, RecordCounters, ResetReason, Serial, Status,
-    TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram, VersionText,
+    Activity, CycleRange, CycleReport, DeviceInfo, Fault, FaultKind, FaultText, Levels, LinkCounters, Marks,
+    OutputStatus, ProductName, RecordCounters, ResetReason, Serial, Status, TICK_BIN_COUNT, TICK_BIN_CYCLES,
+    TickCounters, TickHistogram, VersionText,
 };
 pub use update::{
-    BOARD, DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES,
-    SIGNATURE_BYTES, SIGNED_BYTES, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase,
-    UpdateReport,
+    BOARD, DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, SIGNATURE_BYTES,
+    SIGNED_BYTES, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 pub use upload::{
-    CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState,
+    CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError, UploadProgress, UploadState,
 };
 
 /// Version of the protocol. It changes when the meaning of a message changes, even if the message's type stays the

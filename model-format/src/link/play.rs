@@ -307,9 +307,7 @@ impl MuteReasons {
 
     /// The reasons in the set.
     pub fn iter(self) -> impl Iterator<Item = MuteReason> {
-        MuteReason::ALL
-            .into_iter()
-            .filter(move |&reason| self.contains(reason))
+        MuteReason::ALL.into_iter().filter(move |&reason| self.contains(reason))
     }
 }
 

@@ -109,10 +109,7 @@ impl ProbeStart {
         let rate = PlayRate::of(rate_hz).ok_or(ProbeError::Rate { rate_hz })?;
         // The product of two numbers of 16 bits fits in 32.
         let samples = u32::from(length) * u32::from(periods);
-        if usize::from(length) > MAX_PROBE_SAMPLES
-            || samples == 0
-            || samples > MAX_PROBE_S * rate_hz
-        {
+        if usize::from(length) > MAX_PROBE_SAMPLES || samples == 0 || samples > MAX_PROBE_S * rate_hz {
             return Err(ProbeError::Length { length, periods });
         }
         // A comparison with NaN is false.
@@ -161,16 +158,12 @@ pub enum ProbeError {
         /// Index of the first sample.
         offset: u16,
     },
-    #[error(
-        "the waveform in the device is another one (CRC-32 {loaded:08x}): load all of it again"
-    )]
+    #[error("the waveform in the device is another one (CRC-32 {loaded:08x}): load all of it again")]
     Waveform {
         /// CRC-32 of the samples in the device.
         loaded: u32,
     },
-    #[error(
-        "no response is there to play through: propose one on this link, or calibrate with `stylus calibrate`"
-    )]
+    #[error("no response is there to play through: propose one on this link, or calibrate with `stylus calibrate`")]
     NoResponse,
     #[error("something is played: stop it first")]
     Playing,

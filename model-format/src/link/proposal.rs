@@ -49,12 +49,11 @@ impl SettingsChange {
     /// # Errors
     /// More values than there are settings, so that one occurs twice.
     pub fn of(values: &[SettingChange]) -> Result<Self, SettingsError> {
-        let too_many =
-            values
-                .last()
-                .map_or(SettingsError::Nothing, |last| SettingsError::Repeated {
-                    setting: last.setting,
-                });
+        let too_many = values
+            .last()
+            .map_or(SettingsError::Nothing, |last| SettingsError::Repeated {
+                setting: last.setting,
+            });
         Vec::from_slice(values).map(Self::Set).map_err(|_| too_many)
     }
 
@@ -197,9 +196,7 @@ impl SettingSet {
 
     /// The settings in the set.
     pub fn iter(self) -> impl Iterator<Item = Setting> {
-        Setting::ALL
-            .into_iter()
-            .filter(move |&setting| self.contains(setting))
+        Setting::ALL.into_iter().filter(move |&setting| self.contains(setting))
     }
 }
 

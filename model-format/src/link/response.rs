@@ -156,25 +156,8 @@ impl Response {
         for band in &mut bands_centi_db {
             *band = i16::from_le_bytes(take(&mut rest));
         }
-        let [
-            worst_db,
-            rms_db,
-            resonance_hz,
-            damping_ratio,
-            delay_us,
-            x,
-            y,
-            z,
-            ..,
-        ] = figures;
-        let [
-            ..,
-            level,
-            output_gain,
-            amplifier_gain,
-            coil_resistance,
-            hard_limit,
-        ] = figures;
+        let [worst_db, rms_db, resonance_hz, damping_ratio, delay_us, x, y, z, ..] = figures;
+        let [.., level, output_gain, amplifier_gain, coil_resistance, hard_limit] = figures;
         Self {
             sections_5khz,
             sections_10khz,
@@ -230,12 +213,10 @@ impl Response {
             (Setting::AmplifierGain, self.amplifier_gain),
             (Setting::CoilResistance, self.coil_resistance),
         ];
-        made_for
-            .into_iter()
-            .fold(SettingSet::NONE, |set, (of, value)| {
-                // Bit for bit, because values are copied from the settings and never computed.
-                set.with(of, settings.get(of).to_bits() != value.to_bits())
-            })
+        made_for.into_iter().fold(SettingSet::NONE, |set, (of, value)| {
+            // Bit for bit, because values are copied from the settings and never computed.
+            set.with(of, settings.get(of).to_bits() != value.to_bits())
+        })
     }
 
     /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that none
@@ -274,10 +255,7 @@ fn sections(rest: &mut &[u8]) -> Sections {
     for place in &mut coefficients {
         *place = take(rest);
     }
-    Sections {
-        count,
-        coefficients,
-    }
+    Sections { count, coefficients }
 }
 
 /// Splits the first `N` bytes off `rest` and returns them; returns zeros if `rest` is shorter.
@@ -358,18 +336,14 @@ pub enum ResponseChange {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum ResponseError {
-    #[error(
-        "section {section} of the equaliser at {rate_hz} Hz has poles beyond the limit: design it anew"
-    )]
+    #[error("section {section} of the equaliser at {rate_hz} Hz has poles beyond the limit: design it anew")]
     Poles {
         /// Sample rate of the equaliser, Hz.
         rate_hz: u32,
         /// Index of the section.
         section: u8,
     },
-    #[error(
-        "the equaliser at {rate_hz} Hz is above the limit of gain from section {section} on: design it anew"
-    )]
+    #[error("the equaliser at {rate_hz} Hz is above the limit of gain from section {section} on: design it anew")]
     Gain {
         /// Sample rate of the equaliser, Hz.
         rate_hz: u32,
@@ -383,9 +357,7 @@ pub enum ResponseError {
         /// The settings that differ.
         differing: SettingSet,
     },
-    #[error(
-        "no response with the hash {id:08x} waits or is stored: it was replaced, or the device has restarted"
-    )]
+    #[error("no response with the hash {id:08x} waits or is stored: it was replaced, or the device has restarted")]
     NoSuchResponse { id: u32 },
     #[error("{from} has proposed this response, and it alone stores it")]
     OtherLink {

@@ -3,9 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    FLASH_SUPPLY_MV, FlashOperation, LinkId, MAX_COIL_POWER_WATT, MAX_THERMAL_TIME_CONSTANT_S,
-};
+use super::{FLASH_SUPPLY_MV, FlashOperation, LinkId, MAX_COIL_POWER_WATT, MAX_THERMAL_TIME_CONSTANT_S};
 use crate::{AdcCode, Volt};
 
 /// A setting. Flash keeps values in the order of these variants.
@@ -150,12 +148,7 @@ impl Setting {
             Self::HardLimit => number("hard-limit", "V", [0.001, 1.45], 0.5),
             Self::SlewLimit => number("slew-limit", "V/ms", [0.1, 16.0], 4.0),
             Self::CoilResistance => number("coil-resistance", "Ω", [0.1, 1000.0], 8.0),
-            Self::ThermalTimeConstant => number(
-                "thermal-time-constant",
-                "s",
-                [1.0, MAX_THERMAL_TIME_CONSTANT_S],
-                10.0,
-            ),
+            Self::ThermalTimeConstant => number("thermal-time-constant", "s", [1.0, MAX_THERMAL_TIME_CONSTANT_S], 10.0),
             Self::PowerLimit => number("power-limit", "W", [0.001, MAX_COIL_POWER_WATT], 0.1),
             Self::SoftStart => number("soft-start", "ms", [1.0, 5000.0], 200.0),
             // With the longest ramp, the output is silent within 100 ms after a link was lost: LINK_LOST_AFTER_MS, a
@@ -193,9 +186,7 @@ impl Setting {
 
     /// The setting of this name, if there is one.
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|setting| setting.spec().name == name)
+        Self::ALL.into_iter().find(|setting| setting.spec().name == name)
     }
 
     /// Returns `value` if this setting may have it.
@@ -227,12 +218,7 @@ impl Setting {
     }
 }
 
-const fn number(
-    name: &'static str,
-    unit: &'static str,
-    range: [f32; 2],
-    default: f32,
-) -> SettingSpec {
+const fn number(name: &'static str, unit: &'static str, range: [f32; 2], default: f32) -> SettingSpec {
     let [lowest, highest] = range;
     SettingSpec {
         name,
@@ -246,13 +232,7 @@ const fn number(
 }
 
 /// A factor of either sign: its magnitude is from `least` to `most`.
-const fn scale(
-    name: &'static str,
-    unit: &'static str,
-    least: f32,
-    most: f32,
-    default: f32,
-) -> SettingSpec {
+const fn scale(name: &'static str, unit: &'static str, least: f32, most: f32, default: f32) -> SettingSpec {
     SettingSpec {
         least_magnitude: least,
         ..number(name, unit, [-most, most], default)
@@ -425,8 +405,6 @@ pub enum SettingsError {
         /// The link that proposed the change.
         from: LinkId,
     },
-    #[error(
-        "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then try again"
-    )]
+    #[error("the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then try again")]
     SupplyLow,
 }

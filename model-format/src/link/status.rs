@@ -5,8 +5,8 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    LeaseStatus, MUTE_REASON_COUNT, MotionSource, MuteReasons, OutputLimits, Selection,
-    SettingsProposal, SettingsState, SlotId, StartReport, UploadState,
+    LeaseStatus, MUTE_REASON_COUNT, MotionSource, MuteReasons, OutputLimits, Selection, SettingsProposal,
+    SettingsState, SlotId, StartReport, UploadState,
 };
 
 /// Width of one bin of the histogram, cycles.

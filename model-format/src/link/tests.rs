@@ -7,9 +7,7 @@ use std::vec::Vec;
 
 use postcard_rpc::Key;
 use postcard_schema::Schema;
-use postcard_schema::schema::{
-    DataModelType, DataModelVariant, NamedType, NamedValue, NamedVariant,
-};
+use postcard_schema::schema::{DataModelType, DataModelVariant, NamedType, NamedValue, NamedVariant};
 use proptest::prelude::*;
 use serde::Deserialize;
 
@@ -210,12 +208,7 @@ fn settings_stand_at_their_numbers_with_defaults_in_range() {
         assert_eq!(setting as usize, index);
         assert_eq!(setting.check(spec.default), Ok(spec.default));
         assert_eq!(Setting::named(spec.name), Some(setting));
-        for outside in [
-            spec.lowest - 1.0,
-            spec.highest + 1.0,
-            f32::NAN,
-            f32::INFINITY,
-        ] {
+        for outside in [spec.lowest - 1.0, spec.highest + 1.0, f32::NAN, f32::INFINITY] {
             assert!(setting.check(outside).is_err(), "{setting} {outside}");
         }
         assert_eq!(
@@ -235,10 +228,7 @@ fn mute_reasons_are_kept_apart() {
         assert_eq!(one.to_string(), reason.to_string());
         assert!(one.set(reason, false).is_empty());
     }
-    assert_eq!(
-        MuteReasons::from_bits(u8::MAX).iter().count(),
-        MUTE_REASON_COUNT
-    );
+    assert_eq!(MuteReasons::from_bits(u8::MAX).iter().count(), MUTE_REASON_COUNT);
 }
 
 /// Path and key of each of this protocol's own entries.
@@ -251,10 +241,7 @@ fn keys() -> Vec<(String, Key)> {
             keys.push((std::format!("response {path}"), *response));
         }
     }
-    for (direction, topics) in [
-        ("to device", TOPICS_IN.topics),
-        ("to host", TOPICS_OUT.topics),
-    ] {
+    for (direction, topics) in [("to device", TOPICS_IN.topics), ("to host", TOPICS_OUT.topics)] {
         for (path, key) in topics {
             if own(path) {
                 keys.push((std::format!("{direction}  {path}"), *key));
@@ -283,8 +270,7 @@ fn keys_and_versions_are_those_that_are_written_down() {
         let key = u64::from_be_bytes(key.to_bytes());
         lines += &std::format!("{key:016x}  {name}\n");
     }
-    lines +=
-        &std::format!("{SCHEMA_HASH:016x}  all of them, protocol version {PROTOCOL_VERSION}\n");
+    lines += &std::format!("{SCHEMA_HASH:016x}  all of them, protocol version {PROTOCOL_VERSION}\n");
     assert_eq!(
         lines,
         include_str!("keys.txt"),

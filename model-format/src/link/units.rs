@@ -60,10 +60,7 @@ macro_rules! plain_enum {
     };
 }
 
-plain_enum!(Provenance {
-    Recorded,
-    Simulated
-});
+plain_enum!(Provenance { Recorded, Simulated });
 
 #[cfg(test)]
 mod tests {
@@ -78,9 +75,6 @@ mod tests {
 
     #[test]
     fn schemas_name_variants_in_the_order_of_the_wire() {
-        assert_eq!(
-            [Provenance::Recorded, Provenance::Simulated].map(index),
-            [0, 1]
-        );
+        assert_eq!([Provenance::Recorded, Provenance::Simulated].map(index), [0, 1]);
     }
 }

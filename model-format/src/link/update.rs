@@ -40,9 +40,7 @@ pub const TRIAL_MS: u64 = 60_000;
 pub const EXCHANGE_MS: u64 = 60_000;
 
 /// Version of an image or a bootloader. Of two versions the later one is the greater.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema,
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema)]
 pub struct ImageVersion {
     /// Major number.
     pub major: u16,
@@ -55,11 +53,7 @@ pub struct ImageVersion {
 impl ImageVersion {
     /// The version of these numbers.
     pub const fn new([major, minor, patch]: [u16; 3]) -> Self {
-        Self {
-            major,
-            minor,
-            patch,
-        }
+        Self { major, minor, patch }
     }
 
     /// Reads `major.minor.patch`; none if `text` is not three numbers.
@@ -198,9 +192,7 @@ pub enum UpdateError {
     #[error("the device has no bootloader: flash it once by the probe, `cargo flash`")]
     NoBootloader,
     /// An output that is not at rest.
-    #[error(
-        "something is played, or settings or a library are being changed: stop it, then update"
-    )]
+    #[error("something is played, or settings or a library are being changed: stop it, then update")]
     Playing,
     /// Bytes that are no header.
     #[error("no header of an image: give a file that `cargo tasks image` wrote")]
@@ -221,9 +213,7 @@ pub enum UpdateError {
     )]
     Signature,
     /// A version older than the running one.
-    #[error(
-        "the image is older, {offered}, than the running {running}: --allow-downgrade takes it"
-    )]
+    #[error("the image is older, {offered}, than the running {running}: --allow-downgrade takes it")]
     Downgrade {
         /// Version of the running image.
         running: ImageVersion,
@@ -243,14 +233,10 @@ pub enum UpdateError {
     #[error("{0}")]
     Upload(#[from] UploadError),
     /// An image in flash that is not the one that was signed.
-    #[error(
-        "the image in flash is not the signed one: update again; if that fails too, get the file anew"
-    )]
+    #[error("the image in flash is not the signed one: update again; if that fails too, get the file anew")]
     Digest,
     /// A record of the update that could not be kept in flash.
-    #[error(
-        "the flash does not keep the record of the update: try again; if it stays, the flash is worn"
-    )]
+    #[error("the flash does not keep the record of the update: try again; if it stays, the flash is worn")]
     NotKept,
 }
 

@@ -98,9 +98,7 @@ impl core::fmt::Display for FlashOperation {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum UploadError {
-    #[error(
-        "a library of {length} bytes; a slot holds 1 to {MAX_LIBRARY_BYTES}: fit fewer textures or lower orders"
-    )]
+    #[error("a library of {length} bytes; a slot holds 1 to {MAX_LIBRARY_BYTES}: fit fewer textures or lower orders")]
     Length {
         /// Announced length, bytes.
         length: u32,
@@ -114,16 +112,12 @@ pub enum UploadError {
         /// Byte at which the received chunk begins.
         found: u32,
     },
-    #[error(
-        "a chunk of {length} bytes; send 1 to {MAX_CHUNK_BYTES}, multiples of {CHUNK_ALIGN} before the end"
-    )]
+    #[error("a chunk of {length} bytes; send 1 to {MAX_CHUNK_BYTES}, multiples of {CHUNK_ALIGN} before the end")]
     ChunkLength {
         /// Length of the chunk, bytes.
         length: u32,
     },
-    #[error(
-        "a chunk up to byte {end} of a library of {length} bytes: begin again with the right length"
-    )]
+    #[error("a chunk up to byte {end} of a library of {length} bytes: begin again with the right length")]
     PastEnd {
         /// Byte of the library at which the chunk ends.
         end: u32,
@@ -149,17 +143,13 @@ pub enum UploadError {
         /// Message of the device's validator.
         reason: Reason,
     },
-    #[error(
-        "byte {offset} of slot {slot} reads back wrong: upload again; if it stays, the flash is worn"
-    )]
+    #[error("byte {offset} of slot {slot} reads back wrong: upload again; if it stays, the flash is worn")]
     ReadBack {
         slot: SlotId,
         /// Byte of the slot.
         offset: u32,
     },
-    #[error(
-        "a fault while {operation} slot {slot} at byte {offset}: upload again; if it stays, the flash is worn"
-    )]
+    #[error("a fault while {operation} slot {slot} at byte {offset}: upload again; if it stays, the flash is worn")]
     Flash {
         slot: SlotId,
         /// The operation that failed.
@@ -174,8 +164,6 @@ pub enum UploadError {
     LastLibrary { slot: SlotId },
     #[error("a library is being activated, or an update is not confirmed: try again in a minute")]
     Busy,
-    #[error(
-        "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then upload again"
-    )]
+    #[error("the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then upload again")]
     SupplyLow,
 }

@@ -35,11 +35,7 @@ impl Biquad {
         for (place, value) in places.zip(numerator.into_iter().chain(denominator)) {
             let steps = value * (1i64 << Self::FRACTION_BITS) as f64;
             // A cast truncates, so half a step is added in the direction of the sign to round to the nearest step.
-            let steps = if steps < 0.0 {
-                steps - 0.5
-            } else {
-                steps + 0.5
-            };
+            let steps = if steps < 0.0 { steps - 0.5 } else { steps + 0.5 };
             if !(f64::from(i32::MIN)..f64::from(i32::MAX)).contains(&steps) {
                 return None;
             }

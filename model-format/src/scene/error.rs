@@ -136,10 +136,7 @@ pub enum SceneProblem {
     },
     #[error("stick-slip modulates a texture, and the surface has none")]
     NothingToModulate,
-    #[error(
-        "a pole lies beyond a radius of {}/1024",
-        limits::MAX_POLE_RADIUS_1024THS
-    )]
+    #[error("a pole lies beyond a radius of {}/1024", limits::MAX_POLE_RADIUS_1024THS)]
     PoleRadius,
     #[error(
         "this section, or all up to it, have a gain above {}",
@@ -150,9 +147,6 @@ pub enum SceneProblem {
 
 impl SceneProblem {
     pub(crate) const fn at(self, place: ScenePlace) -> SceneError {
-        SceneError {
-            place,
-            problem: self,
-        }
+        SceneError { place, problem: self }
     }
 }

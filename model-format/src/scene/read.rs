@@ -35,10 +35,7 @@ impl Scene {
 }
 
 /// Reads a varint, the number of items, at most `N`, and then the items.
-fn vec<'a, T, const N: usize>(
-    reader: &mut Reader<'a>,
-    item: fn(&mut Reader<'a>) -> Option<T>,
-) -> Option<Vec<T, N>> {
+fn vec<'a, T, const N: usize>(reader: &mut Reader<'a>, item: fn(&mut Reader<'a>) -> Option<T>) -> Option<Vec<T, N>> {
     // The stated number is not trusted: the first item without room ends the reading.
     let mut items = Vec::new();
     for _ in 0..reader.varint()? {
@@ -49,17 +46,9 @@ fn vec<'a, T, const N: usize>(
 
 fn surface(reader: &mut Reader<'_>) -> Option<Surface> {
     Some(Surface {
-        texture: if reader.is_some()? {
-            Some(reader.byte()?)
-        } else {
-            None
-        },
+        texture: if reader.is_some()? { Some(reader.byte()?) } else { None },
         gain: reader.f32()?,
-        tap: if reader.is_some()? {
-            Some(tap(reader)?)
-        } else {
-            None
-        },
+        tap: if reader.is_some()? { Some(tap(reader)?) } else { None },
         stick_slip: if reader.is_some()? {
             Some(stick_slip(reader)?)
         } else {

@@ -34,8 +34,7 @@ impl Scene {
     /// The first fault found, with its place.
     pub fn validate(&self, library: &Library<'_>) -> Result<(), SceneError> {
         self.validate_decoded(library)?;
-        equaliser::check(&self.equaliser)
-            .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
+        equaliser::check(&self.equaliser).map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
     }
 
     /// Checks everything except the gain of the equaliser. That check is most of the work, and a decoded scene has
@@ -71,11 +70,7 @@ impl Scene {
         }
         let transition = [0.0, limits::MAX_TRANSITION_MM];
         within("transition", self.transition_mm, transition, "mm").map_err(here)?;
-        if let MotionOfScene::Constant {
-            speed_mm_s,
-            force_n,
-        } = self.motion
-        {
+        if let MotionOfScene::Constant { speed_mm_s, force_n } = self.motion {
             within("speed", speed_mm_s, [0.0, limits::MAX_SPEED_MM_S], "mm/s")
                 .and_then(|()| within("force", force_n, [0.0, limits::MAX_FORCE_N], "N"))
                 .map_err(|problem| problem.at(ScenePlace::Motion))?;
@@ -86,18 +81,14 @@ impl Scene {
             self.validate_surface(index, surface, found, count)?;
         }
         self.validate_regions()?;
-        equaliser::check_poles(&self.equaliser)
-            .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
+        equaliser::check_poles(&self.equaliser).map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
     }
 
     /// Returns the texture of each surface, or none where the surface has no texture or `library` has no texture of
     /// that index.
     ///
     /// One pass over the library serves all surfaces. It parses the headers of only those textures that a surface uses.
-    pub fn textures<'a>(
-        &self,
-        library: &Library<'a>,
-    ) -> [Option<Texture<'a>>; limits::MAX_SURFACES] {
+    pub fn textures<'a>(&self, library: &Library<'a>) -> [Option<Texture<'a>>; limits::MAX_SURFACES] {
         let mut textures = [None; limits::MAX_SURFACES];
         for (index, record) in library.records().enumerate() {
             let is_used = |surface: &Surface| surface.texture.map(usize::from) == Some(index);
@@ -202,12 +193,7 @@ fn validate_stick_slip(stick_slip: &StickSlip) -> Result<(), SceneProblem> {
     let lowest = limits::MIN_STICK_SLIP_THRESHOLD;
     let speeds = [lowest, limits::MAX_SPEED_MM_S];
     within("below", stick_slip.below_mm_s, speeds, "mm/s")?;
-    within(
-        "above",
-        stick_slip.above_n,
-        [lowest, limits::MAX_FORCE_N],
-        "N",
-    )
+    within("above", stick_slip.above_n, [lowest, limits::MAX_FORCE_N], "N")
 }
 
 /// Returns the highest gain for `texture`: the largest power of two with which its loudest node has at most half the

@@ -195,9 +195,7 @@ impl RawTexture {
             node.offset = texture.coefficients.len() as u32;
             node.order = 32 + tail.len() as u16;
             let codes = (0..32).map(|stage: i16| (stage - 9) * 321);
-            texture
-                .coefficients
-                .extend(codes.flat_map(i16::to_le_bytes));
+            texture.coefficients.extend(codes.flat_map(i16::to_le_bytes));
             texture.coefficients.extend(tail);
             steps.extend(step.to_le_bytes());
         }
@@ -333,10 +331,7 @@ fn append_signed(value: i32, bytes: &mut Vec<u8>) {
 }
 
 fn floats(values: &[f32]) -> Vec<u8> {
-    values
-        .iter()
-        .flat_map(|value| value.to_le_bytes())
-        .collect()
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 /// The record of a scene of this name. `content` follows the sample rate.
@@ -360,13 +355,7 @@ fn plain_scene() -> Vec<u8> {
 fn full_scene() -> Vec<u8> {
     let region = |start, end, surface| [floats(&[start, end]), vec![surface]].concat();
     let mut section = vec![1];
-    for step in [
-        1 << 28,
-        -300_000_000,
-        100_000_000,
-        -400_000_000,
-        200_000_000,
-    ] {
+    for step in [1 << 28, -300_000_000, 100_000_000, -400_000_000, 200_000_000] {
         append_signed(step, &mut section);
     }
     let content = [

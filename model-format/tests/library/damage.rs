@@ -42,8 +42,7 @@ fn sound_or_refused(bytes: &[u8]) -> Result<(), TestCaseError> {
     match Library::decode(bytes) {
         Ok(library) => {
             let (read, played) = (content(&library), scenes(&library));
-            let again = encode_with_scenes(&read, &played)
-                .map_err(|error| TestCaseError::fail(error.to_string()))?;
+            let again = encode_with_scenes(&read, &played).map_err(|error| TestCaseError::fail(error.to_string()))?;
             // A library has only one encoding, so that its content must encode to the same bytes.
             prop_assert_eq!(again.as_slice(), bytes);
         }

@@ -3,18 +3,14 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINES, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, FORMAT_VERSION, Library, LineSpec, LinesSpec, NodeSpec, Place, TailSpec, TextureSpec,
-    encode,
+    CodeSpec, FORMAT_VERSION, Library, LineSpec, LinesSpec, NodeSpec, Place, TailSpec, TextureSpec, encode,
 };
 
 use crate::bytes::{RawLibrary, RawTexture, checksum, repair};
 
 pub fn refused(bytes: &[u8]) -> String {
     let error = Library::decode(bytes).expect_err("a library with a fault");
-    assert_eq!(
-        error.to_string(),
-        format!("{}: {}", error.place, error.problem)
-    );
+    assert_eq!(error.to_string(), format!("{}: {}", error.place, error.problem));
     error.to_string()
 }
 
@@ -28,10 +24,7 @@ pub fn tells(spoil: impl FnOnce(&mut RawLibrary), begin: &str) {
 
 /// Checks that a library with a fault in texture 1 is refused; the message names the texture, then `told`.
 pub fn of_texture(spoil: impl FnOnce(&mut RawTexture), told: &str) {
-    tells(
-        |library| spoil(&mut library.textures[1]),
-        &format!("texture 1{told}"),
-    );
+    tells(|library| spoil(&mut library.textures[1]), &format!("texture 1{told}"));
 }
 
 /// Numbers that are invalid as a value on an axis, as a power and as an amplitude.
@@ -43,20 +36,13 @@ const AT: [usize; 2] = [1, 0];
 /// Checks that a library with a fault in this node (speed, force) of texture 1 is refused; the message names the node,
 /// then `told`.
 fn of_node([speed, force]: [usize; 2], spoil: impl FnOnce(&mut RawTexture), told: &str) {
-    of_texture(
-        spoil,
-        &format!(", node (speed {speed}, force {force}): {told}"),
-    );
+    of_texture(spoil, &format!(", node (speed {speed}, force {force}): {told}"));
 }
 
 #[test]
 fn places_read_as_a_person_would_point() {
     let (texture, speed, force) = (3, 4, 5);
-    let node = Place::Node {
-        texture,
-        speed,
-        force,
-    };
+    let node = Place::Node { texture, speed, force };
     for (place, text) in [
         (Place::Library, "library"),
         (Place::Texture(3), "texture 3"),
@@ -97,10 +83,7 @@ fn fewer_or_more_bytes_than_declared_are_told_with_both_lengths() {
     let mut bytes = RawLibrary::sound().bytes();
     bytes.truncate(16);
     repair(&mut bytes);
-    assert_eq!(
-        refused(&bytes),
-        "library: the number of textures does not parse"
-    );
+    assert_eq!(refused(&bytes), "library: the number of textures does not parse");
     assert_eq!(refused(&bytes[..15]), "library: its prefix does not parse");
     assert!(refused(b"").contains("not a texture library"));
 }
@@ -153,10 +136,7 @@ fn headers_and_counts_are_checked() {
     of_texture(|t| t.summary = Some((400, 4.0)), ": the highest order: 400");
     of_texture(|t| t.summary = Some((1 << 16, 4.0)), ": its header does no");
     of_texture(|t| t.summary = Some((2, -0.0)), ": the highest output powe");
-    of_texture(
-        |t| t.summary = Some((2, 4.0f32.next_up())),
-        ": the highest output",
-    );
+    of_texture(|t| t.summary = Some((2, 4.0f32.next_up())), ": the highest output");
     of_texture(|t| t.nodes.truncate(5), ": nodes: 5 where 6 is due");
     of_texture(|t| t.nodes.clear(), ": nodes: 0 where 6 is due");
     of_texture(|t| t.speed_axis.clear(), ", speed axis: the number of valu");
@@ -185,10 +165,7 @@ fn values_on_axes_are_few_finite_not_negative_and_ascend() {
         cases.push((vec![0.5, bad, 2.0], "a value is "));
     }
     for (values, told) in cases {
-        of_texture(
-            |t| t.speed_axis = values.clone(),
-            &format!(", speed axis: {told}"),
-        );
+        of_texture(|t| t.speed_axis = values.clone(), &format!(", speed axis: {told}"));
         of_texture(|t| t.force_axis = values, &format!(", force axis: {told}"));
     }
 }
@@ -201,11 +178,7 @@ fn nodes_are_checked() {
     of_node(AT, |t| t.nodes[2].flags = 0x80, "flags of 0x80");
     of_node(AT, |t| t.nodes[2].flags = 0x8000, "flags of 0x8000");
     let told = "the prediction error's power is a";
-    of_node(
-        AT,
-        |t| t.nodes[2].prediction_error_power = 4.0f32.next_up(),
-        told,
-    );
+    of_node(AT, |t| t.nodes[2].prediction_error_power = 4.0f32.next_up(), told);
     of_node(AT, |t| t.nodes[2].flags = 1, "the silent flag");
     of_node(
         AT,
@@ -224,11 +197,7 @@ fn nodes_are_checked() {
     of_node([1, 1], |t| t.nodes[3].offset = 8, "the begin of its coeffi");
     of_node([1, 1], |t| t.nodes[3].offset = u32::MAX, "the begin of its");
     of_node([2, 1], |t| t.coefficients.truncate(14), "the coefficients");
-    for (node, at, told) in [
-        (AT, 0, "stage 1"),
-        (AT, 2, "stage 2"),
-        ([1, 1], 6, "stage 2"),
-    ] {
+    for (node, at, told) in [(AT, 0, "stage 1"), (AT, 2, "stage 2"), ([1, 1], 6, "stage 2")] {
         let reflects = |t: &mut RawTexture| t.coefficients[at..at + 2].copy_from_slice(&[0, 0x80]);
         of_node(node, reflects, &format!("{told} has a reflection"));
     }
@@ -254,10 +223,7 @@ fn nodes_are_checked() {
 fn powers_of_nodes_are_finite_not_negative_and_bounded() {
     for bad in BAD.into_iter().chain([MAX_OUTPUT_POWER.next_up()]) {
         let place = ", node (speed 1, force 0): the";
-        of_texture(
-            |t| t.nodes[2].output_power = bad,
-            &format!("{place} output power in"),
-        );
+        of_texture(|t| t.nodes[2].output_power = bad, &format!("{place} output power in"));
         let told = format!("{place} power of the prediction error in");
         of_texture(|t| t.nodes[2].prediction_error_power = bad, &told);
     }
@@ -351,24 +317,15 @@ fn the_encoder_refuses_what_the_decoder_would() {
         ": the number of lines is 9",
     );
     for count in [0, 257] {
-        let error = encode(&vec![spec(); count])
-            .expect_err("too few or many")
-            .to_string();
-        assert!(
-            error.starts_with("library: the number of textures is"),
-            "{error}"
-        );
+        let error = encode(&vec![spec(); count]).expect_err("too few or many").to_string();
+        assert!(error.starts_with("library: the number of textures is"), "{error}");
     }
 }
 
 /// The last amplitude of the largest grid is checked too, however many steps that takes.
 #[test]
 fn every_amplitude_of_the_largest_grid_is_checked() {
-    let values = |unit: f32| {
-        (1..=64)
-            .map(|index| unit * index as f32)
-            .collect::<Vec<_>>()
-    };
+    let values = |unit: f32| (1..=64).map(|index| unit * index as f32).collect::<Vec<_>>();
     let mut wide = spec();
     let node = NodeSpec::new(1.0, CodeSpec::lattice(vec![]));
     (wide.speed_axis_mm_s, wide.force_axis_n) = (values(5.0), values(0.1));
@@ -379,9 +336,7 @@ fn every_amplitude_of_the_largest_grid_is_checked() {
     for (line, node) in [(0, 0), (3, 2049), (7, 64 * 64 - 1)] {
         let mut spoilt = wide.clone();
         spoilt.parts.lines.as_mut().expect("it has lines").lines[line].amplitudes[node] = 300.0;
-        let error = encode(&[spoilt])
-            .expect_err("a line is too loud")
-            .to_string();
+        let error = encode(&[spoilt]).expect_err("a line is too loud").to_string();
         let place = format!("texture 0, node (speed {}, force {})", node / 64, node % 64);
         let told = format!("{place}: the amplitude of a line in m/s² is 300; it must be 0 to 256");
         assert_eq!(error, told);

@@ -167,20 +167,14 @@ fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
 #[test]
 fn a_codebook_has_a_peak_in_bounds_and_a_node_a_codebook_that_is_there() {
     for bad in [-0.0, -1.0, 40.0f32.next_up(), f32::INFINITY, f32::NAN] {
-        of_parts(
-            &[(3, &one(bad, &[127; 1000]))],
-            ": the peak of a codebook is",
-        );
+        of_parts(&[(3, &one(bad, &[127; 1000]))], ": the peak of a codebook is");
     }
     for (source, node) in [(2, 0), (255, 5), (3, 2)] {
         let mut of_nodes = [1u8; 6];
         of_nodes[node] = source;
         let place = format!(", node (speed {}, force {})", node / 2, node % 2);
         let told = format!("{place}: the number of its codebook is {source}; it must be 0 to 1");
-        of_parts(
-            &[(3, &excitation(&[codebook(1.0, &[127; 1000])], &of_nodes))],
-            &told,
-        );
+        of_parts(&[(3, &excitation(&[codebook(1.0, &[127; 1000])], &of_nodes))], &told);
     }
 }
 
@@ -192,11 +186,7 @@ fn an_excitation_that_is_cut_anywhere_is_refused() {
         of_parts(&[(3, &whole[..length])], ": ");
     }
     // Lengths beyond the end of the bytes, up to the largest that a varint can encode, and a varint that does not end.
-    for length in [
-        &[0xd0, 0x0f][..],
-        &[0xff, 0xff, 0xff, 0xff, 0x0f],
-        &[0xff; 8],
-    ] {
+    for length in [&[0xd0, 0x0f][..], &[0xff, 0xff, 0xff, 0xff, 0x0f], &[0xff; 8]] {
         let content = [&[1][..], length, &1f32.to_le_bytes(), &[127; 1000]].concat();
         of_parts(&[(3, &content)], ": ");
     }
@@ -215,10 +205,7 @@ fn moments_have_codebooks_of_whole_blocks_below_their_peak_and_a_length_within_b
     let part = |codes: &[i8]| excitation(&[codebook(1.0, codes)], &[1; 6]);
     let sound = part(&of_blocks(400, 0));
     holds(&[(3, &sound), (8, mean)]);
-    let (length, malformed) = (
-        "the length of moments in samples is",
-        "the length of its moments",
-    );
+    let (length, malformed) = ("the length of moments in samples is", "the length of its moments");
     for (content, told) in [
         (&[][..], malformed),
         (&[250, 1, 0], malformed),
@@ -227,10 +214,7 @@ fn moments_have_codebooks_of_whole_blocks_below_their_peak_and_a_length_within_b
     ] {
         of_parts(&[(3, &sound), (8, content)], &format!(": {told}"));
     }
-    of_parts(
-        &[(8, mean)],
-        ": the length of moments without codebooks says nothing",
-    );
+    of_parts(&[(8, mean)], ": the length of moments without codebooks says nothing");
     let track = [&[100][..], &[4; 10], &[0xf8; 10]].concat();
     let told = ": a level track beside moments, which have theirs";
     of_parts(&[(3, &sound), (4, &track), (8, mean)], told);
@@ -238,14 +222,8 @@ fn moments_have_codebooks_of_whole_blocks_below_their_peak_and_a_length_within_b
     cut.pop();
     for (codes, told) in [
         (cut, "a codebook is no whole number of blocks"),
-        (
-            of_blocks(15, 0),
-            "the number of samples of a codebook is 960",
-        ),
-        (
-            of_blocks(400, 1),
-            "a block of a codebook is louder than its peak",
-        ),
+        (of_blocks(15, 0), "the number of samples of a codebook is 960"),
+        (of_blocks(400, 1), "a block of a codebook is louder than its peak"),
         (of_blocks(17, -128), "the mean square of a codebook is"),
     ] {
         of_parts(&[(3, &part(&codes)), (8, mean)], &format!(": {told}"));
@@ -255,9 +233,7 @@ fn moments_have_codebooks_of_whole_blocks_below_their_peak_and_a_length_within_b
 #[test]
 fn a_level_track_has_steps_and_entries_within_bounds_and_a_mean_square_of_one() {
     let entries = |length: usize| (0..length).map(|n| if n % 2 == 0 { 1 } else { 0xff });
-    let track = |step: &[u8], length: usize| -> Vec<u8> {
-        step.iter().copied().chain(entries(length)).collect()
-    };
+    let track = |step: &[u8], length: usize| -> Vec<u8> { step.iter().copied().chain(entries(length)).collect() };
     let flat = |level: i8| [&[100][..], &[level.cast_unsigned(); 4000]].concat();
     holds(&[(4, &track(&[0xf4, 0x03], MAX_MODULATION_ENTRIES))]);
     holds(&[(4, &track(&[25], 20))]);
@@ -304,14 +280,7 @@ fn lines_are_as_many_as_their_count_says_and_their_wavelengths_in_range_and_uniq
     }
     of_parts(&[(5, b"")], ": the number of lines is 0");
     let whole = 1 + 2 * LINE_BYTES;
-    for (found, count) in [
-        (whole, 1),
-        (whole, 3),
-        (whole - 1, 2),
-        (whole + 1, 2),
-        (1, 2),
-        (2, 8),
-    ] {
+    for (found, count) in [(whole, 1), (whole, 3), (whole - 1, 2), (whole + 1, 2), (1, 2), (2, 8)] {
         of_lines(
             |content| {
                 content.resize(found, 0);
@@ -321,15 +290,7 @@ fn lines_are_as_many_as_their_count_says_and_their_wavelengths_in_range_and_uniq
         );
     }
     let second = 1 + LINE_BYTES;
-    for value in [
-        0.0,
-        -2.0,
-        0.0199,
-        1000.1,
-        f32::INFINITY,
-        f32::NAN,
-        f32::MIN_POSITIVE,
-    ] {
+    for value in [0.0, -2.0, 0.0199, 1000.1, f32::INFINITY, f32::NAN, f32::MIN_POSITIVE] {
         of_lines(
             |content| content[second..][..4].copy_from_slice(&f32::to_le_bytes(value)),
             ": a line's wavelength in mm is",
@@ -396,14 +357,8 @@ fn wanders_are_bounded_used_and_of_lines_that_there_are() {
     of_wander(|content| content[0] = 5, ": the number of wanders is 5");
     of_wander(|content| content[0] = 0, ": the number of wanders is 0");
     of_wander(|content| content.push(0), ": bytes of wanders: 29 where 28");
-    of_wander(
-        |content| content[25] = 3,
-        ": the number of a line's wander is 3",
-    );
-    of_wander(
-        |content| content[25] = 1,
-        ": a wander that no line has says nothing",
-    );
+    of_wander(|content| content[25] = 3, ": the number of a line's wander is 3");
+    of_wander(|content| content[25] = 1, ": a wander that no line has says nothing");
     let alone: &[u8] = &[1, 0, 0, 0, 63, 0, 0, 0, 64, 0, 0, 0, 0];
     of_parts(&[(7, alone)], ": a wander that no line has says nothing");
 }

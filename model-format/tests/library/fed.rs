@@ -1,8 +1,8 @@
 //! Codebooks and level tracks: the laws of their codes, and what a texture returns about them.
 
 use model_format::{
-    BLOCK_BYTES, BLOCK_SAMPLES, CodebookSpec, LEVEL_FRACTION_BITS, Library, MU_LAW_FRACTION_BITS,
-    ModulationSpec, PartKind, block_share, level_amplitude, mu_law,
+    BLOCK_BYTES, BLOCK_SAMPLES, CodebookSpec, LEVEL_FRACTION_BITS, Library, MU_LAW_FRACTION_BITS, ModulationSpec,
+    PartKind, block_share, level_amplitude, mu_law,
 };
 use proptest::prelude::*;
 

@@ -1,8 +1,6 @@
 //! Bounded work on any bytes: declared counts are checked against the limits before the items are read.
 
-use model_format::limits::{
-    MAX_AXIS_LEN, MAX_LIBRARY_BYTES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES,
-};
+use model_format::limits::{MAX_AXIS_LEN, MAX_LIBRARY_BYTES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES};
 use model_format::{Library, encode};
 
 use crate::bytes::{PREFIX_BYTES, RawLibrary, RawNode, RawTexture, repair};
@@ -65,11 +63,7 @@ fn declared_lengths_beyond_the_end_are_errors() {
 #[test]
 fn a_library_at_its_limits_is_valid() {
     let mut library = RawLibrary::sound();
-    let axis = || {
-        (1..=MAX_AXIS_LEN)
-            .map(|step| step as f32)
-            .collect::<Vec<_>>()
-    };
+    let axis = || (1..=MAX_AXIS_LEN).map(|step| step as f32).collect::<Vec<_>>();
     let mut large = library.textures[0].clone();
     large.name = vec![b'n'; MAX_NAME_BYTES];
     large.sample_rate_hz = 48_000;

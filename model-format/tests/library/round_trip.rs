@@ -1,9 +1,9 @@
 //! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
-    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library,
-    LineSpec, LinesSpec, MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec,
-    Provenance, TailSpec, TextureSpec, Wander, encode, encode_with_scenes, limits,
+    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
+    MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, TailSpec, TextureSpec, Wander, encode,
+    encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -102,17 +102,15 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
             lines(nodes_that_move),
         )
             .prop_map(
-                move |(name, sample_rate_hz, provenance, (nodes, tails), parts, lines)| {
-                    TextureSpec {
-                        laws: laws_for(laws, &nodes),
-                        nodes: if tails { with_tails(nodes) } else { nodes },
-                        parts: PartsSpec { lines, ..parts },
-                        name,
-                        sample_rate_hz,
-                        provenance,
-                        speed_axis_mm_s: speeds.clone(),
-                        force_axis_n: forces.clone(),
-                    }
+                move |(name, sample_rate_hz, provenance, (nodes, tails), parts, lines)| TextureSpec {
+                    laws: laws_for(laws, &nodes),
+                    nodes: if tails { with_tails(nodes) } else { nodes },
+                    parts: PartsSpec { lines, ..parts },
+                    name,
+                    sample_rate_hz,
+                    provenance,
+                    speed_axis_mm_s: speeds.clone(),
+                    force_axis_n: forces.clone(),
                 },
             )
     })
@@ -211,10 +209,7 @@ fn track() -> impl Strategy<Value = ModulationSpec> {
         vec(-spread..=spread, entries).prop_map(move |levels| {
             let shifted = |shift: f32| ModulationSpec {
                 step_samples: step as u16,
-                entries: levels
-                    .iter()
-                    .map(|l| (4.0 * (l + shift)).round() as i8)
-                    .collect(),
+                entries: levels.iter().map(|l| (4.0 * (l + shift)).round() as i8).collect(),
             };
             // The shift of all levels with which the mean square is nearest to 1. If the levels hardly differ, no shift
             // may bring it near enough. The track is then replaced by alternating entries.
@@ -224,9 +219,7 @@ fn track() -> impl Strategy<Value = ModulationSpec> {
                 off(a).total_cmp(&off(b))
             });
             let mut track = shifted(shift.unwrap_or(0.0));
-            if !(0.98..=1.02).contains(&track.mean_square())
-                || track.entries.iter().all(|&e| e == 0)
-            {
+            if !(0.98..=1.02).contains(&track.mean_square()) || track.entries.iter().all(|&e| e == 0) {
                 track.entries = (0..20).map(|n| if n % 2 == 0 { 1 } else { -1 }).collect();
             }
             track
@@ -290,9 +283,7 @@ fn wandering(mut lines: Vec<LineSpec>) -> LinesSpec {
 
 /// A name of up to 40 bytes, so that an index fits before it.
 fn name() -> impl Strategy<Value = String> {
-    "\\PC{1,10}".prop_filter("no control character", |name| {
-        !name.chars().any(char::is_control)
-    })
+    "\\PC{1,10}".prop_filter("no control character", |name| !name.chars().any(char::is_control))
 }
 
 /// Finite values that are not negative, including zero, the smallest and the largest. Such values have the same order
@@ -316,19 +307,11 @@ fn node(at_zero: bool) -> impl Strategy<Value = NodeSpec> {
         prop::bool::weighted(0.2),
     );
     (codes, powers, 0u8..8).prop_map(move |(codes, (output, share, silent), origin)| {
-        let output_power = if silent || at_zero {
-            0.0
-        } else {
-            f32::from_bits(output)
-        };
+        let output_power = if silent || at_zero { 0.0 } else { f32::from_bits(output) };
         let mut flags = NodeFlags::NONE;
-        for (bit, flag) in [
-            NodeFlags::INTERPOLATED,
-            NodeFlags::EXTRAPOLATED,
-            NodeFlags::DOUBTFUL,
-        ]
-        .into_iter()
-        .enumerate()
+        for (bit, flag) in [NodeFlags::INTERPOLATED, NodeFlags::EXTRAPOLATED, NodeFlags::DOUBTFUL]
+            .into_iter()
+            .enumerate()
         {
             if origin >> bit & 1 == 1 {
                 flags = flags.with(flag);

@@ -4,12 +4,11 @@
 use std::f64::consts::PI;
 
 use model_format::scene::limits::{
-    MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_REGIONS, MAX_SCENES, MAX_SECTIONS,
-    MAX_SURFACES,
+    MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES,
 };
 use model_format::scene::{
-    Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
-    StickSlip, Surface, Tap, check_equaliser,
+    Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem, StickSlip, Surface, Tap,
+    check_equaliser,
 };
 use model_format::{DecodeError, Library, Place, Problem, SAMPLE_RATE_HZ, encode_with_scenes};
 use proptest::collection::vec;
@@ -133,10 +132,7 @@ fn numbers_must_be_finite_and_within_their_ranges() {
 }
 
 fn constant(speed_mm_s: f32, force_n: f32) -> MotionOfScene {
-    MotionOfScene::Constant {
-        speed_mm_s,
-        force_n,
-    }
+    MotionOfScene::Constant { speed_mm_s, force_n }
 }
 
 #[test]
@@ -184,10 +180,7 @@ fn a_gain_above_one_must_leave_its_texture_room() {
     assert_eq!(scene.validate(&library), Ok(()));
     scene.surfaces[0].gain = 4.001;
     let error = scene.validate(&library).expect_err("too loud");
-    let problem = SceneProblem::TooLoud {
-        gain: 4.001,
-        highest,
-    };
+    let problem = SceneProblem::TooLoud { gain: 4.001, highest };
     assert_eq!(error.place, ScenePlace::Surface(0));
     assert_eq!(error.problem, problem);
 }
@@ -199,13 +192,7 @@ fn names_are_unique_and_scenes_are_few() {
     let (textures, mut all) = (content(&library), scenes(&library));
     all.push(all[0].clone());
     let error = encode_with_scenes(&textures, &all).expect_err("twice the same");
-    let (place, problem) = (
-        Place::Scene(2),
-        Problem::Taken {
-            what: "name",
-            other: 0,
-        },
-    );
+    let (place, problem) = (Place::Scene(2), Problem::Taken { what: "name", other: 0 });
     assert_eq!(error, DecodeError { place, problem });
     let many = |count: usize| -> Vec<Scene> {
         let numbered = |number: usize| Scene {
@@ -243,12 +230,7 @@ fn a_record_is_one_scene_and_no_more() {
 #[test]
 fn jurys_triangle_is_the_radius_of_the_poles() {
     const LIMIT: f64 = MAX_POLE_RADIUS_1024THS as f64 / 1024.0;
-    for (radius, within) in [
-        (LIMIT - 1e-5, true),
-        (LIMIT + 1e-5, false),
-        (1.0, false),
-        (1.2, false),
-    ] {
+    for (radius, within) in [(LIMIT - 1e-5, true), (LIMIT + 1e-5, false), (1.0, false), (1.2, false)] {
         for step in 0..=24 {
             let angle = PI * f64::from(step) / 24.0;
             let denominator = [-2.0 * radius * angle.cos(), radius * radius];
@@ -265,11 +247,7 @@ fn jurys_triangle_is_the_radius_of_the_poles() {
             for pole in [radius, -radius] {
                 let denominator = [-(pole + other), pole * other];
                 let biquad = Biquad::from_f64([1.0, 0.0, 0.0], denominator).expect("in range");
-                assert_eq!(
-                    biquad.poles_are_within_limit(),
-                    within,
-                    "{pole} and {other}"
-                );
+                assert_eq!(biquad.poles_are_within_limit(), within, "{pole} and {other}");
             }
         }
     }
@@ -309,10 +287,7 @@ fn a_peak_beside_a_notch_is_found() {
         resonant(15.9),
         resonant(15.9),
     ];
-    let beside: f64 = hidden
-        .iter()
-        .map(|s| gain_at(s, cosine + 0.000_2))
-        .product();
+    let beside: f64 = hidden.iter().map(|s| gain_at(s, cosine + 0.000_2)).product();
     assert!(beside > 1000.0, "{beside}");
     let found = fault(|scene| scene.equaliser = hidden.iter().copied().collect());
     assert_eq!(found.problem, SceneProblem::EqualiserGain);

@@ -36,10 +36,7 @@ fn four_dense_textures_fit_in_a_slot() {
     assert!(bytes.len() <= MAX_LIBRARY_BYTES);
     let library = Library::decode(&bytes).expect("what was encoded");
     assert_eq!(
-        library
-            .textures()
-            .map(|texture| texture.nodes().count())
-            .sum::<usize>(),
+        library.textures().map(|texture| texture.nodes().count()).sum::<usize>(),
         480
     );
 }

@@ -4,9 +4,8 @@ use std::iter::repeat;
 
 use model_format::scene::Scene;
 use model_format::{
-    BLOCK_BYTES, BLOCK_SAMPLES, CodeSpec, CodebookSpec, Coefficients, ExcitationSpec, Library,
-    Lines, LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture,
-    TextureSpec, limits,
+    BLOCK_BYTES, BLOCK_SAMPLES, CodeSpec, CodebookSpec, Coefficients, ExcitationSpec, Library, Lines, LinesSpec,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture, TextureSpec, limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -23,11 +22,7 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
             assert!((1..=limits::MAX_AXIS_LEN).contains(&axis.len()));
             let values: Vec<f32> = (0..axis.len()).map(|index| axis.value(index)).collect();
             assert!(axis.values().eq(values.iter().copied()));
-            assert!(
-                values
-                    .iter()
-                    .all(|value| value.is_finite() && *value >= 0.0)
-            );
+            assert!(values.iter().all(|value| value.is_finite() && *value >= 0.0));
             assert!(values.is_sorted_by(|before, after| before < after));
         }
         let mut nodes = Vec::new();
@@ -119,9 +114,7 @@ fn parts(texture: &Texture<'_>) -> PartsSpec {
         if moments.is_some() {
             let bytes: Vec<u8> = codebook.codes.iter().map(|c| c.cast_unsigned()).collect();
             let blocks = bytes.chunks(BLOCK_BYTES);
-            let squares = blocks.flat_map(|block| {
-                (0..BLOCK_SAMPLES).map(|index| share_of_block(block, index).powi(2))
-            });
+            let squares = blocks.flat_map(|block| (0..BLOCK_SAMPLES).map(|index| share_of_block(block, index).powi(2)));
             let count = bytes.len() / BLOCK_BYTES * BLOCK_SAMPLES;
             let power = squares.sum::<f64>() / count as f64 * f64::from(codebook.peak).powi(2);
             assert!(level.contains(&power), "{power}");
@@ -130,11 +123,7 @@ fn parts(texture: &Texture<'_>) -> PartsSpec {
         assert!((1000..=16_384).contains(&codebook.codes.len()));
         assert!(codebook.peak > 0.0 && codebook.peak <= 40.0);
         assert!(!codebook.codes.contains(&i8::MIN));
-        assert!(
-            level.contains(&mean_square(codebook)),
-            "{}",
-            mean_square(codebook)
-        );
+        assert!(level.contains(&mean_square(codebook)), "{}", mean_square(codebook));
     }
     if let Some(spec) = &excitation {
         let named = |number: &u8| usize::from(*number) <= spec.codebooks.len();
@@ -147,10 +136,7 @@ fn parts(texture: &Texture<'_>) -> PartsSpec {
         assert!(level.contains(&mean_square_as_played(spec)));
         assert!(spec.entries.iter().any(|&entry| entry != 0));
     }
-    assert_eq!(
-        texture.is_fed(),
-        excitation.is_some() || modulation.is_some()
-    );
+    assert_eq!(texture.is_fed(), excitation.is_some() || modulation.is_some());
     PartsSpec {
         excitation,
         modulation,
@@ -164,11 +150,7 @@ pub fn share_of_block(block: &[u8], index: usize) -> f64 {
     let k = bit(3 * index) + 2 * bit(3 * index + 1);
     let m = (5f64.powf(f64::from(2 * k + 1) / 7.0) - 1.0) / 4.0;
     let scale = 10f64.powf(f64::from(block[24].cast_signed()) / 40.0);
-    if bit(3 * index + 2) == 1 {
-        -scale * m
-    } else {
-        scale * m
-    }
+    if bit(3 * index + 2) == 1 { -scale * m } else { scale * m }
 }
 
 /// Mean square of a codebook by the formula of the format, in floating point.
@@ -223,11 +205,7 @@ pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
 
 fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
     let mut spec = CodeSpec::from(coefficients);
-    let CodeSpec {
-        codes,
-        fractions,
-        tail,
-    } = &mut spec;
+    let CodeSpec { codes, fractions, tail } = &mut spec;
     assert!(fractions.len() <= limits::MAX_FINE_STAGES.min(codes.len()));
     assert!(!codes.contains(&i16::MIN));
     let all = fractions.iter().copied().chain(repeat(0));

@@ -252,15 +252,7 @@ pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {
 }
 
 /// Arguments that play the first texture of a library of the fake stylus with a constant motion.
-pub const PLAY: [&str; 7] = [
-    "play",
-    "--texture",
-    "texture 0",
-    "--speed",
-    "50",
-    "--force",
-    "1",
-];
+pub const PLAY: [&str; 7] = ["play", "--texture", "texture 0", "--speed", "50", "--force", "1"];
 
 /// Parses a report that was printed as JSON.
 pub fn json(text: &str) -> Value {
@@ -392,11 +384,7 @@ pub fn signal(name: &str, process: u32) -> bool {
 /// Returns the one line on standard error of `output`, which must be a refusal with code 2.
 pub fn refusal(output: &Output, arguments: &str) -> String {
     let message = text(&output.stderr);
-    assert_eq!(
-        output.status.code(),
-        Some(2),
-        "stylus {arguments}\n{message}"
-    );
+    assert_eq!(output.status.code(), Some(2), "stylus {arguments}\n{message}");
     assert_eq!(message.trim_end().lines().count(), 1, "{message}");
     message
 }

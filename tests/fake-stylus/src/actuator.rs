@@ -85,14 +85,7 @@ impl Performance {
     }
 
     /// Begins the block that was decided during the last one, and decides the next one from the `chosen` motion.
-    pub fn begin_block(
-        &mut self,
-        chosen: Timed,
-        encoder: &Estimator,
-        inputs: &InputConfig,
-        now: u64,
-        rate: PlayRate,
-    ) {
+    pub fn begin_block(&mut self, chosen: Timed, encoder: &Estimator, inputs: &InputConfig, now: u64, rate: PlayRate) {
         let samples = UPDATE_INTERVAL_SAMPLES * rate.samples_per_tick();
         self.player.at_tick(now);
         // One block late, as in the image, whose update decides a block while the one before it plays.
@@ -108,11 +101,7 @@ impl Performance {
 
 /// Returns the plan of `selection`, equalised with `response`, and a follower for it.
 /// Panics if it cannot be played.
-pub fn planned(
-    library: &[u8],
-    selection: &Selection,
-    response: Option<&Response>,
-) -> (Plan<'static>, Follower) {
+pub fn planned(library: &[u8], selection: &Selection, response: Option<&Response>) -> (Plan<'static>, Follower) {
     // Never freed: a plan borrows its library, and a test begins to play only a few times.
     let library: &'static [u8] = Box::leak(library.into());
     let library = Library::decode(library).expect("it was loaded");
@@ -152,8 +141,7 @@ mod tests {
         let values = values.map(f32::from_le_bytes);
         let squares: Vec<f64> = values.map(|value| f64::from(value).powi(2)).collect();
         let pairs = squares.as_chunks::<2>().0;
-        [0, 1]
-            .map(|of| (pairs.iter().map(|pair| pair[of]).sum::<f64>() / pairs.len() as f64).sqrt())
+        [0, 1].map(|of| (pairs.iter().map(|pair| pair[of]).sum::<f64>() / pairs.len() as f64).sqrt())
     }
 
     #[test]
@@ -181,10 +169,7 @@ mod tests {
         assert!((0.01..0.03).contains(&pin), "{pin} {tip}");
         assert!((5.0..25.0).contains(&(tip / pin)), "{pin} {tip}");
         // The accelerometer's low-pass filter removes some of it.
-        assert!(
-            (0.5..1.05).contains(&(square.sqrt() / tip)),
-            "{square} {tip}"
-        );
+        assert!((0.5..1.05).contains(&(square.sqrt() / tip)), "{square} {tip}");
         stylus.control.borrow_mut().stop().unwrap();
         stylus.run(500);
         taken(&log);

@@ -2,9 +2,8 @@
 //! them.
 
 use model_format::link::{
-    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, ErrorCorrectionValues, OUTPUT_CODES,
-    OptionByteValues, OutputValues, RAM_MONITORS, REST_CONVERSIONS, RestValues, STEP_CODES,
-    STEP_INSTANTS, SelfTestError, output_code,
+    CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, ErrorCorrectionValues, OUTPUT_CODES, OptionByteValues,
+    OutputValues, RAM_MONITORS, REST_CONVERSIONS, RestValues, STEP_CODES, STEP_INSTANTS, SelfTestError, output_code,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 

@@ -11,9 +11,7 @@
 
 use std::time::{Duration, Instant};
 
-use model_format::link::{
-    Activity, LINK_LOST_AFTER_MS, LinkId, MotionSource, STALE_AFTER_MS, Status,
-};
+use model_format::link::{Activity, LINK_LOST_AFTER_MS, LinkId, MotionSource, STALE_AFTER_MS, Status};
 
 /// Longest step of the clock, even if the device's thread was not run for longer.
 const LONGEST_STEP: Duration = Duration::from_millis(5);
@@ -35,10 +33,8 @@ const OTHER: Duration = Duration::from_millis(2);
 /// Time that a frame grants a device at which no host holds the lease.
 const IDLE: Duration = Duration::from_millis(10);
 
-const _: () = assert!(
-    MOTION.as_millis() < STALE_AFTER_MS as u128
-        && KEEP_ALIVE.as_millis() < LINK_LOST_AFTER_MS as u128
-);
+const _: () =
+    assert!(MOTION.as_millis() < STALE_AFTER_MS as u128 && KEEP_ALIVE.as_millis() < LINK_LOST_AFTER_MS as u128);
 
 /// The clock.
 pub struct Clock {

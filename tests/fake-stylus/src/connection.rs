@@ -114,11 +114,7 @@ impl Connection {
                 self.encoded.extend(&buffer[..count]);
                 true
             }
-            Err(failure)
-                if matches!(failure.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
-            {
-                false
-            }
+            Err(failure) if matches!(failure.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => false,
             _ => {
                 self.is_open = false;
                 false
@@ -167,21 +163,14 @@ impl Connection {
             encoded(answer)
         };
         let is_held = faults.holds_after.is_some_and(|n| self.frames > n);
-        let queue = if is_held {
-            &mut self.held
-        } else {
-            &mut self.waiting
-        };
+        let queue = if is_held { &mut self.held } else { &mut self.waiting };
         queue.push((Instant::now() + faults.late, encoded));
     }
 
     /// Queues a block of a recording, unless [`Faults::lose_block_every`] loses it.
     pub fn block(&mut self, block: &[u8], faults: &Faults) {
         self.blocks += 1;
-        if faults
-            .lose_block_every
-            .is_none_or(|n| !self.blocks.is_multiple_of(n))
-        {
+        if faults.lose_block_every.is_none_or(|n| !self.blocks.is_multiple_of(n)) {
             self.waiting.push((Instant::now(), encoded(block)));
         }
     }

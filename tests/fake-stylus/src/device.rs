@@ -9,11 +9,11 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    ActivateError, Activated, ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues,
-    LinkId, MAX_CHUNK_BYTES, MAX_COIL_POWER_WATT, MotionSample, MotionSource, OUTPUT_CODES,
-    OptionByteValues, OutputValues, PlayError, PlayRequest, Playing, RESPONSE_BANDS, RecordBlock,
-    Response, RestValues, Sections, Selection, SelfTestError, Setting, SettingChange, Settings,
-    SettingsChange, SettingsError, SlotId, Status, UploadCommitted, UploadError, output_code,
+    ActivateError, Activated, ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, LinkId, MAX_CHUNK_BYTES,
+    MAX_COIL_POWER_WATT, MotionSample, MotionSource, OUTPUT_CODES, OptionByteValues, OutputValues, PlayError,
+    PlayRequest, Playing, RESPONSE_BANDS, RecordBlock, Response, RestValues, Sections, Selection, SelfTestError,
+    Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId, Status, UploadCommitted, UploadError,
+    output_code,
 };
 use model_format::scene::Biquad;
 use model_format::{DacCode, MillimetresPerSecond, Newton};
@@ -51,11 +51,9 @@ pub const fn change(setting: Setting, value: f32) -> SettingChange {
 /// The default settings with other values for some of them.
 /// Panics if a setting may not have its value.
 pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
-    values
-        .iter()
-        .fold(Settings::default(), |settings, &(of, value)| {
-            settings.with(change(of, value)).expect("in range")
-        })
+    values.iter().fold(Settings::default(), |settings, &(of, value)| {
+        settings.with(change(of, value)).expect("in range")
+    })
 }
 
 /// A response that a device with `settings` accepts. Its equaliser inverts the signal and halves it.
@@ -224,12 +222,7 @@ impl SteppedStylus {
         let safe_mode = hardware.start.safe_mode;
         let range = 0..2 * SECTOR_BYTES as u32;
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
-        let control = Control::new(
-            hardware,
-            settings.settings(),
-            settings.state(),
-            settings.response(),
-        );
+        let control = Control::new(hardware, settings.settings(), settings.state(), settings.response());
         let mut stylus = Self {
             control: SharedControl::new(control),
             storage: Storage::new(SlotStore::unread(slots), settings),
@@ -294,10 +287,7 @@ impl SteppedStylus {
         self.change_settings(&[
             change(Setting::CoilResistance, coil.resistance_ohm as f32),
             change(Setting::AmplifierGain, amplifier.gain as f32),
-            change(
-                Setting::PowerLimit,
-                (coil.rated_watts as f32).min(MAX_COIL_POWER_WATT),
-            ),
+            change(Setting::PowerLimit, (coil.rated_watts as f32).min(MAX_COIL_POWER_WATT)),
             change(Setting::EnableWired, 1.0),
         ])
         .expect("they are in range, and nothing is played");
@@ -419,8 +409,7 @@ impl Bench for BoardOf {
     /// Every call counts as one operation of the flash, because each reading precedes or follows an operation.
     fn now_us(&self) -> u32 {
         let before = self.flash_us.get();
-        self.flash_us
-            .set(before.wrapping_add(self.board().flash_us));
+        self.flash_us.set(before.wrapping_add(self.board().flash_us));
         let ticks = self.control.borrow_mut().device().now();
         before.wrapping_add(ticks as u32 * (1_000_000 / SAMPLE_RATE_HZ))
     }

@@ -11,9 +11,7 @@ use std::ops::Range;
 use std::rc::Rc;
 
 use embassy_futures::yield_now;
-use embedded_storage_async::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use model_format::limits::SLOT_BYTES;
 pub use stylus_app::flash::SECTOR_BYTES;
 use stylus_app::flash::WORD_BYTES;
@@ -153,8 +151,7 @@ impl Memory {
     pub fn perform(&mut self, operation: Operation, cut: Cut) {
         match operation {
             Operation::Erase { sector } => {
-                let words =
-                    sector * SECTOR_BYTES / WORD_BYTES..(sector + 1) * SECTOR_BYTES / WORD_BYTES;
+                let words = sector * SECTOR_BYTES / WORD_BYTES..(sector + 1) * SECTOR_BYTES / WORD_BYTES;
                 let (mut manner, mut run) = (cut, 0);
                 for word in words {
                     if run == 0 {
@@ -207,11 +204,7 @@ impl Memory {
                 // Half of the bits have changed.
                 for (index, (byte, new)) in bytes.iter_mut().zip(data).enumerate() {
                     // Each mask has four bits of a byte, and the next byte has the other four.
-                    let mask = if (index + word).is_multiple_of(2) {
-                        0x5a
-                    } else {
-                        0xa5
-                    };
+                    let mask = if (index + word).is_multiple_of(2) { 0x5a } else { 0xa5 };
                     *byte = (*byte & mask) | (new & !mask);
                 }
             }
@@ -230,8 +223,7 @@ impl Memory {
         let word = offset / WORD_BYTES;
         let bytes = self.bytes[word * WORD_BYTES..].first_chunk();
         let content = *bytes.expect("it is in the flash");
-        self.unstable
-            .insert(word, [content, content.map(|byte| byte ^ 0x10)]);
+        self.unstable.insert(word, [content, content.map(|byte| byte ^ 0x10)]);
     }
 
     /// Makes the word number `word` fault in `per_mille` of a thousand reads.
@@ -489,8 +481,7 @@ impl ReadNorFlash for SimulatedFlash<'_> {
             let content = self.memory.read_word(word).ok_or(ECC)?;
             let first = word * WORD_BYTES;
             let part = from.max(first)..to.min(first + WORD_BYTES);
-            bytes[part.start - from..part.end - from]
-                .copy_from_slice(&content[part.start - first..part.end - first]);
+            bytes[part.start - from..part.end - from].copy_from_slice(&content[part.start - first..part.end - first]);
         }
         if let Some((offset, left)) = self.recovers
             && (from..to).contains(&offset)

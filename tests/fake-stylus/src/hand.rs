@@ -78,9 +78,7 @@ impl Hand {
                 (force.round() + self.disturbance(tick)) as u16
             }),
             encoder_delta: match self.goal_counts {
-                Some(goal) => {
-                    (goal - place).clamp(-GOAL_COUNTS_PER_TICK, GOAL_COUNTS_PER_TICK) as i16
-                }
+                Some(goal) => (goal - place).clamp(-GOAL_COUNTS_PER_TICK, GOAL_COUNTS_PER_TICK) as i16,
                 None => (counts(tick + 1) - counts(tick)) as i16,
             },
         }

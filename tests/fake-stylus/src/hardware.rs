@@ -12,16 +12,13 @@ use std::sync::atomic::AtomicI16;
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource,
-    PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError,
-    RecordStarted, RecordStopped, ResetReason, Response, SCHEMA_HASH, Selection, Settings,
-    SiliconRevision, StartReport, TickCounters,
+    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Response,
+    SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
 };
 use model_format::scene::Biquad;
 use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};
-use stylus_app::control::{
-    Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
-};
+use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of};
 use stylus_app::inputs::{Estimator, Follower, InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
 use stylus_app::player::Piece;
@@ -228,8 +225,7 @@ impl Hardware {
         let whole = self.tear_samples == 0;
         self.tear_samples = self.tear_samples.saturating_sub(1);
         self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
-        self.sensors
-            .read(self.now, sample.encoder_delta, sample.force, whole);
+        self.sensors.read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
             let sensors = self.estimator.motion(&self.sensors, &self.inputs);
@@ -407,11 +403,7 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(
-        &self,
-        selection: &Selection,
-        response: Option<&Response>,
-    ) -> Result<(Prepared, PlayRate), PlayError> {
+    fn plan(&self, selection: &Selection, response: Option<&Response>) -> Result<(Prepared, PlayRate), PlayError> {
         if !self.is_loaded {
             return Err(PlayError::NoLibrary);
         }

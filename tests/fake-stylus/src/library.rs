@@ -2,8 +2,7 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError,
+    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, UploadBegin, UploadChunk, UploadCommitted, UploadError,
 };
 use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
 use stylus_app::flash::WORD_BYTES;
@@ -22,16 +21,13 @@ pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
 
 /// A texture of 15 x 8 lattice nodes of `order`, whose coefficients depend on `seed`.
 pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> TextureSpec {
-    let code =
-        |stage: usize| ((stage as i16).wrapping_mul(31).wrapping_add(seed) % 8_000).max(-8_000);
+    let code = |stage: usize| ((stage as i16).wrapping_mul(31).wrapping_add(seed) % 8_000).max(-8_000);
     let node = NodeSpec::new(2.0, CodeSpec::lattice((0..order).map(code).collect()));
     TextureSpec {
         sample_rate_hz,
         ..TextureSpec::new(
             name,
-            &(1..=15)
-                .map(|speed| 20.0 * speed as f32)
-                .collect::<Vec<_>>(),
+            &(1..=15).map(|speed| 20.0 * speed as f32).collect::<Vec<_>>(),
             &(1..=8).map(|force| 0.25 * force as f32).collect::<Vec<_>>(),
             vec![node; 15 * 8],
         )

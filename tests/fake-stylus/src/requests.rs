@@ -8,9 +8,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use embassy_futures::yield_now;
-use model_format::link::{
-    ENDPOINTS, LinkCounters, LinkId, MAX_DEVICE_FRAME_BYTES, MAX_HOST_FRAME_BYTES, TOPICS_IN,
-};
+use model_format::link::{ENDPOINTS, LinkCounters, LinkId, MAX_DEVICE_FRAME_BYTES, MAX_HOST_FRAME_BYTES, TOPICS_IN};
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;

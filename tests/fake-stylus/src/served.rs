@@ -7,9 +7,7 @@ use std::task::{Context, Waker};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use model_format::link::{
-    ImageVersion, LinkId, MotionSample, MotionTopic, RecordBlock, RecordBlockTopic,
-};
+use model_format::link::{ImageVersion, LinkId, MotionSample, MotionTopic, RecordBlock, RecordBlockTopic};
 use postcard_rpc::Topic;
 use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
@@ -241,11 +239,7 @@ impl FakeStylus {
     /// Number of frames for `path` that have arrived since [`FakeStylus::take_heard`].
     pub fn count(&self, path: &str) -> usize {
         let inner = lock(&self.inner);
-        inner
-            .heard
-            .iter()
-            .filter(|heard| heard.path == path)
-            .count()
+        inner.heard.iter().filter(|heard| heard.path == path).count()
     }
 
     /// Number of connections so far.
@@ -408,11 +402,7 @@ fn serve(listeners: &Listeners, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut
 }
 
 /// Queues answers on the links that they go to. Nobody receives the answers of a link without an open connection.
-fn answer_all(
-    wires: &mut [Wire<'_>; 2],
-    answers: impl Iterator<Item = (LinkId, Vec<u8>)>,
-    faults: &Faults,
-) {
+fn answer_all(wires: &mut [Wire<'_>; 2], answers: impl Iterator<Item = (LinkId, Vec<u8>)>, faults: &Faults) {
     for (id, answer) in answers {
         if let Some(open) = connection_of(wires, id) {
             open.answer(&answer, faults);

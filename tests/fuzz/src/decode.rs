@@ -4,9 +4,7 @@
 //! Each input is tried both as it is and with a prefix that fits it, because no fuzzer guesses a checksum.
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::scene::Scene;
-use model_format::{
-    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Texture, encode_with_scenes,
-};
+use model_format::{FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Texture, encode_with_scenes};
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
@@ -43,8 +41,7 @@ fn judge_whole(bytes: &[u8]) {
     match Library::decode(bytes) {
         Ok(library) => {
             let (content, scenes) = (walk::content(&library), walk::scenes(&library));
-            let again = encode_with_scenes(&content, &scenes)
-                .expect("what was read from a library makes one");
+            let again = encode_with_scenes(&content, &scenes).expect("what was read from a library makes one");
             assert_eq!(again, bytes, "a library has one encoding");
             library.textures().for_each(play);
             scenes.iter().for_each(|scene| play_scene(scene, &library));
@@ -56,10 +53,7 @@ fn judge_whole(bytes: &[u8]) {
 /// Moves over the texture's grid, beyond it, and to rest, where it must be silent.
 fn play(texture: Texture<'_>) {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
-    let last = (
-        speeds.value(speeds.len() - 1),
-        forces.value(forces.len() - 1),
-    );
+    let last = (speeds.value(speeds.len() - 1), forces.value(forces.len() - 1));
     let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
     for (speed, force) in [
         (speeds.value(0) / 2.0, forces.value(0)),

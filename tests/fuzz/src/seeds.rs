@@ -7,9 +7,8 @@ use std::path::Path;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
-    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec, Wander, encode,
-    encode_with_scenes, limits,
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec, NodeFlags,
+    NodeSpec, PartsSpec, TextureSpec, Wander, encode, encode_with_scenes, limits,
 };
 
 /// Writes the seeds of every target into the target's folder below `root`.
@@ -28,9 +27,7 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
         let bytes = encode(std::slice::from_ref(texture))?;
         std::fs::write(folder.join(format!("single-{index}")), bytes)?;
     }
-    all.retain(|texture| {
-        texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5
-    });
+    all.retain(|texture| texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5);
     std::fs::write(folder.join("several"), encode(&all[..4])?)?;
     let with_scenes = encode_with_scenes(&all[..2], &[scene()?])?;
     std::fs::write(folder.join("scenes"), with_scenes)?;
@@ -136,9 +133,7 @@ fn parts(codebooks: usize, modulation: bool, nodes: usize) -> PartsSpec {
                     .collect(),
             })
             .collect(),
-        of_nodes: (0..nodes)
-            .map(|node| (node % (codebooks + 1)) as u8)
-            .collect(),
+        of_nodes: (0..nodes).map(|node| (node % (codebooks + 1)) as u8).collect(),
         moment_samples: None,
     });
     let modulation = modulation.then(|| ModulationSpec {
@@ -187,10 +182,7 @@ fn scene() -> Result<Scene, Box<dyn Error>> {
         numerator: [1 << 28, -(1 << 27), 0],
         denominator: [-(1 << 28), 1 << 27],
     };
-    scene
-        .equaliser
-        .push(section)
-        .map_err(|_| "too many sections")?;
+    scene.equaliser.push(section).map_err(|_| "too many sections")?;
     Ok(scene)
 }
 
@@ -203,11 +195,7 @@ fn texture(name: String, order: usize, size: usize) -> TextureSpec {
         NodeSpec {
             output_power: if silent { 0.0 } else { 4.0 },
             prediction_error_power: if silent { 0.0 } else { 1.0 },
-            flags: if silent {
-                NodeFlags::SILENT
-            } else {
-                NodeFlags::DOUBTFUL
-            },
+            flags: if silent { NodeFlags::SILENT } else { NodeFlags::DOUBTFUL },
             codes: codes(order),
         }
     };
@@ -217,7 +205,6 @@ fn texture(name: String, order: usize, size: usize) -> TextureSpec {
 
 /// Codes of alternating sign, whose magnitude falls with the square of the index.
 fn codes(order: usize) -> CodeSpec {
-    let falling = (1..=order as i32)
-        .map(|index| (if index % 2 == 0 { 1 } else { -1 }) * 20_000 / (index * index));
+    let falling = (1..=order as i32).map(|index| (if index % 2 == 0 { 1 } else { -1 }) * 20_000 / (index * index));
     CodeSpec::lattice(falling.map(|code| code as i16).collect())
 }

@@ -64,13 +64,7 @@ pub struct Bench {
 
 impl Bench {
     /// Creates a bench that passes each test to `tell` when it is done.
-    pub fn new(
-        device: Device,
-        board: Board,
-        lengths: Lengths,
-        interrupt: Arc<AtomicBool>,
-        tell: fn(&Test),
-    ) -> Self {
+    pub fn new(device: Device, board: Board, lengths: Lengths, interrupt: Arc<AtomicBool>, tell: fn(&Test)) -> Self {
         Self {
             device,
             board,
@@ -126,13 +120,7 @@ impl Bench {
     }
 
     /// Adds a test that passes if `holds` is true. `value` and `limits` are shown in the report.
-    pub fn judge(
-        &mut self,
-        name: &str,
-        value: impl Into<String>,
-        limits: impl Into<String>,
-        holds: bool,
-    ) {
+    pub fn judge(&mut self, name: &str, value: impl Into<String>, limits: impl Into<String>, holds: bool) {
         self.add(Line::judged(name, value, limits, holds, ""));
     }
 
@@ -153,12 +141,7 @@ impl Bench {
     ///
     /// # Errors
     /// The errors of [`Bench::status`]; or `reached` stayed false for `ms` of the device's clock.
-    pub fn wait_until(
-        &self,
-        what: &str,
-        ms: u64,
-        mut reached: impl FnMut(&Status) -> bool,
-    ) -> Result<Status> {
+    pub fn wait_until(&self, what: &str, ms: u64, mut reached: impl FnMut(&Status) -> bool) -> Result<Status> {
         let begin = self.status()?;
         let mut status = begin.clone();
         loop {
@@ -307,8 +290,7 @@ pub fn request(selection: &Selection, motion: MotionSource) -> PlayRequest {
 
 /// The host's motion: constant, and within the grids of all textures that are played.
 fn motion() -> MotionPath {
-    MotionPath::constant(MillimetresPerSecond(SPEED_MM_S), Newton(FORCE_N))
-        .expect("both are finite")
+    MotionPath::constant(MillimetresPerSecond(SPEED_MM_S), Newton(FORCE_N)).expect("both are finite")
 }
 
 /// The host's motion as one message.

@@ -53,9 +53,7 @@ impl Board {
     /// Returns the reason why [`Board::reset`] and [`Board::flash`] cannot be used; `None` if they can.
     pub fn lacks(&self) -> Option<&'static str> {
         match self {
-            Self::ByHand => {
-                Some("it needs the probe: run with --flash where probe-rs is installed")
-            }
+            Self::ByHand => Some("it needs the probe: run with --flash where probe-rs is installed"),
             Self::Probe(_) | Self::Virtual(_) => None,
         }
     }
@@ -121,9 +119,7 @@ impl Probe {
             program: format!("{} {}", self.program.display(), subcommand.join(" ")),
             problem,
         };
-        let status = command
-            .status()
-            .map_err(|error| failed(error.to_string()))?;
+        let status = command.status().map_err(|error| failed(error.to_string()))?;
         if status.success() {
             Ok(())
         } else {

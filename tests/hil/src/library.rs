@@ -23,8 +23,7 @@ pub struct Played {
 
 /// Returns the suite's library.
 pub fn played() -> Played {
-    let textures =
-        COUNTED_ORDERS.map(|order| counted_texture(order, &format!("lattice, order {order}")));
+    let textures = COUNTED_ORDERS.map(|order| counted_texture(order, &format!("lattice, order {order}")));
     let scenes = scenes();
     let bytes = encode_with_scenes(&textures, &scenes).expect("within the limits");
     let textures = textures.iter().map(|texture| {

@@ -80,26 +80,16 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     let interrupt = Arc::new(AtomicBool::new(false));
     listen(&interrupt)?;
     let (board, address) = board(arguments)?;
-    let is_slow = board.is_emulated()
-        || matches!(
-            address,
-            LinkAddress::Tcp { .. } | LinkAddress::UsbVirtual { .. }
-        );
+    let is_slow = board.is_emulated() || matches!(address, LinkAddress::Tcp { .. } | LinkAddress::UsbVirtual { .. });
     let timeouts = if is_slow {
         Timeouts::scaled_to(EMULATED_ANSWER)
     } else {
         Timeouts::default()
     };
     let device = connect(&address, timeouts)?;
-    let mut bench = Bench::new(
-        device,
-        board,
-        lengths(arguments),
-        interrupt,
-        |test: &Test| {
-            println!("{test}");
-        },
-    );
+    let mut bench = Bench::new(device, board, lengths(arguments), interrupt, |test: &Test| {
+        println!("{test}");
+    });
     bench.no_amplifier = arguments.no_amplifier;
     println!(
         "{} {} over {address}{}",
@@ -154,10 +144,7 @@ fn board(arguments: &Arguments) -> Result<(Board, LinkAddress)> {
         }),
         None => Board::ByHand,
     };
-    let link = arguments
-        .link
-        .clone()
-        .expect("required without the virtual stylus");
+    let link = arguments.link.clone().expect("required without the virtual stylus");
     Ok((board, link))
 }
 

@@ -51,15 +51,14 @@ impl Report {
 
     /// Returns true if the run was completed, something passed and nothing failed.
     pub fn holds(&self) -> bool {
-        let [passed, failed] =
-            [Verdict::Pass, Verdict::Fail].map(|verdict| self.with(verdict).count());
+        let [passed, failed] = [Verdict::Pass, Verdict::Fail].map(|verdict| self.with(verdict).count());
         !self.interrupted && passed > 0 && failed == 0
     }
 
     /// The summary, in one line.
     pub fn summary(&self) -> String {
-        let [passed, failed, left_out] = [Verdict::Pass, Verdict::Fail, Verdict::NotMeasured]
-            .map(|verdict| self.with(verdict).count());
+        let [passed, failed, left_out] =
+            [Verdict::Pass, Verdict::Fail, Verdict::NotMeasured].map(|verdict| self.with(verdict).count());
         let end = match (self.interrupted, failed, passed) {
             (true, ..) => "; interrupted before the last test",
             (false, 0, 0) => "; nothing was tested, which is a failure",
@@ -91,18 +90,8 @@ mod tests {
                 "0 passed, 0 failed, 1 left out; nothing was tested, which is a failure",
                 false,
             ),
-            (
-                vec![&passed, &left_out],
-                false,
-                "1 passed, 0 failed, 1 left out",
-                true,
-            ),
-            (
-                vec![&passed, &failed],
-                false,
-                "1 passed, 1 failed, 0 left out",
-                false,
-            ),
+            (vec![&passed, &left_out], false, "1 passed, 0 failed, 1 left out", true),
+            (vec![&passed, &failed], false, "1 passed, 1 failed, 0 left out", false),
             (
                 vec![&passed],
                 true,

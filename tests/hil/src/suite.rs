@@ -32,12 +32,7 @@ pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     if let Err(error) = &ended
         && !bench.report.interrupted
     {
-        bench.judge(
-            "the coil's settings are set",
-            error.to_string(),
-            "set",
-            false,
-        );
+        bench.judge("the coil's settings are set", error.to_string(), "set", false);
     }
     let restored = kept.restore(bench);
     if let Err(error) = &restored {
@@ -67,9 +62,7 @@ fn silent_subjects(bench: &mut Bench, played: &Played) -> Result<()> {
 /// run.
 fn silent(bench: &mut Bench, played: &Played) -> Result<()> {
     subject(bench, "self test", self_test::check)?;
-    subject(bench, "upload", |bench| {
-        checks::upload::check(bench, &played.bytes)
-    })
+    subject(bench, "upload", |bench| checks::upload::check(bench, &played.bytes))
 }
 
 /// Runs all subjects.
@@ -83,11 +76,7 @@ fn subjects(bench: &mut Bench, played: &Played) -> Result<()> {
     subject(bench, "faults", faults::check)
 }
 
-fn subject(
-    bench: &mut Bench,
-    name: &'static str,
-    check: impl FnOnce(&mut Bench) -> Result<()>,
-) -> Result<()> {
+fn subject(bench: &mut Bench, name: &'static str, check: impl FnOnce(&mut Bench) -> Result<()>) -> Result<()> {
     bench.begin(name);
     match check(bench) {
         Ok(()) => Ok(()),

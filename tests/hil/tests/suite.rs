@@ -91,8 +91,7 @@ fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
 }
 
 #[test]
-fn the_output_is_left_out_unless_the_enable_is_wired_or_a_person_says_that_no_amplifier_is_connected()
- {
+fn the_output_is_left_out_unless_the_enable_is_wired_or_a_person_says_that_no_amplifier_is_connected() {
     let stylus = FakeStylus::start();
     for (wired, no_amplifier) in [(0.0, false), (0.0, true), (1.0, false), (1.0, true)] {
         let mut bench = bench(&stylus);
@@ -109,11 +108,7 @@ fn the_output_is_left_out_unless_the_enable_is_wired_or_a_person_says_that_no_am
         assert_eq!(failed(&bench), [""; 0]);
         let moves = wired == 1.0 || no_amplifier;
         assert_eq!(stylus.count("stylus/play") > plays, moves);
-        assert_eq!(
-            stylus.test_codes() > before,
-            moves,
-            "{wired} {no_amplifier}"
-        );
+        assert_eq!(stylus.test_codes() > before, moves, "{wired} {no_amplifier}");
         let mut tests = bench.report.with(Verdict::NotMeasured);
         let left_out = tests.find(|test| test.subject == "self test" && test.line.name == "output");
         assert_eq!(left_out.is_some(), !moves);
@@ -164,16 +159,8 @@ fn an_output_that_goes_on_after_a_lost_link_is_found() {
 #[test]
 fn ticks_that_are_missed_late_or_too_long_are_found() {
     let endures = |bench: &mut Bench, played: &Played| endurance::check(bench, &played.bytes);
-    finds(
-        |f| f.misses_ticks = true,
-        endures,
-        "meanwhile: ticks missed",
-    );
-    finds(
-        |f| f.puts_out_late = true,
-        endures,
-        "meanwhile: outputs late",
-    );
+    finds(|f| f.misses_ticks = true, endures, "meanwhile: ticks missed");
+    finds(|f| f.puts_out_late = true, endures, "meanwhile: outputs late");
     // The first range of durations includes all earlier ticks, and is not reported.
     let idle = |bench: &mut Bench, _: &Played| cycles::check(bench, &[]);
     finds(|f| f.slower_by = 80_000, idle, "idle");

@@ -88,9 +88,8 @@ fn lattice_at_full_scale<A: Arithmetic>(theta: i32, sink: &mut impl FnMut(u32)) 
 
 /// Lattices of every number of stages modulo the number that is computed together. Each stage rotates differently.
 fn lattices_of_few_stages<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
-    let rotations: [Rotation; MOST_FEW_STAGES] = core::array::from_fn(|stage| {
-        Rotation::from_theta(THETA_QUARTER_TURN / 9 * (stage as i32 % 17 - 8))
-    });
+    let rotations: [Rotation; MOST_FEW_STAGES] =
+        core::array::from_fn(|stage| Rotation::from_theta(THETA_QUARTER_TURN / 9 * (stage as i32 % 17 - 8)));
     for stages in 0..=MOST_FEW_STAGES {
         let excitation = |n: usize| (n as i32 - 11) * 0x0654_3217;
         let rotations = &rotations[..stages];

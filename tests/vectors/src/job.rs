@@ -99,9 +99,7 @@ mod tests {
 
     #[test]
     fn a_job_is_read_as_it_was_written_and_nothing_else_is_one() {
-        let job = Job::Count {
-            library: b"a library",
-        };
+        let job = Job::Count { library: b"a library" };
         let mut bytes = write(&job).expect("it is small");
         assert!(bytes.len() <= b"a library".len() + OVERHEAD_BYTES);
         bytes.resize(CAPACITY, 0);

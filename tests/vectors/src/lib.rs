@@ -24,9 +24,7 @@ pub use edges::edges;
 pub use hard::{HardCase, Way};
 pub use job::Libraries;
 #[cfg(feature = "library")]
-pub use library::{
-    COUNTED_ORDERS, DIGESTED, counted_library, counted_texture, digest_library, library, specs,
-};
+pub use library::{COUNTED_ORDERS, DIGESTED, counted_library, counted_texture, digest_library, library, specs};
 pub use path::{COUNTED_UPDATES, PATH_UPDATES, counted_motion, motion};
 pub use play::{PlayError, run};
 pub use textures::{MEASURED, Measured, VECTORS, Vector};

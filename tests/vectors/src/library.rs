@@ -6,9 +6,8 @@ use alloc::vec::Vec;
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec,
-    LinesSpec, ModulationSpec, NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, Wander,
-    encode,
+    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec,
+    NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, Wander, encode,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -118,15 +117,13 @@ pub const DIGESTED: u32 = 0x104b_59ee;
 /// # Panics
 /// Never, because the texture is valid.
 pub fn digest_library() -> Vec<u8> {
-    let spec = Grid::new(|index| {
-        Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64)
-    })
-    .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
-    .with_codebooks()
-    .with_track()
-    .with_lines(&FOUR_LINES[1..3])
-    .with_wanders()
-    .texture("digest");
+    let spec = Grid::new(|index| Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64))
+        .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
+        .with_codebooks()
+        .with_track()
+        .with_lines(&FOUR_LINES[1..3])
+        .with_wanders()
+        .texture("digest");
     encode(&[spec]).expect("the texture is valid")
 }
 
@@ -139,11 +136,9 @@ pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 /// An order is above the limit or comes twice, or the library is too large.
 pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
-        Grid::one(&Model::gentle(order, order as u64), 9.0)
-            .texture(&alloc::format!("order {order}, one node"))
+        Grid::one(&Model::gentle(order, order as u64), 9.0).texture(&alloc::format!("order {order}, one node"))
     };
-    let grid =
-        |&order: &usize| counted_texture(order, &alloc::format!("order {order}, four nodes"));
+    let grid = |&order: &usize| counted_texture(order, &alloc::format!("order {order}, four nodes"));
     let textures = orders.iter().map(one).chain(orders.iter().map(grid));
     let textures: Vec<TextureSpec> = textures.collect();
     encode(&textures).expect("the textures are valid")
@@ -315,11 +310,7 @@ impl Grid {
 
     fn lines(&self) -> Option<LinesSpec> {
         let amplitude = |(index, (_, power)): (usize, &(Model, f32))| {
-            if *power > 0.0 {
-                0.25 + 0.125 * index as f32
-            } else {
-                0.0
-            }
+            if *power > 0.0 { 0.25 + 0.125 * index as f32 } else { 0.0 }
         };
         let line = |&(wavelength_mm, phase): &(f32, u16)| LineSpec {
             wavelength_mm,
@@ -390,9 +381,7 @@ fn codebook(samples: usize, seed: u64) -> CodebookSpec {
     // The mu-law makes most codes small samples. The cube root makes large codes frequent, so that some are large.
     let mut codebook = CodebookSpec {
         peak: 1.0,
-        codes: (0..samples)
-            .map(|_| (127.0 * libm::cbrt(uniform())) as i8)
-            .collect(),
+        codes: (0..samples).map(|_| (127.0 * libm::cbrt(uniform())) as i8).collect(),
     };
     for code in codebook.codes.iter_mut().step_by(3) {
         *code /= 2;
@@ -420,10 +409,7 @@ fn track() -> ModulationSpec {
     let levels: Vec<f64> = (0..90).map(|_| 48.0 * uniform()).collect();
     let shifted = |shift: f64| ModulationSpec {
         step_samples: 57,
-        entries: levels
-            .iter()
-            .map(|level| libm::round(level + shift) as i8)
-            .collect(),
+        entries: levels.iter().map(|level| libm::round(level + shift) as i8).collect(),
     };
     // One unit is a step of 0.25 dB.
     let shift = |track: &ModulationSpec| -40.0 * libm::log10(f64::from(track.mean_square()));

@@ -22,11 +22,7 @@ pub enum PlayError {
 }
 
 /// Plays `vector` of `library` into `sink` along [`motion`]. Returns the number of samples at full scale.
-pub fn run<M: Arithmetic>(
-    library: &[u8],
-    vector: &Vector,
-    sink: impl FnMut(OutputSample),
-) -> Result<u32, PlayError> {
+pub fn run<M: Arithmetic>(library: &[u8], vector: &Vector, sink: impl FnMut(OutputSample)) -> Result<u32, PlayError> {
     let library = Library::decode(library)?;
     match vector.beside {
         None => run_one::<M>(&library, vector, sink),

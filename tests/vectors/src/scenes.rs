@@ -42,12 +42,7 @@ pub fn of_surface(name: &str, surface: Surface) -> Scene {
 ///
 /// # Panics
 /// The name is too long.
-pub fn side_by_side(
-    name: &str,
-    [first, second]: [Surface; 2],
-    ends_mm: [f32; 3],
-    transition_mm: f32,
-) -> Scene {
+pub fn side_by_side(name: &str, [first, second]: [Surface; 2], ends_mm: [f32; 3], transition_mm: f32) -> Scene {
     let mut scene = of_surface(name, first);
     scene.transition_mm = transition_mm;
     scene.surfaces.push(second).expect("there is room");

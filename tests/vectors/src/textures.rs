@@ -52,11 +52,7 @@ pub const VECTORS: [Vector; 17] = [
         ["lattice, codebooks and track", "lattice, track"],
         20,
     ),
-    Vector::beside(
-        "two voices, one plain",
-        ["lattice, codebooks and track", "lattice"],
-        21,
-    ),
+    Vector::beside("two voices, one plain", ["lattice, codebooks and track", "lattice"], 21),
     Vector::new("lattice, four lines", 22),
     Vector::new("lattice with rest, one line", 23),
     Vector::new("lattice, codebooks, track and four lines", 24),

@@ -1,8 +1,6 @@
 //! Properties that the test textures need for the comparison of bits to be meaningful.
 
-use kernel_vectors::{
-    DIGESTED, MEASURED, PATH_UPDATES, VECTORS, Vector, digest_library, edges, library, motion, run,
-};
+use kernel_vectors::{DIGESTED, MEASURED, PATH_UPDATES, VECTORS, Vector, digest_library, edges, library, motion, run};
 use model_format::limits::MAX_ORDER;
 use model_format::{Library, OutputSample, Texture};
 use stylus_kernel::arithmetic::Portable;
@@ -14,10 +12,7 @@ fn play(library: &[u8], vector: &Vector) -> (Vec<i32>, u32) {
     let mut samples = Vec::new();
     let sink = |OutputSample(sample)| samples.push(sample);
     let saturations = run::<Portable>(library, vector, sink);
-    (
-        samples,
-        saturations.expect("the library holds every vector"),
-    )
+    (samples, saturations.expect("the library holds every vector"))
 }
 
 #[test]
@@ -26,10 +21,7 @@ fn the_library_holds_every_vector_and_nothing_else() {
     let library = Library::decode(&bytes).expect("the library is valid");
     let names: Vec<_> = library.textures().map(|texture| texture.name()).collect();
     let alone = VECTORS.iter().filter(|vector| vector.beside.is_none());
-    assert_eq!(
-        names,
-        alone.map(|vector| vector.texture).collect::<Vec<_>>()
-    );
+    assert_eq!(names, alone.map(|vector| vector.texture).collect::<Vec<_>>());
 }
 
 #[test]
@@ -49,10 +41,7 @@ const GOLDEN: [(u32, &str); 15] = [
     (0x24c7_1535, "lattice of unequal orders"),
     (0xd864_b9b9, "lattice of largest angles"),
     (0x00eb_400a, "fine lattice, mean dB"),
-    (
-        0x3ebf_b8e0,
-        "fine lattice of largest angles, mean amplitude",
-    ),
+    (0x3ebf_b8e0, "fine lattice of largest angles, mean amplitude"),
     (0x20e3_0f61, "lattice, codebooks"),
     (0xb3de_79e7, "lattice, track"),
     (0xa5af_eacd, "lattice, codebooks and track"),
@@ -109,9 +98,7 @@ fn the_path_reaches_every_kind_of_place_on_the_grid() {
     let some = |test: fn(&GridPoint) -> bool| points.iter().any(test);
     assert!(some(|point| point.fade == 0));
     assert!(some(|point| (1..ONE).contains(&point.fade)));
-    assert!(some(
-        |point| point.weights.contains(&ONE) && point.fade == ONE
-    ));
+    assert!(some(|point| point.weights.contains(&ONE) && point.fade == ONE));
     assert!(some(|point| point.weights.iter().all(|&weight| weight > 0)));
     let cells = points.chunk_by(|a, b| a.nodes == b.nodes).count();
     assert!(cells > 10, "{cells} changes of cell");
@@ -147,9 +134,7 @@ fn a_part_that_is_left_out_changes_the_digest() {
 fn one_bit_of_one_word_changes_a_digest() {
     let digest = |words: [i32; 4]| {
         let mut digest = Digest::default();
-        words
-            .into_iter()
-            .for_each(|word| digest.add(OutputSample(word)));
+        words.into_iter().for_each(|word| digest.add(OutputSample(word)));
         digest.value()
     };
     let whole = digest([3, -4, 5, 0]);
@@ -196,16 +181,9 @@ fn a_block_begins_where_the_speed_of_the_one_before_ends() {
     for (rate, samples) in [(5000, 10.0), (10_000, 20.0), (1000, 10.0), (44_100, 10.0)] {
         for block in 0..1600 {
             let (now, next) = (Stroke::at(block, rate), Stroke::at(block + 1, rate));
-            let after =
-                |samples: f64| now.begin_mm + f64::from(now.speed_mm_s) * samples / f64::from(rate);
-            assert!(
-                (next.begin_mm - after(samples)).abs() < 1e-9,
-                "{rate} Hz, {block}"
-            );
-            assert!(
-                (now.end_mm - after(samples - 1.0)).abs() < 1e-9,
-                "{rate} Hz, {block}"
-            );
+            let after = |samples: f64| now.begin_mm + f64::from(now.speed_mm_s) * samples / f64::from(rate);
+            assert!((next.begin_mm - after(samples)).abs() < 1e-9, "{rate} Hz, {block}");
+            assert!((now.end_mm - after(samples - 1.0)).abs() < 1e-9, "{rate} Hz, {block}");
         }
     }
 }

@@ -25,8 +25,7 @@ use crate::serial::Line;
 const NAME: &str = "virtual-stylus";
 /// Pessimistic rate of the core: 400 MHz at two cycles per instruction. A Cortex-M7 often retires two instructions per
 /// cycle.
-pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
-    NonZeroU64::new(200_000_000).expect("not zero");
+pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(200_000_000).expect("not zero");
 /// Crystals of the NUCLEO-H743ZI2: 8 MHz from the debug probe, if the probe supplies it, and 32.768 kHz.
 const HIGH_SPEED_HZ: u64 = 8_000_000;
 const LOW_SPEED_HZ: u64 = 32_768;
@@ -65,14 +64,7 @@ impl StylusBoard {
     ) -> Result<Self> {
         let told = |error: rigless::soc::Error| Error::Emulator(error.to_string());
         let defects = Defects::of(electrical.revision);
-        let mut part = Part::new(
-            pins,
-            electrical,
-            unreadable.clone(),
-            busy.clone(),
-            defects.clone(),
-        )
-        .map_err(told)?;
+        let mut part = Part::new(pins, electrical, unreadable.clone(), busy.clone(), defects.clone()).map_err(told)?;
         // The emulator needs a rate. Without an external clock, the wrapper of the clock controller withholds HSE.
         let high_speed_hz = electrical.clocks.external_hz.unwrap_or(HIGH_SPEED_HZ);
         part.rcc.inner.attach_crystals(high_speed_hz, LOW_SPEED_HZ);
@@ -129,15 +121,10 @@ impl Board for StylusBoard {
 
     /// The part's core as the emulator's own board describes it, at a pessimistic rate.
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let mut bench =
-            Stm32h743Bench::new().expect("the emulator's own board is one of its own parts");
+        let mut bench = Stm32h743Bench::new().expect("the emulator's own board is one of its own parts");
         let mut core = bench.targets().swap_remove(0).core;
         core.instructions_per_second = PESSIMISTIC_INSTRUCTIONS_PER_SECOND;
-        let unique_id = Image::new(
-            Path::new("unique-id"),
-            UNIQUE_ID.to_vec(),
-            Some(UNIQUE_ID_ADDRESS),
-        );
+        let unique_id = Image::new(Path::new("unique-id"), UNIQUE_ID.to_vec(), Some(UNIQUE_ID_ADDRESS));
         core.factory_images
             .push(unique_id.expect("bytes with an address make an image"));
         let flash_size = Image::new(

@@ -22,8 +22,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rigless::emulator::{
-    Access, AccessKind, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HostCall,
-    InterruptLine, Processor, Queued,
+    Access, AccessKind, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HostCall, InterruptLine, Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
@@ -383,11 +382,7 @@ impl Core {
     /// Runs the inner core, and puts off a load that has to wait for its bank. Returns the number of loads from flash,
     /// too. If `goes_on`, the stretch continues past an event unless a model has changed what is routed.
     fn run_inner(&mut self, budget: u32, bus: &mut dyn CoreBus, goes_on: bool) -> (Exit, u64, u64) {
-        let changes = (
-            self.unreadable.changes(),
-            self.ram.changes(),
-            self.busy.banks(),
-        );
+        let changes = (self.unreadable.changes(), self.ram.changes(), self.busy.banks());
         let mut seen = Seen {
             bus,
             unreadable: &self.unreadable,
@@ -481,18 +476,13 @@ impl CoreBus for Seen<'_> {
         self.touched.note(&access);
         // To the rest of the machine the core has executed what it could have executed while it stood still.
         access.instruction_count += self.stalled;
-        let status = FLASH_STATUS
-            .iter()
-            .position(|&status| status == access.address);
+        let status = FLASH_STATUS.iter().position(|&status| status == access.address);
         let is_status = status.is_some_and(|bank| self.busy.banks() & 1 << bank != 0);
         let is_poll = is_status || CONVERTER_CONTROL.contains(&access.address);
         self.polls.follow(&access, is_poll);
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;
-            if self
-                .unreadable
-                .fails(access.address as u32, access.width.bytes())
-            {
+            if self.unreadable.fails(access.address as u32, access.width.bytes()) {
                 return None;
             }
         }
@@ -529,11 +519,7 @@ impl CoreBus for Seen<'_> {
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
         // A word that a model has just marked as unreadable must be routed before the core continues.
-        let changes = (
-            self.unreadable.changes(),
-            self.ram.changes(),
-            self.busy.banks(),
-        );
+        let changes = (self.unreadable.changes(), self.ram.changes(), self.busy.banks());
         if Some(changes) == self.changes && !self.polls.are_all() {
             self.bus.carry_on(instructions + self.stalled, event)
         } else {
@@ -601,11 +587,7 @@ impl Processor for Core {
             // An interrupt that has become pending meanwhile is taken before the next poll.
             self.stalled += u64::from(left_out);
             let is_whole = left_out == budget;
-            let exit = if is_whole {
-                Exit::Budget
-            } else {
-                Exit::Returned
-            };
+            let exit = if is_whole { Exit::Budget } else { Exit::Returned };
             return (exit, u64::from(left_out));
         }
         if self.busy.banks() & CODE_BANK != 0 {
@@ -695,13 +677,7 @@ impl Processor for Core {
         self.inner.gdb_register(number)
     }
 
-    fn debugger_access(
-        &mut self,
-        write: Option<u64>,
-        address: u64,
-        width: Width,
-        now: VirtualNanos,
-    ) -> Option<u64> {
+    fn debugger_access(&mut self, write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64> {
         self.inner.debugger_access(write, address, width, now)
     }
 

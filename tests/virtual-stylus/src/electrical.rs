@@ -116,7 +116,6 @@ impl Defects {
 
     /// True while reads of the AXI SRAM are corrupted.
     pub fn misreads(&self) -> bool {
-        self.0.old_silicon.load(Ordering::Relaxed)
-            && !self.0.one_read_at_a_time.load(Ordering::Relaxed)
+        self.0.old_silicon.load(Ordering::Relaxed) && !self.0.one_read_at_a_time.load(Ordering::Relaxed)
     }
 }

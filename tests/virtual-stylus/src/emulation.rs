@@ -16,9 +16,7 @@ use crate::core::Auditor;
 use crate::electrical::Electrical;
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
-use crate::model::flash::{
-    BASE, BYTES, Busy, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES,
-};
+use crate::model::flash::{BASE, BYTES, Busy, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES};
 use crate::sensors::ConstantPins;
 use crate::tick::TickWatch;
 
@@ -105,10 +103,7 @@ impl Hands {
     }
 
     fn started(&mut self, operation: &Operation, host: &mut dyn Host) {
-        let moments = self
-            .to_capture
-            .iter()
-            .filter(|(number, _)| *number == operation.number);
+        let moments = self.to_capture.iter().filter(|(number, _)| *number == operation.number);
         for moment in moments.map(|(_, moment)| *moment).collect::<Vec<_>>() {
             let mut contents = self.contents(host);
             contents.cut(&operation.kind, moment);
@@ -120,8 +115,7 @@ impl Hands {
         }
         // The operation has just started, so the cells still hold what they held before.
         if let Kind::Program { address, word } = &operation.kind {
-            self.unreadable
-                .program(*address, word, erased(*address, host));
+            self.unreadable.program(*address, word, erased(*address, host));
         }
     }
 }
@@ -130,19 +124,11 @@ fn erased(address: u32, host: &mut dyn Host) -> bool {
     (u64::from(address)..)
         .step_by(8)
         .take(WORD_BYTES as usize / 8)
-        .all(|piece| {
-            host.read(piece, Width::W64)
-                .is_ok_and(|bits| bits == u64::MAX)
-        })
+        .all(|piece| host.read(piece, Width::W64).is_ok_and(|bits| bits == u64::MAX))
 }
 
 impl Driver<StylusBoard> for Hands {
-    fn on_settled(
-        &mut self,
-        session: &mut Session<StylusBoard>,
-        host: &mut dyn Host,
-        settled: Settled,
-    ) {
+    fn on_settled(&mut self, session: &mut Session<StylusBoard>, host: &mut dyn Host, settled: Settled) {
         // A reset is seen only here; the tick that it cut short would otherwise be taken for one that has not returned.
         if session.resets().len() != self.resets {
             self.resets = session.resets().len();
@@ -164,12 +150,7 @@ impl Driver<StylusBoard> for Hands {
         }
     }
 
-    fn on_stop(
-        &mut self,
-        session: &mut Session<StylusBoard>,
-        stop: Stop,
-        host: &mut dyn Host,
-    ) -> Option<VirtualNanos> {
+    fn on_stop(&mut self, session: &mut Session<StylusBoard>, stop: Stop, host: &mut dyn Host) -> Option<VirtualNanos> {
         self.stops.send(stop.at.0).ok()?;
         loop {
             // If the other end of the channel is gone, the run is over.
@@ -236,8 +217,7 @@ fn load(path: &Path, mut contents: Contents, keep: bool) -> Result<(Contents, Op
         contents.flash(&segments).map_err(told)?;
     }
     // Bit 0 of a function's symbol marks Thumb code and is not part of its address.
-    let symbols = Symbols::read(image.bytes(), |value| value & !1)
-        .map_err(|error| told(error.to_string()))?;
+    let symbols = Symbols::read(image.bytes(), |value| value & !1).map_err(|error| told(error.to_string()))?;
     Ok((contents, symbols.get(TICK_HANDLER).ok()))
 }
 

@@ -22,9 +22,7 @@ pub enum Error {
         reason: String,
     },
     /// Another run uses the file for its flash.
-    #[error(
-        "{path}: another virtual stylus keeps its flash in it: end that one, or name another file with --flash"
-    )]
+    #[error("{path}: another virtual stylus keeps its flash in it: end that one, or name another file with --flash")]
     FlashFileInUse {
         /// The file.
         path: PathBuf,

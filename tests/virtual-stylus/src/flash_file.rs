@@ -39,9 +39,7 @@ impl FlashFile {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                return Err(Error::FlashFileInUse {
-                    path: path.to_owned(),
-                });
+                return Err(Error::FlashFileInUse { path: path.to_owned() });
             }
             Err(TryLockError::Error(error)) => return Err(told(error.to_string())),
         }

@@ -17,9 +17,7 @@ use virtual_stylus::model::adc::Pins;
 use virtual_stylus::model::flash::Contents;
 use virtual_stylus::motion::{Motion, MotionLine, read_csv};
 use virtual_stylus::pace::Pace;
-use virtual_stylus::sensors::{
-    self, FULL_SCALE, FunctionPins, MID_SCALE, REFERENCE_VOLTS, force_at,
-};
+use virtual_stylus::sensors::{self, FULL_SCALE, FunctionPins, MID_SCALE, REFERENCE_VOLTS, force_at};
 use virtual_stylus::sockets::{SerialSocket, UsbSocket};
 use virtual_stylus::tick::TickStatistics;
 use virtual_stylus::{Options, ResetCause, RunReport, VirtualStylus};
@@ -137,10 +135,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
     };
     let lines = arguments.motion.as_deref().map(read_csv).transpose()?;
     let lines = lines.unwrap_or_default();
-    let speeds: Vec<(u64, f64)> = lines
-        .iter()
-        .map(|line| (nanos(line.time_s), line.speed_mm_s))
-        .collect();
+    let speeds: Vec<(u64, f64)> = lines.iter().map(|line| (nanos(line.time_s), line.speed_mm_s)).collect();
     let options = options(arguments, contents, lines)?;
     let mut stylus = VirtualStylus::new(&arguments.image, options)?;
     stylus.press_button(arguments.button);
@@ -224,12 +219,7 @@ fn noise(channel: u8, at_ns: u64) -> f64 {
     (Chance(at_ns ^ u64::from(channel) << 56).fraction() * 2.0 - 1.0) * CODES
 }
 
-fn run(
-    stylus: &mut VirtualStylus,
-    around: &mut Around,
-    end_ns: u64,
-    arguments: &Arguments,
-) -> Result<()> {
+fn run(stylus: &mut VirtualStylus, around: &mut Around, end_ns: u64, arguments: &Arguments) -> Result<()> {
     /// Real time between two writes of the flash to its file. These writes keep the flash if the run is interrupted.
     const KEEP_EVERY: Duration = Duration::from_secs(5);
     /// Real time between two announcements of the virtual time.
@@ -248,8 +238,7 @@ fn run(
         stylus.run_until((stylus.now_ns() + around.step_ns()).min(end_ns));
         around.serve(stylus);
         let virtual_time = Duration::from_nanos(stylus.now_ns());
-        if let Some(announced) = (around.announced.as_mut()).filter(|_| told.elapsed() > TELL_EVERY)
-        {
+        if let Some(announced) = (around.announced.as_mut()).filter(|_| told.elapsed() > TELL_EVERY) {
             // If the time cannot be announced, programs wait for less time than they should. That is no reason to end
             // the run.
             let _ = announced.tell_time(virtual_time);
@@ -309,17 +298,10 @@ fn finish(stylus: &mut VirtualStylus, flash: Option<&mut FlashFile>) -> Result<(
             ResetCause::Watchdog => "by the watchdog",
             ResetCause::Other => "otherwise",
         };
-        println!(
-            "reset {cause} at {:.6} s",
-            reset.at_ns as f64 / NANOS_PER_SECOND
-        );
+        println!("reset {cause} at {:.6} s", reset.at_ns as f64 / NANOS_PER_SECOND);
     }
     let record = stylus.take_dac_record();
-    println!(
-        "voice coil output: {} instants, last {:?}",
-        record.len(),
-        record.last()
-    );
+    println!("voice coil output: {} instants, last {:?}", record.len(), record.last());
     if let Some(ticks) = TickStatistics::of(&stylus.take_ticks()) {
         println!(
             "ticks: {}, instructions min {} median {} max {}; {} not followed",

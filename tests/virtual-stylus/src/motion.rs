@@ -55,9 +55,7 @@ impl Motion {
     /// There are no speeds, an instant is not after the previous instant, or a number is not finite.
     pub fn linear(speeds: &[(u64, f64)], mm_per_count: f64) -> Result<Self> {
         let ordered = speeds.windows(2).all(|pair| pair[0].0 < pair[1].0);
-        let finite = speeds
-            .iter()
-            .all(|(_, speed)| (speed / mm_per_count).is_finite());
+        let finite = speeds.iter().all(|(_, speed)| (speed / mm_per_count).is_finite());
         if speeds.is_empty() || !ordered || !finite {
             return Err(Error::Motion(
                 "needs at least one speed, finite, at instants that rise".to_owned(),
@@ -70,11 +68,7 @@ impl Motion {
             let position = knots.last().map_or(0.0, |last| {
                 last.position + f64::midpoint(last.speed, speed) * seconds(at_ns - last.at_ns)
             });
-            knots.push(Knot {
-                at_ns,
-                speed,
-                position,
-            });
+            knots.push(Knot { at_ns, speed, position });
         }
         Ok(Self { knots })
     }

@@ -6,16 +6,12 @@
 use rigless::device::{Device, DeviceContext, ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::{
-    crs, dbgmcu, exti, flash, otg1_hs_global, pwr, ramecc1, rcc,
-};
+use rigless::soc::stm32h743::generated::{crs, dbgmcu, exti, flash, otg1_hs_global, pwr, ramecc1, rcc};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::{Flash, OptionBytes};
 use rigless::soc::stm32h743::peripherals::gpio::{Gpio, Pin};
 use rigless::soc::stm32h743::peripherals::rcc::{Kernel, Rcc};
-use rigless::soc::stm32h743::peripherals::tim::{
-    BASIC_TIMERS, Basic, General, TIMER_16, TIMERS, Tim, Tim16,
-};
+use rigless::soc::stm32h743::peripherals::tim::{BASIC_TIMERS, Basic, General, TIMER_16, TIMERS, Tim, Tim16};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
@@ -251,8 +247,7 @@ impl Part {
         let trimming = slots[self.slots.crs].registers();
         let control = trimming.get(crs::Register::Cr);
         let follows = crs::cfgr::SYNCSRC.get(trimming.get(crs::Register::Cfgr)) == FRAMES_OF_USB2;
-        let is_trimmed =
-            crs::cr::CEN.is_set(control) && crs::cr::AUTOTRIMEN.is_set(control) && follows;
+        let is_trimmed = crs::cr::CEN.is_set(control) && crs::cr::AUTOTRIMEN.is_set(control) && follows;
         let of_source = match (source, reference) {
             (USB_FROM_HSI48, _) if is_trimmed => 0,
             (USB_FROM_HSI48, _) => self.electrical.clocks.hsi48_ppm,
@@ -279,10 +274,9 @@ impl Part {
     /// Presses the button B1, which pulls PC13 up, or releases the button.
     pub fn press_button(&mut self, at: VirtualNanos, pressed: bool) {
         let level = pressed.then_some(Level::High);
-        self.rest
-            .drive_port(at, PORT_C, |gpio, registers, context| {
-                gpio.drive(B1, level, registers, context);
-            });
+        self.rest.drive_port(at, PORT_C, |gpio, registers, context| {
+            gpio.drive(B1, level, registers, context);
+        });
     }
 
     /// Sets the supply. If it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3), and the
@@ -312,10 +306,7 @@ impl Part {
         let slot = self.rest.bus_mut().slot_mut(self.slots.debug);
         let registers = slot.registers_mut();
         registers.set(dbgmcu::Register::Apb4fz1, dbgmcu::apb4fz1::DBG_IWDG1.mask());
-        registers.set(
-            dbgmcu::Register::Apb1lfz1,
-            dbgmcu::apb1lfz1::DBG_TIM7.mask(),
-        );
+        registers.set(dbgmcu::Register::Apb1lfz1, dbgmcu::apb1lfz1::DBG_TIM7.mask());
     }
 
     /// Turns off the core's clocks for debugging, as probe-rs does when it detaches: `DBGMCU_CR` (section 60.5.8).

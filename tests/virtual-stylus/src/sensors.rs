@@ -23,10 +23,7 @@ impl Default for ConstantPins {
 
 impl Pins for ConstantPins {
     fn code(&mut self, channel: u8, _at_ns: u64) -> u16 {
-        self.0
-            .get(usize::from(channel))
-            .copied()
-            .unwrap_or_default()
+        self.0.get(usize::from(channel)).copied().unwrap_or_default()
     }
 }
 
@@ -76,10 +73,7 @@ pub fn mm_per_count() -> f64 {
 /// lines.
 pub fn force_at(lines: &[MotionLine], time_s: f64) -> f64 {
     let next = lines.partition_point(|line| line.time_s <= time_s);
-    match (
-        next.checked_sub(1).and_then(|last| lines.get(last)),
-        lines.get(next),
-    ) {
+    match (next.checked_sub(1).and_then(|last| lines.get(last)), lines.get(next)) {
         (Some(last), Some(next)) => {
             let share = (time_s - last.time_s) / (next.time_s - last.time_s);
             last.force_n + share * (next.force_n - last.force_n)

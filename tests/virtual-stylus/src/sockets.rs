@@ -126,20 +126,14 @@ fn read_some(program: &mut TcpStream, room: usize) -> Option<Vec<u8>> {
             bytes.truncate(count);
             Some(bytes)
         }
-        Err(failure)
-            if [ErrorKind::WouldBlock, ErrorKind::Interrupted].contains(&failure.kind()) =>
-        {
-            Some(Vec::new())
-        }
+        Err(failure) if [ErrorKind::WouldBlock, ErrorKind::Interrupted].contains(&failure.kind()) => Some(Vec::new()),
         Err(_) => None,
     }
 }
 
 /// Sends `bytes`, and waits while the program does not read. Returns false if the connection has ended.
 fn write_all(program: &mut TcpStream, bytes: &[u8]) -> bool {
-    program.set_nonblocking(false).is_ok()
-        && program.write_all(bytes).is_ok()
-        && program.set_nonblocking(true).is_ok()
+    program.set_nonblocking(false).is_ok() && program.write_all(bytes).is_ok() && program.set_nonblocking(true).is_ok()
 }
 
 /// Virtual time from pulling a cable to plugging it in again, ns.
@@ -201,9 +195,7 @@ impl UsbSocket {
         }
         if self.endpoints.is_none() {
             let read = self.usb.enumerate(stylus);
-            self.endpoints = read
-                .ok()
-                .and_then(|read| bulk_endpoints(&read.configuration));
+            self.endpoints = read.ok().and_then(|read| bulk_endpoints(&read.configuration));
         }
         if let Some(stream) = self.listener.accept() {
             let has_ended = |program: &Program| has_ended(&program.stream);
@@ -240,12 +232,7 @@ impl UsbSocket {
 
 impl Program {
     /// Serves the program. Returns false if the connection has ended.
-    fn serve(
-        &mut self,
-        [output, input]: [u8; 2],
-        usb: &mut UsbHost,
-        stylus: &mut VirtualStylus,
-    ) -> bool {
+    fn serve(&mut self, [output, input]: [u8; 2], usb: &mut UsbHost, stylus: &mut VirtualStylus) -> bool {
         if !self.read() {
             return false;
         }
@@ -256,8 +243,7 @@ impl Program {
                 Ok(Some(ToBus::Out(data))) => {
                     let endpoint = output & 0x0F;
                     let transfer = Transfer::Out { endpoint, data };
-                    self.out
-                        .push_back(stylus.usb(move |host, _| host.submit(transfer)));
+                    self.out.push_back(stylus.usb(move |host, _| host.submit(transfer)));
                     continue;
                 }
                 Ok(Some(ToBus::In(bytes))) => {
@@ -265,17 +251,16 @@ impl Program {
                         endpoint: input & 0x0F,
                         bytes: bytes as usize,
                     };
-                    self.input
-                        .push_back(stylus.usb(move |host, _| host.submit(transfer)));
+                    self.input.push_back(stylus.usb(move |host, _| host.submit(transfer)));
                     self.most = self.most.max(self.input.len());
                     continue;
                 }
-                Ok(Some(ToBus::ClearOut)) => FromBus::ClearedOut(
-                    (usb.clear_halt(stylus, output)).map_err(|error| error.to_string()),
-                ),
-                Ok(Some(ToBus::ClearIn)) => FromBus::ClearedIn(
-                    (usb.clear_halt(stylus, input)).map_err(|error| error.to_string()),
-                ),
+                Ok(Some(ToBus::ClearOut)) => {
+                    FromBus::ClearedOut((usb.clear_halt(stylus, output)).map_err(|error| error.to_string()))
+                }
+                Ok(Some(ToBus::ClearIn)) => {
+                    FromBus::ClearedIn((usb.clear_halt(stylus, input)).map_err(|error| error.to_string()))
+                }
             };
             if !self.write(&answer) {
                 return false;

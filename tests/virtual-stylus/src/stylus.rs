@@ -78,12 +78,7 @@ impl VirtualStylus {
 
     /// Runs until `done` returns true; `done` is called every `step_ns`. Returns false if that has not happened by
     /// `until_ns`.
-    pub fn run_until_true(
-        &mut self,
-        until_ns: u64,
-        step_ns: u64,
-        mut done: impl FnMut(&mut Self) -> bool,
-    ) -> bool {
+    pub fn run_until_true(&mut self, until_ns: u64, step_ns: u64, mut done: impl FnMut(&mut Self) -> bool) -> bool {
         loop {
             if done(self) {
                 return true;
@@ -96,10 +91,7 @@ impl VirtualStylus {
     }
 
     /// Runs `job` on the board between two stretches of the run.
-    pub fn board<T: Send + 'static>(
-        &mut self,
-        job: impl FnOnce(&mut StylusBoard) -> T + Send + 'static,
-    ) -> T {
+    pub fn board<T: Send + 'static>(&mut self, job: impl FnOnce(&mut StylusBoard) -> T + Send + 'static) -> T {
         self.ask(|session, _, _| job(session.board_mut()))
     }
 
@@ -130,10 +122,7 @@ impl VirtualStylus {
     }
 
     /// Makes the software of the host on USB do `work`, which also receives the present instant.
-    pub fn usb<T: Send + 'static>(
-        &mut self,
-        work: impl FnOnce(&mut UsbHost, u64) -> T + Send + 'static,
-    ) -> T {
+    pub fn usb<T: Send + 'static>(&mut self, work: impl FnOnce(&mut UsbHost, u64) -> T + Send + 'static) -> T {
         let now = VirtualNanos(self.now_ns);
         self.board(move |board| board.part.drive_usb(now, work))
     }
@@ -260,9 +249,7 @@ impl VirtualStylus {
         self.ask(move |session, _, _| {
             let mcu = session.mcu();
             let base = mcu.bus().peripheral(instance)?.base;
-            mcu.peek(now, base + offset, Width::W32)
-                .ok()
-                .map(|value| value as u32)
+            mcu.peek(now, base + offset, Width::W32).ok().map(|value| value as u32)
         })
     }
 

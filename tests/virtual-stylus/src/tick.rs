@@ -118,10 +118,7 @@ impl TickWatch {
         {
             // A watch stops before its instruction, so the return itself is not counted yet.
             let instructions = (hit.instruction_count + 1 - count) as u32;
-            self.ticks.push(Tick {
-                at_ns,
-                instructions,
-            });
+            self.ticks.push(Tick { at_ns, instructions });
         }
         None
     }
@@ -132,10 +129,7 @@ impl TickWatch {
         let audit = self.auditor.take()?;
         let (_, at_ns) = self.entered.take()?;
         let instructions = audit.instructions as u32;
-        self.ticks.push(Tick {
-            at_ns,
-            instructions,
-        });
+        self.ticks.push(Tick { at_ns, instructions });
         let exit = audit.exit;
         self.audits.push(audit);
         (!self.exits.contains(&exit)).then(|| {
@@ -151,9 +145,7 @@ impl TickWatch {
         self.unfollowed += u64::from(self.entered.is_some());
         self.entered = Some((hit.instruction_count, hit.at.0));
         self.entries += 1;
-        let due = self
-            .audit_every
-            .is_some_and(|every| self.entries.is_multiple_of(every));
+        let due = self.audit_every.is_some_and(|every| self.entries.is_multiple_of(every));
         if unknown_return || due {
             self.auditor.begin();
         }

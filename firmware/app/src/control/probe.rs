@@ -4,8 +4,8 @@ use core::sync::atomic::Ordering;
 
 use model_format::PlayRate;
 use model_format::link::{
-    LinkId, PlayError, ProbeError, ProbeLoad, ProbeStart, ProbeStarted, ProbeThrough, Setting,
-    SettingChange, waveform_crc32,
+    LinkId, PlayError, ProbeError, ProbeLoad, ProbeStart, ProbeStarted, ProbeThrough, Setting, SettingChange,
+    waveform_crc32,
 };
 use stylus_kernel::scene::Wave;
 
@@ -45,11 +45,7 @@ impl<D: Device> Control<D> {
     /// # Errors
     /// A value is out of its range; the loaded waveform is not the requested one; there is no response to play through;
     /// the other link plays; something is played already, or nothing may be played.
-    pub fn start_probe(
-        &mut self,
-        from: LinkId,
-        request: &ProbeStart,
-    ) -> Result<ProbeStarted, ProbeError> {
+    pub fn start_probe(&mut self, from: LinkId, request: &ProbeStart) -> Result<ProbeStarted, ProbeError> {
         self.check_lease(from)?;
         let (rate, samples) = request.check()?;
         self.check_playable().map_err(ProbeError::Refused)?;
@@ -74,10 +70,7 @@ impl<D: Device> Control<D> {
         let now = self.device.now();
         let first_tick = now + LEAD_TICKS;
         let end_tick = first_tick + u64::from(samples.div_ceil(rate.samples_per_tick()));
-        let probe = Probe {
-            end_tick,
-            output_gain,
-        };
+        let probe = Probe { end_tick, output_gain };
         let begun = self.player.probe(probe, rate);
         begun.map_err(|Busy| ProbeError::Playing)?;
         self.lease.give(from, now);

@@ -25,11 +25,7 @@ impl<D: Device> Control<D> {
     ///
     /// # Errors
     /// Something is played, activated or stored, or the response cannot be stored with the settings in force.
-    pub fn propose_response(
-        &mut self,
-        from: LinkId,
-        response: Response,
-    ) -> Result<u32, ResponseError> {
+    pub fn propose_response(&mut self, from: LinkId, response: Response) -> Result<u32, ResponseError> {
         if !self.player.is_idle() {
             return Err(SettingsError::Playing.into());
         }
@@ -49,11 +45,7 @@ impl<D: Device> Control<D> {
     ///
     /// # Errors
     /// There is no such response, another link has proposed it, or something is played, activated or stored.
-    pub fn begin_response(
-        &mut self,
-        from: LinkId,
-        change: ResponseChange,
-    ) -> Result<Option<Response>, ResponseError> {
+    pub fn begin_response(&mut self, from: LinkId, change: ResponseChange) -> Result<Option<Response>, ResponseError> {
         let (id, found) = match change {
             ResponseChange::Store { id } => (id, self.proposed.as_ref().map(|(_, one)| one)),
             ResponseChange::Clear { id } => (id, self.response.as_ref()),

@@ -166,8 +166,7 @@ impl Estimator {
             return;
         }
         // Without the new counts, because the position is relative to the present count.
-        let predicted = self.position - counts
-            + (self.velocity + self.acceleration * (elapsed / 2.0)) * elapsed;
+        let predicted = self.position - counts + (self.velocity + self.acceleration * (elapsed / 2.0)) * elapsed;
         self.velocity += self.acceleration * elapsed;
         let miss = measured - predicted;
         let Gains([position, velocity, acceleration]) = Gains::of_miss(miss.abs());

@@ -22,9 +22,7 @@ pub mod estimator;
 pub mod tracker;
 
 pub use model_format::link::RAIL_CODES;
-use model_format::link::{
-    MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
-};
+use model_format::link::{MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings};
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 use stylus_kernel::{Motion, MotionError};
@@ -262,10 +260,7 @@ impl Timed {
             MotionError::Speed => MotionRefused::Speed,
             MotionError::Force => MotionRefused::Force,
         })?;
-        if sample
-            .position_mm
-            .is_some_and(|position| !position.is_finite())
-        {
+        if sample.position_mm.is_some_and(|position| !position.is_finite()) {
             return Err(MotionRefused::Position);
         }
         Ok(Self {
@@ -281,8 +276,7 @@ impl Timed {
     /// Returns true if the motion is too old at `tick`.
     pub fn is_stale(&self, tick: u64) -> bool {
         // An input noted just after `tick` was read has age zero.
-        self.at
-            .is_none_or(|at| tick.saturating_sub(at) > STALE_TICKS)
+        self.at.is_none_or(|at| tick.saturating_sub(at) > STALE_TICKS)
     }
 }
 
@@ -326,13 +320,7 @@ impl Follower {
 
     /// Returns the interaction of the hand at tick `now`, from the chosen motion and the encoder. If the position is
     /// used, its origin is the encoder's count at the first call.
-    pub fn follow(
-        &mut self,
-        chosen: Timed,
-        encoder: &Estimator,
-        config: &InputConfig,
-        now: u64,
-    ) -> Interaction {
+    pub fn follow(&mut self, chosen: Timed, encoder: &Estimator, config: &InputConfig, now: u64) -> Interaction {
         // Called also if the host states contact, so that the detector's hysteresis knows every force.
         let by_force = self.contact.touches(chosen.motion, config.contact);
         let contact = chosen.contact.unwrap_or(by_force);
@@ -346,8 +334,7 @@ impl Follower {
         };
         // Both positions are finite: the host's was checked, and the encoder's is at most 2³¹ times a setting in its
         // range.
-        let interaction =
-            Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE);
+        let interaction = Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE);
         let told = (chosen.source == MotionSource::Host).then_some(Told {
             position_mm: chosen.position_mm,
             speed_mm_s: chosen.speed_mm_s,
@@ -355,7 +342,6 @@ impl Follower {
         });
         let path_per_count = config.path_per_count;
         let tracker = self.tracker.as_mut();
-        interaction
-            .reaching(tracker.map(|tracker| tracker.follow(told, encoder, path_per_count, now)))
+        interaction.reaching(tracker.map(|tracker| tracker.follow(told, encoder, path_per_count, now)))
     }
 }

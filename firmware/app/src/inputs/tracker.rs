@@ -78,13 +78,7 @@ impl Tracker {
     /// otherwise the `estimator` of the encoder, whose counts are `path_per_count` mm long.
     ///
     /// The origin of the encoder's path is its count at the first call.
-    pub fn follow(
-        &mut self,
-        told: Option<Told>,
-        estimator: &Estimator,
-        path_per_count: f32,
-        now: u64,
-    ) -> Position {
+    pub fn follow(&mut self, told: Option<Told>, estimator: &Estimator, path_per_count: f32, now: u64) -> Position {
         let counts = estimator.counts();
         let tracked = self.0.get_or_insert(Tracked {
             position: Position::ORIGIN,

@@ -260,10 +260,7 @@ mod tests {
     /// Response of the two filters at 10 kHz: half as many codes per input, and so half of the gain that [`at`] divides
     /// by.
     fn response_of_pair() -> Vec<f64> {
-        response_of(&[&FIRST, &SECOND])
-            .iter()
-            .map(|code| 2.0 * code)
-            .collect()
+        response_of(&[&FIRST, &SECOND]).iter().map(|code| 2.0 * code).collect()
     }
 
     #[test]

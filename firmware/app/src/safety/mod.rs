@@ -186,12 +186,7 @@ impl State {
 
     /// The codes of a tick at 5 kHz: [`State::wanted`], then [`State::codes`].
     #[inline(always)]
-    pub fn process(
-        &mut self,
-        config: &Config,
-        sample: OutputSample,
-        muted: bool,
-    ) -> [DacCode; OVERSAMPLING] {
+    pub fn process(&mut self, config: &Config, sample: OutputSample, muted: bool) -> [DacCode; OVERSAMPLING] {
         let wanted = self.wanted(config, sample, muted);
         self.codes(config, wanted)
     }
@@ -223,16 +218,10 @@ impl State {
 
     /// Like [`State::wanted`], for the two samples of a tick at 10 kHz.
     #[inline(always)]
-    pub fn wanted_of_pair(
-        &mut self,
-        config: &Config,
-        samples: [OutputSample; 2],
-        muted: bool,
-    ) -> Wanted {
+    pub fn wanted_of_pair(&mut self, config: &Config, samples: [OutputSample; 2], muted: bool) -> Wanted {
         let mut attenuated = false;
         let inputs = samples.map(|sample| {
-            let (cooled, less) =
-                self.cooled::<{ dc_blocker::ALPHA_OF_PAIR }>(config, sample, muted);
+            let (cooled, less) = self.cooled::<{ dc_blocker::ALPHA_OF_PAIR }>(config, sample, muted);
             attenuated |= less;
             cooled
         });
@@ -244,12 +233,7 @@ impl State {
 
     /// The interpolator's input for `sample`, and true if the thermal limiter attenuated it.
     #[inline(always)]
-    fn cooled<const ALPHA: i64>(
-        &mut self,
-        config: &Config,
-        sample: OutputSample,
-        muted: bool,
-    ) -> (i32, bool) {
+    fn cooled<const ALPHA: i64>(&mut self, config: &Config, sample: OutputSample, muted: bool) -> (i32, bool) {
         // The clamp is the bound by which no sum of the stages after it overflows; the hard limit comes later.
         let product = i64::from(sample.0) * i64::from(config.gain);
         let amplified = fixed::shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
@@ -278,8 +262,7 @@ impl State {
         });
         self.pin = pin;
         self.coil.follow(config.coil, energy);
-        self.counters
-            .count(cut.is_hard(), cut.is_slew(), attenuated);
+        self.counters.count(cut.is_hard(), cut.is_slew(), attenuated);
         codes
     }
 

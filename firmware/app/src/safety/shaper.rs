@@ -92,9 +92,7 @@ mod tests {
             let errors = errors(amplitude, hertz);
             let total = errors.iter().map(|error| error * error).sum::<f64>() / SECOND as f64;
             let felt = rms(&errors, 20, 1000);
-            let below = rms(&errors, 0, 19)
-                .hypot(felt)
-                .hypot(rms(&errors, 1001, 2000));
+            let below = rms(&errors, 0, 19).hypot(felt).hypot(rms(&errors, 1001, 2000));
             let above = (total - below * below).sqrt();
             assert!(felt < 0.000_1, "{felt} steps from 20 to 1000 Hz");
             assert!((1.2..1.4).contains(&above), "{above} steps above 2 kHz");

@@ -183,8 +183,7 @@ impl CoilState {
     /// converter steps². The heat is rounded up, so that it is never underestimated.
     #[inline(always)]
     pub fn follow(&mut self, config: CoilConfig, energy: u32) {
-        let warming =
-            (i64::from(energy) * config.share + ((1 << WARMING_BITS) - 1)) >> WARMING_BITS;
+        let warming = (i64::from(energy) * config.share + ((1 << WARMING_BITS) - 1)) >> WARMING_BITS;
         let leak = ((self.heat >> COARSE_BITS) * config.share) >> (SHARE_BITS - COARSE_BITS);
         // The rounding up could exceed the largest heat, which `Heat::from_bits` would refuse after a reset.
         self.heat = (self.heat - leak + warming).min(MOST_HEAT);

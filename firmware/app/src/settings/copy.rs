@@ -91,12 +91,7 @@ impl Copy {
 
     /// Writes `record` to the next place that reads back right, of at most [`TRIES`]. Returns false if none does, or if
     /// the copy is full.
-    pub async fn append<F: NorFlash>(
-        &mut self,
-        flash: &mut F,
-        record: &Record,
-        buffers: &mut Buffers,
-    ) -> bool {
+    pub async fn append<F: NorFlash>(&mut self, flash: &mut F, record: &Record, buffers: &mut Buffers) -> bool {
         for _ in 0..TRIES {
             let at = self.next;
             if at >= self.range.end {

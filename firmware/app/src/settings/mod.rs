@@ -32,9 +32,7 @@ mod record;
 use core::ops::Range;
 
 use embedded_storage_async::nor_flash::NorFlash;
-use model_format::link::{
-    FlashOperation, Response, SettingChange, SettingSet, Settings, SettingsError, SettingsState,
-};
+use model_format::link::{FlashOperation, Response, SettingChange, SettingSet, Settings, SettingsError, SettingsState};
 
 use copy::{Buffers, Copy};
 use record::{RECORD_BYTES, Record, Snapshot};
@@ -275,8 +273,7 @@ impl<F: NorFlash> SettingsStore<F> {
     /// Writes the draft to the copy at `index`.
     async fn append(&mut self, index: usize) -> bool {
         let copy = &mut self.copies[index];
-        copy.append(&mut self.flash, &self.draft, &mut self.buffers)
-            .await
+        copy.append(&mut self.flash, &self.draft, &mut self.buffers).await
     }
 
     fn next(&self, snapshot: &Snapshot) -> Record {
@@ -350,12 +347,10 @@ fn judge(contents: &[Copy; 2]) -> Found {
     let is_clean = contents[newest].is_clean();
     let older = &contents[1 - newest];
     match older.newest.filter(|_| older.is_clean()) {
-        Some(other) if is_clean && other == record => {
-            match contents.iter().position(|copy| copy.is_uncertain) {
-                Some(uncertain) => mendable(record, SettingSet::NONE, uncertain),
-                None => Found::Same(record),
-            }
-        }
+        Some(other) if is_clean && other == record => match contents.iter().position(|copy| copy.is_uncertain) {
+            Some(uncertain) => mendable(record, SettingSet::NONE, uncertain),
+            None => Found::Same(record),
+        },
         // Power was lost during a change. The second copy shows that no later change counted. It stays as it is until
         // the first copy is whole, because the newer record may have a word that reads right now and wrongly at the
         // next start. If an interrupted erasure has left such words in the second copy, that copy is written first.

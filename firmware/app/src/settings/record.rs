@@ -2,9 +2,7 @@
 //! them, so that a response and the settings that belong to it are stored together or not at all.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use model_format::link::{
-    RESPONSE_BYTES, Response, Setting, SettingChange, SettingSet, Settings, Tighter,
-};
+use model_format::link::{RESPONSE_BYTES, Response, Setting, SettingChange, SettingSet, Settings, Tighter};
 
 use crate::flash::WORD_BYTES;
 
@@ -140,9 +138,7 @@ fn setting_limits() -> impl Iterator<Item = (Setting, Tighter)> {
 }
 
 fn limits() -> SettingSet {
-    setting_limits().fold(SettingSet::NONE, |set, (setting, _)| {
-        set.with(setting, true)
-    })
+    setting_limits().fold(SettingSet::NONE, |set, (setting, _)| set.with(setting, true))
 }
 
 impl Record {
@@ -157,10 +153,9 @@ impl Record {
         let count = Setting::ALL.len() as u32;
         let mut bytes = [0; RECORD_BYTES];
         bytes[..4].copy_from_slice(&MAGIC);
-        for (word, value) in
-            bytes[4..]
-                .chunks_exact_mut(4)
-                .zip([self.sequence, set.bits(), lost.bits(), count])
+        for (word, value) in bytes[4..]
+            .chunks_exact_mut(4)
+            .zip([self.sequence, set.bits(), lost.bits(), count])
         {
             word.copy_from_slice(&value.to_le_bytes());
         }

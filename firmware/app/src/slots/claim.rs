@@ -26,11 +26,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// # Errors
     /// The slot holds a library, the other slot has none that reads the same every time, and `replaces_last` is false.
     /// The slot has not changed then.
-    pub(crate) async fn claim(
-        &mut self,
-        slot: SlotId,
-        replaces_last: bool,
-    ) -> Result<Claim, LastLibrary> {
+    pub(crate) async fn claim(&mut self, slot: SlotId, replaces_last: bool) -> Result<Claim, LastLibrary> {
         self.give_second_chances(slot).await;
         if self.library(slot).is_some() && !replaces_last {
             self.give_second_chances(slot.other()).await;
@@ -109,8 +105,7 @@ impl<F: MappedFlash> SlotStore<F> {
             let offset = HEADER_OFFSET;
             return Err(SlotFault::Unreadable { offset });
         }
-        self.compare_bytes(slot, info.length, info.crc32, STEADY_READS)
-            .await
+        self.compare_bytes(slot, info.length, info.crc32, STEADY_READS).await
     }
 
     /// Notes the number of the header in `slot`, if one of several reads finds it. An upload must have a higher number
@@ -127,9 +122,7 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Notes a header that was read or written.
     pub(super) fn note_header(&mut self, header: Header) {
-        let is_higher = self
-            .highest
-            .is_none_or(|highest| is_newer(header.sequence, highest));
+        let is_higher = self.highest.is_none_or(|highest| is_newer(header.sequence, highest));
         if is_higher {
             self.highest = Some(header.sequence);
         }

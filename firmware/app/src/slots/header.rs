@@ -69,8 +69,7 @@ impl Header {
             crc32: self.crc32,
         };
         let mut word = [0; WORD_BYTES];
-        postcard::to_slice(&fields, &mut word[..FIELD_BYTES])
-            .expect("fields of fixed width fit their length");
+        postcard::to_slice(&fields, &mut word[..FIELD_BYTES]).expect("fields of fixed width fit their length");
         let crc = CRC.checksum(&word[..FIELD_BYTES]);
         word[FIELD_BYTES..][..4].copy_from_slice(&crc.to_le_bytes());
         word

@@ -20,8 +20,7 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES, SLOT_HEADER_BYTES};
 use model_format::link::{
-    FlashOperation, LIBRARY_CRC, ListError, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState,
-    Slots, TextureInfo,
+    FlashOperation, LIBRARY_CRC, ListError, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
 };
 use model_format::scene::{MotionOfScene, Scene, Surface};
 use model_format::{Decoder, Library, NodeFlags, Outline, Texture, Workspace};
@@ -100,10 +99,7 @@ pub enum WriteFault {
 
 impl<F: MappedFlash> SlotStore<F> {
     const FITS: () = {
-        assert!(
-            F::WRITE_SIZE == WORD_BYTES,
-            "the flash has words of another length"
-        );
+        assert!(F::WRITE_SIZE == WORD_BYTES, "the flash has words of another length");
         assert!(
             WORD_BYTES.is_multiple_of(F::READ_SIZE),
             "a word is not a whole number of reads"
@@ -112,10 +108,7 @@ impl<F: MappedFlash> SlotStore<F> {
             SLOT_BYTES.is_multiple_of(F::ERASE_SIZE),
             "a slot is not a whole number of sectors"
         );
-        assert!(
-            F::ERASE_SIZE >= SLOT_HEADER_BYTES,
-            "the header does not fit one sector"
-        );
+        assert!(F::ERASE_SIZE >= SLOT_HEADER_BYTES, "the header does not fit one sector");
     };
 
     /// Reads and validates both slots of `flash`; none is active yet.
@@ -179,9 +172,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// The slot with the library that was uploaded last.
     pub fn newest(&self) -> Option<SlotId> {
         match SlotId::ALL.map(|slot| self.library(slot)) {
-            [Some(first), Some(second)] if is_newer(first.sequence, second.sequence) => {
-                Some(SlotId::A)
-            }
+            [Some(first), Some(second)] if is_newer(first.sequence, second.sequence) => Some(SlotId::A),
             [_, Some(_)] => Some(SlotId::B),
             [Some(_), None] => Some(SlotId::A),
             [None, None] => None,
@@ -211,13 +202,11 @@ impl<F: MappedFlash> SlotStore<F> {
     pub async fn texture(&mut self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
         let library = self.listed(slot).await?;
         let found = library.texture_at(usize::from(index));
-        found
-            .map(|texture| texture_info(&texture))
-            .ok_or(ListError::Index {
-                slot,
-                index,
-                textures: library.len() as u16,
-            })
+        found.map(|texture| texture_info(&texture)).ok_or(ListError::Index {
+            slot,
+            index,
+            textures: library.len() as u16,
+        })
     }
 
     /// Scene `index` of `slot`, after reading each word of the library again.
@@ -227,13 +216,11 @@ impl<F: MappedFlash> SlotStore<F> {
     pub async fn scene(&mut self, slot: SlotId, index: u8) -> Result<SceneInfo, ListError> {
         let library = self.listed(slot).await?;
         let found = library.scene_at(usize::from(index));
-        found
-            .map(|scene| scene_info(&scene))
-            .ok_or(ListError::SceneIndex {
-                slot,
-                index,
-                scenes: library.scene_count() as u8,
-            })
+        found.map(|scene| scene_info(&scene)).ok_or(ListError::SceneIndex {
+            slot,
+            index,
+            scenes: library.scene_count() as u8,
+        })
     }
 
     /// Returns the library in `slot`, after reading its bytes again. They are not decoded again: their checksum shows
@@ -300,11 +287,7 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Erases the sector of the claimed slot that holds `offset`.
-    pub(crate) async fn erase_sector(
-        &mut self,
-        claim: &Claim,
-        offset: u32,
-    ) -> Result<(), WriteFault> {
+    pub(crate) async fn erase_sector(&mut self, claim: &Claim, offset: u32) -> Result<(), WriteFault> {
         let slot = claim.slot();
         let length = F::ERASE_SIZE as u32;
         let from = offset / length * length;
@@ -339,12 +322,7 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Programs `bytes` at `offset` of the claimed slot word by word, the last word padded with ones, and reads each
     /// word back.
-    pub(crate) async fn write(
-        &mut self,
-        claim: &Claim,
-        offset: u32,
-        bytes: &[u8],
-    ) -> Result<(), WriteFault> {
+    pub(crate) async fn write(&mut self, claim: &Claim, offset: u32, bytes: &[u8]) -> Result<(), WriteFault> {
         let slot = claim.slot();
         for (index, piece) in bytes.chunks(WORD_BYTES).enumerate() {
             let mut word = [0xff; WORD_BYTES];
@@ -366,16 +344,9 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Validates `length` bytes in the claimed slot, reading each once, and makes them a library by writing its header.
     /// Ends the claim, because from then on the slot may hold the last library.
-    pub(crate) async fn seal(
-        &mut self,
-        claim: Claim,
-        length: u32,
-        crc32: u32,
-    ) -> Result<SlotInfo, SealFault> {
+    pub(crate) async fn seal(&mut self, claim: Claim, length: u32, crc32: u32) -> Result<SlotInfo, SealFault> {
         let slot = claim.slot();
-        self.check_bytes(slot, length, crc32)
-            .await
-            .map_err(SealFault::Bytes)?;
+        self.check_bytes(slot, length, crc32).await.map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
         let header = Header {
@@ -412,9 +383,7 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Header and content of the library in `slot`; none if the slot is empty.
     async fn read_slot(&mut self, slot: SlotId) -> Result<Option<(Header, Content)>, SlotFault> {
         let word = self.word(slot, HEADER_OFFSET).await;
-        let word = word.ok_or(SlotFault::Unreadable {
-            offset: HEADER_OFFSET,
-        })?;
+        let word = word.ok_or(SlotFault::Unreadable { offset: HEADER_OFFSET })?;
         let header = match Header::read(&word) {
             HeaderWord::Header(header) => header,
             HeaderWord::Blank if self.is_blank(slot).await? => return Ok(None),
@@ -433,32 +402,18 @@ impl<F: MappedFlash> SlotStore<F> {
     /// Returns true if a slot without a header is empty. An upload that has written anything has written the first
     /// word.
     async fn is_blank(&mut self, slot: SlotId) -> Result<bool, SlotFault> {
-        let word = self
-            .word(slot, 0)
-            .await
-            .ok_or(SlotFault::Unreadable { offset: 0 })?;
+        let word = self.word(slot, 0).await.ok_or(SlotFault::Unreadable { offset: 0 })?;
         Ok(word == [0xff; WORD_BYTES])
     }
 
     /// Reads every word of the first `length` bytes of `slot` and compares their checksum.
-    async fn check_bytes(
-        &mut self,
-        slot: SlotId,
-        length: u32,
-        expected: u32,
-    ) -> Result<(), SlotFault> {
+    async fn check_bytes(&mut self, slot: SlotId, length: u32, expected: u32) -> Result<(), SlotFault> {
         self.compare_bytes(slot, length, expected, 1).await
     }
 
     /// Reads every word of the first `length` bytes of `slot` as many times as `reads`, which must all find the same,
     /// and compares the checksum of the bytes.
-    async fn compare_bytes(
-        &mut self,
-        slot: SlotId,
-        length: u32,
-        expected: u32,
-        reads: usize,
-    ) -> Result<(), SlotFault> {
+    async fn compare_bytes(&mut self, slot: SlotId, length: u32, expected: u32, reads: usize) -> Result<(), SlotFault> {
         let mut digest = LIBRARY_CRC.digest();
         let take = |bytes: &[u8]| digest.update(bytes);
         self.read_bytes(slot, length, reads, take).await?;
@@ -516,12 +471,7 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// The word at `offset` of `slot`; none unless as many as `reads` reads find the same word.
-    async fn repeated_word(
-        &mut self,
-        slot: SlotId,
-        offset: u32,
-        reads: usize,
-    ) -> Option<[u8; WORD_BYTES]> {
+    async fn repeated_word(&mut self, slot: SlotId, offset: u32, reads: usize) -> Option<[u8; WORD_BYTES]> {
         let word = self.word(slot, offset).await?;
         for _ in 1..reads {
             if self.word(slot, offset).await? != word {

@@ -21,9 +21,7 @@ use fake_stylus::device::{SharedControl, SteppedStylus, Stores};
 use fake_stylus::flash::{Cut, Damage, Fate, Memory, Mishap, SimulatedFlash};
 use fake_stylus::library::{announcement, chunks, put, small};
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
-use model_format::link::{
-    LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadError,
-};
+use model_format::link::{LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadError};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use stylus_app::flash::WORD_BYTES;
@@ -115,8 +113,8 @@ fn sound_checksums(memory: &Memory) -> [Option<u32>; 2] {
         let begin = slot.index() * SLOT_BYTES;
         let info = store.library(slot)?;
         let header = begin + MAX_LIBRARY_BYTES;
-        let is_sound = !memory.is_damaged(begin..begin + info.length as usize)
-            && !memory.is_damaged(header..header + WORD_BYTES);
+        let is_sound =
+            !memory.is_damaged(begin..begin + info.length as usize) && !memory.is_damaged(header..header + WORD_BYTES);
         is_sound.then_some(info.crc32)
     })
 }
@@ -189,9 +187,7 @@ impl Life {
             let is_newest = (active, status.library_crc32) == (Some(slot), crc32);
             let is_later = self.may_be_newer && active == Some(slot.other());
             if !is_newest && !is_later {
-                return Err(format!(
-                    "slot {slot} was committed last and {active:?} is active"
-                ));
+                return Err(format!("slot {slot} was committed last and {active:?} is active"));
             }
         }
         Ok(())
@@ -204,10 +200,7 @@ impl Life {
     }
 
     /// Runs `job` until it is done; none if power is lost before.
-    fn run<R>(
-        &mut self,
-        job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R,
-    ) -> Result<Option<R>, String> {
+    fn run<R>(&mut self, job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R) -> Result<Option<R>, String> {
         let fate = self.fate.clone();
         let SteppedStylus { control, storage } = self.stylus();
         let mut stage = control.clone();
@@ -438,8 +431,7 @@ fn live(numbers: [Option<u32>; 2], seed: u64, steps: &[Step]) -> Checked {
         life.step(step)
             .map_err(|problem| format!("step {index}, {step:?}: {problem}"))?;
     }
-    life.end()
-        .map_err(|problem| format!("at the end: {problem}"))
+    life.end().map_err(|problem| format!("at the end: {problem}"))
 }
 
 fn slot() -> impl Strategy<Value = SlotId> {

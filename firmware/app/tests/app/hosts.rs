@@ -6,10 +6,9 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
 use fake_stylus::requests::{Requests, frame};
 use model_format::link::{
-    KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MAX_CHUNK_BYTES,
-    MotionEndpoint, MotionRefused, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS,
-    PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting, SettingSet, Settings,
-    SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
+    KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MAX_CHUNK_BYTES, MotionEndpoint, MotionRefused,
+    MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS, PlayEndpoint, PlayError, PlayRequest, ProposalToken,
+    Setting, SettingSet, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
     StatusEndpoint, StopEndpoint, UploadChunk, UploadChunkEndpoint,
 };
 use postcard_rpc::Endpoint;
@@ -74,11 +73,7 @@ impl Stylus {
         }
     }
 
-    fn propose(
-        &self,
-        link: LinkId,
-        change: &SettingsChange,
-    ) -> Result<SettingsProposal, SettingsError> {
+    fn propose(&self, link: LinkId, change: &SettingsChange) -> Result<SettingsProposal, SettingsError> {
         (self.requests).ask::<SettingsProposeEndpoint>(link, change)
     }
 
@@ -88,8 +83,7 @@ impl Stylus {
     }
 
     fn apply(&mut self, link: LinkId, token: ProposalToken) -> Result<Settings, SettingsError> {
-        (self.stylus)
-            .request(async |storage, stage| storage.settings_apply(stage, link, token).await)
+        (self.stylus).request(async |storage, stage| storage.settings_apply(stage, link, token).await)
     }
 
     fn settings(&self) -> Settings {
@@ -283,8 +277,8 @@ impl Model {
     fn step(&mut self, stylus: &mut Stylus, step: Step) -> Result<(), TestCaseError> {
         match step {
             Step::Play(link) => {
-                let held = self.holder.is_some_and(|by| by != link)
-                    && self.now_ms - self.renewed_ms <= LINK_LOST_AFTER_MS;
+                let held =
+                    self.holder.is_some_and(|by| by != link) && self.now_ms - self.renewed_ms <= LINK_LOST_AFTER_MS;
                 prop_assert_eq!(stylus.play(LINKS[link]).is_err(), held);
                 if !held {
                     (self.holder, self.waiting) = (Some(link), None);
@@ -336,12 +330,7 @@ impl Model {
     }
 
     /// Applies the proposal that was made `back` proposals before the last.
-    fn apply(
-        &mut self,
-        stylus: &mut Stylus,
-        link: usize,
-        back: usize,
-    ) -> Result<(), TestCaseError> {
+    fn apply(&mut self, stylus: &mut Stylus, link: usize, back: usize) -> Result<(), TestCaseError> {
         let Some(&token) = self.made.iter().rev().nth(back) else {
             return Ok(());
         };
@@ -353,8 +342,7 @@ impl Model {
         if took_ms > 0 {
             self.renewed(1);
         }
-        let is_of =
-            |(by, _, waits): &mut (usize, f32, ProposalToken)| *by == link && *waits == token;
+        let is_of = |(by, _, waits): &mut (usize, f32, ProposalToken)| *by == link && *waits == token;
         let matching = self.waiting.take_if(is_of);
         prop_assert_eq!(applied.is_ok(), matching.is_some());
         self.limit = matching.map_or(self.limit, |(_, value, _)| value);
@@ -417,10 +405,7 @@ fn of_a_change_with_one_bad_value_nothing_is_done() {
     let bad = propose(&[good, (Setting::PowerLimit, 100.0)]);
     assert!(matches!(bad, Err(SettingsError::OutOfRange { .. })));
     let setting = Setting::HardLimit;
-    assert_eq!(
-        propose(&[good, good]),
-        Err(SettingsError::Repeated { setting })
-    );
+    assert_eq!(propose(&[good, good]), Err(SettingsError::Repeated { setting }));
     assert_eq!(propose(&[]), Err(SettingsError::Nothing));
     assert_eq!(stylus.proposal(), None);
 }
@@ -439,10 +424,7 @@ fn a_chunk_that_is_too_long_counts_as_a_frame_that_could_not_be_decoded_and_as_n
         let frame = frame(UploadChunkEndpoint::REQ_KEY, header, &chunk);
         requests.serve(LinkId::Usb, &frame, false);
         let after = stylus.hardware().link;
-        let counts = [
-            after.frames - before.frames,
-            after.malformed - before.malformed,
-        ];
+        let counts = [after.frames - before.frames, after.malformed - before.malformed];
         assert_eq!(counts, counted, "{length} bytes");
     }
 }

@@ -1,15 +1,12 @@
 //! Speed, force, position and contact, with their age.
 
 use fake_stylus::device::settings_with as settings;
-use model_format::link::{
-    MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
-};
+use model_format::link::{MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings};
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use proptest::prelude::*;
 use stylus_app::TICKS_PER_MS;
 use stylus_app::inputs::{
-    Estimator, FORCE_NOISE_CODES, Follower, InputConfig, RAIL_CODES, STALE_TICKS, Sensors, Timed,
-    choose,
+    Estimator, FORCE_NOISE_CODES, Follower, InputConfig, RAIL_CODES, STALE_TICKS, Sensors, Timed, choose,
 };
 use stylus_kernel::Motion;
 
@@ -92,10 +89,7 @@ fn an_input_is_stale_after_its_time_and_not_before() {
 fn conversions_that_do_not_come_make_the_sensors_stale() {
     let config = InputConfig::new(&Settings::default());
     let mut sensors = Sensors::new();
-    assert!(
-        motion_of(&sensors, &config).is_stale(0),
-        "nothing was read so far"
-    );
+    assert!(motion_of(&sensors, &config).is_stale(0), "nothing was read so far");
     sensors.read(10, 0, AdcCode(5_007), true);
     for tick in 11..1_000 {
         sensors.read(tick, 0, AdcCode(5_009), false);
@@ -114,9 +108,7 @@ fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
     let config = InputConfig::new(&settings(&[(Setting::ForceZero, 300.0)]));
     let inside = [RAIL_CODES, 300, 20_000, u16::MAX - RAIL_CODES];
     let rails = [0, RAIL_CODES - 1, u16::MAX - RAIL_CODES + 1, u16::MAX];
-    for (code, railed) in
-        (inside.map(|code| (code, false)).into_iter()).chain(rails.map(|code| (code, true)))
-    {
+    for (code, railed) in (inside.map(|code| (code, false)).into_iter()).chain(rails.map(|code| (code, true))) {
         let mut sensors = Sensors::new();
         sensors.read(1, 0, AdcCode(20_000), true);
         for tick in 2..=2 + STALE_TICKS {
@@ -130,9 +122,7 @@ fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
             "code {code}"
         );
         let mut follower = Follower::new(false);
-        let touches = follower
-            .follow(timed, &Estimator::new(), &config, now)
-            .contact;
+        let touches = follower.follow(timed, &Estimator::new(), &config, now).contact;
         assert_eq!(touches, !railed && code > 300, "code {code}");
         // While the force is at a rail, the time of the motion stays that of the last good force.
         let at = if railed { 1 } else { now };
@@ -229,16 +219,10 @@ fn the_threshold_of_contact_is_set_or_follows_from_the_noise_of_the_force() {
         let noise = 6.0 * f64::from(FORCE_NOISE_CODES) * per_code(per_volt);
         let expected = noise.max(0.02);
         let begins = f64::from(derived.begins_n());
-        assert!(
-            (begins / expected - 1.0).abs() < 1e-5,
-            "{per_volt} N/V: {begins}"
-        );
+        assert!((begins / expected - 1.0).abs() < 1e-5, "{per_volt} N/V: {begins}");
         assert_eq!(derived.ends_n(), derived.begins_n() / 2.0);
         for set in [0.001, 0.3, 10.0] {
-            let changes = [
-                (Setting::ForcePerVolt, per_volt),
-                (Setting::ContactThreshold, set),
-            ];
+            let changes = [(Setting::ForcePerVolt, per_volt), (Setting::ContactThreshold, set)];
             let config = InputConfig::new(&settings(&changes));
             assert_eq!(config.contact().begins_n(), set);
         }

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use fake_stylus::device::settings_with;
 use model_format::link::{MotionSample, MotionSource, Setting};
 use model_format::{
-    AdcCode, Library, LineSpec, LinesSpec, MillimetresPerSecond, Newton, NodeSpec, OutputSample,
-    PartsSpec, TextureSpec, encode,
+    AdcCode, Library, LineSpec, LinesSpec, MillimetresPerSecond, Newton, NodeSpec, OutputSample, PartsSpec,
+    TextureSpec, encode,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::tracker::LEAD_TICKS;
@@ -295,18 +295,14 @@ fn without_positions_of_the_host_its_signed_speed_is_summed_and_the_encoder_does
         let speed = if block < 500 { 100.0 } else { -100.0 };
         let host = Timed::from_host(told(speed, None), moved.tick).expect("finite");
         moved.estimator.motion(&moved.sensors, &moved.config);
-        let interaction =
-            (moved.follower).follow(host, &moved.estimator, &moved.config, moved.tick);
+        let interaction = (moved.follower).follow(host, &moved.estimator, &moved.config, moved.tick);
         positions.push(mm(interaction.position().expect("tracked")));
     }
     for (block, pair) in positions.windows(2).enumerate() {
         let step = pair[1] - pair[0];
         let expected = if block < 499 { 0.2 } else { -0.2 };
         let turns = block == 0 || (498..502).contains(&block);
-        assert!(
-            turns || (step - expected).abs() < 1e-5,
-            "block {block}: {step}"
-        );
+        assert!(turns || (step - expected).abs() < 1e-5, "block {block}: {step}");
     }
 }
 

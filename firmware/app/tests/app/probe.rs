@@ -3,9 +3,9 @@
 use fake_stylus::device::{MOTION, SteppedStylus, change, play_request, response_for};
 use fake_stylus::library::{library, texture};
 use model_format::link::{
-    Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PROBE_SAMPLES, PlayError, ProbeError, ProbeLoad,
-    ProbeStart, ProbeStarted, ProbeThrough, Response, ResponseChange, ResponseError, ResponseState,
-    Sections, Selection, Setting, SettingSet, Settings, SettingsError, StoredResponse,
+    Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PROBE_SAMPLES, PlayError, ProbeError, ProbeLoad, ProbeStart,
+    ProbeStarted, ProbeThrough, Response, ResponseChange, ResponseError, ResponseState, Sections, Selection, Setting,
+    SettingSet, Settings, SettingsError, StoredResponse,
 };
 use model_format::scene::Biquad;
 use model_format::{DacCode, Library, OutputSample, PlayRate, encode};
@@ -43,10 +43,7 @@ fn set(stylus: &mut SteppedStylus, change: ResponseChange) -> Result<ResponseSta
 }
 
 fn propose(stylus: &SteppedStylus, response: &Response) -> Result<u32, ResponseError> {
-    stylus
-        .control
-        .borrow_mut()
-        .propose_response(LINK, *response)
+    stylus.control.borrow_mut().propose_response(LINK, *response)
 }
 
 fn change_setting(stylus: &mut SteppedStylus, setting: Setting, value: f32) {
@@ -263,19 +260,11 @@ fn a_response_is_stored_by_its_hash_alone_and_goes_stale_with_the_settings_it_wa
     propose(&stylus, &response).expect("it is valid");
     let state = set(&mut stylus, store).expect("it was proposed");
     let stale = SettingSet::NONE;
-    let stored = StoredResponse {
-        response,
-        id,
-        stale,
-    };
+    let stored = StoredResponse { response, id, stale };
     assert_eq!((state.stored, state.proposed), (Some(stored), None));
     let gain = stylus.hardware().settings.get(Setting::OutputGain);
     assert_eq!(gain, response.output_gain);
-    for setting in [
-        Setting::OutputGain,
-        Setting::AmplifierGain,
-        Setting::CoilResistance,
-    ] {
+    for setting in [Setting::OutputGain, Setting::AmplifierGain, Setting::CoilResistance] {
         let before = stylus.hardware().settings.get(setting);
         change_setting(&mut stylus, setting, before * 0.75);
         let differing = SettingSet::NONE.with(setting, true);
@@ -350,8 +339,7 @@ fn a_stored_response_equalises_every_texture_and_one_that_no_longer_fits_the_bud
 
         let equaliser = Equaliser::new(&response.sections_5khz.biquads());
         let mut state = EqualiserState::new();
-        let [mut plain, mut equalised]: [ScenePlayer<'_>; 2] =
-            [plain, equalised].map(|plan| ScenePlayer::new(plan, 3));
+        let [mut plain, mut equalised]: [ScenePlayer<'_>; 2] = [plain, equalised].map(|plan| ScenePlayer::new(plan, 3));
         let motion = Motion::new(MOTION.speed, MOTION.force).expect("finite");
         let samples = UPDATE_INTERVAL_TICKS * per_tick;
         let mut sum = 0;

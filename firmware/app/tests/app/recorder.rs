@@ -27,16 +27,9 @@ fn check_block(block: &RecordBlock, start: u64) {
         start + u64::from(block.sequence) * BLOCK_SAMPLES as u64
     );
     for (index, &packed) in block.samples.iter().enumerate() {
-        assert_eq!(
-            RecordSample::from(packed),
-            sample(block.first_tick + index as u64)
-        );
+        assert_eq!(RecordSample::from(packed), sample(block.first_tick + index as u64));
         let tick = block.first_tick + index as u64;
-        assert_eq!(
-            block.is_whole(index),
-            is_whole(tick),
-            "the mark of tick {tick}"
-        );
+        assert_eq!(block.is_whole(index), is_whole(tick), "the mark of tick {tick}");
     }
 }
 
@@ -56,9 +49,7 @@ fn a_recording_holds_nothing_from_before_it_began() {
     for tick in 200..300 {
         tap.put(tick, sample(tick), is_whole(tick));
     }
-    let block = recorder
-        .next_block(300)
-        .expect("three whole ones are there");
+    let block = recorder.next_block(300).expect("three whole ones are there");
     assert_eq!((block.first_tick, block.sequence), (200, 0));
 }
 

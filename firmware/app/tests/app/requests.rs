@@ -8,10 +8,9 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, chunks, library, texture};
 use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
-    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSample,
-    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
-    Setting, SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError, UploadChunk,
-    UploadError,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSample, MotionSource, MuteReason,
+    PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection, Setting, SettingSet, Settings, SettingsError,
+    SettingsState, SlotId, StopError, UploadChunk, UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{DacCode, Library, MillimetresPerSecond, PlayRate, encode, encode_with_scenes};
@@ -79,19 +78,9 @@ fn a_request_that_is_refused_says_why_and_leaves_what_was_played() {
     let named = |name: &str| name.try_into().expect("short");
     let texture_hz = 8_000;
     for (request, error) in [
-        (
-            play_request("wrong"),
-            PlayError::NoSuchTexture {
-                name: named("wrong"),
-            },
-        ),
+        (play_request("wrong"), PlayError::NoSuchTexture { name: named("wrong") }),
         (play_request("fast"), PlayError::SampleRate { texture_hz }),
-        (
-            scene_request("right"),
-            PlayError::NoSuchScene {
-                name: named("right"),
-            },
-        ),
+        (scene_request("right"), PlayError::NoSuchScene { name: named("right") }),
         (scene_request("fast"), PlayError::SampleRate { texture_hz }),
     ] {
         assert_eq!(refusal(&stylus, request), error);
@@ -153,18 +142,13 @@ fn what_is_played_changes_without_a_mute_where_gain_and_rate_stay_and_in_silence
         let changes = playing.mute.contains(MuteReason::Changing);
         assert_eq!(changes, counts.0 > before, "{request:?}");
         stylus.run(10);
-        assert_eq!(
-            changes,
-            !stylus.sounds() || stylus.status().output.mute_counts != mutes
-        );
+        assert_eq!(changes, !stylus.sounds() || stylus.status().output.mute_counts != mutes);
         stylus.run(400);
         assert!(stylus.sounds(), "{request:?}");
         assert_eq!(stylus.hardware().config.rate(), rate, "{request:?}");
         assert_eq!(starts_and_switches(&stylus), counts, "{request:?}");
         let activity = stylus.status().output.activity;
-        assert!(
-            matches!(activity, Activity::Playing { selection, .. } if selection == request.selection)
-        );
+        assert!(matches!(activity, Activity::Playing { selection, .. } if selection == request.selection));
     }
     // After two requests during a fade-out, the last one begins.
     for gain in [0.5, 0.25] {
@@ -188,10 +172,7 @@ fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
     for (values, (peak_volt, mean_square, coil_watt, is_capped)) in [
         ([8.0, 1.0, 0.1, 0.5], (0.5, most, 0.01, true)),
         ([8.0, 10.0, 0.25, 0.5], (0.5, 0.02, 0.25, false)),
-        (
-            [8.0, 10.0, 0.25, 1.45],
-            (4.0 * 0.02f32.sqrt(), 0.02, 0.25, false),
-        ),
+        ([8.0, 10.0, 0.25, 1.45], (4.0 * 0.02f32.sqrt(), 0.02, 0.25, false)),
         ([4.0, 2.0, 0.01, 0.2], (0.2, 0.01, 0.01, false)),
         ([4.0, 2.0, 1.0, 1.45], (4.0 * most.sqrt(), most, 0.08, true)),
     ] {
@@ -208,10 +189,7 @@ fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
         let limits = stylus.status().limits;
         // The peak is a whole number of the converter's steps.
         let below = peak_volt - limits.peak_volt;
-        assert!(
-            (-1e-6..DacCode::STEP.0).contains(&below),
-            "{values:?}: {limits:?}"
-        );
+        assert!((-1e-6..DacCode::STEP.0).contains(&below), "{values:?}: {limits:?}");
         let off = (limits.mean_square - mean_square).abs();
         let off = off.max((limits.coil_watt - coil_watt).abs());
         assert!(off < 1e-6, "{values:?}: {limits:?}");
@@ -231,10 +209,7 @@ fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
 
 #[test]
 fn a_texture_at_ten_kilohertz_may_take_half_of_the_budget_per_sample() {
-    let textures = [
-        texture("slow", 40, 1, 5_000),
-        texture("fast", 40, 1, 10_000),
-    ];
+    let textures = [texture("slow", 40, 1, 5_000), texture("fast", 40, 1, 10_000)];
     let bytes = encode(&textures).expect("valid");
     let stylus = SteppedStylus::ready(&bytes);
     let library = Library::decode(&bytes).expect("valid");
@@ -297,8 +272,7 @@ fn the_longest_arithmetic_fits_its_answer() {
     let PlayError::OverBudget { arithmetic, .. } = refused else {
         panic!("{refused:?}");
     };
-    let is_whole =
-        arithmetic.contains("surface 15, stick-slip") && arithmetic.ends_with(" instructions");
+    let is_whole = arithmetic.contains("surface 15, stick-slip") && arithmetic.ends_with(" instructions");
     assert!(is_whole, "{arithmetic}");
 }
 
@@ -363,9 +337,7 @@ fn settings_change_at_rest_alone_and_reach_the_device() {
     assert_eq!(changed, Err(SettingsError::Playing));
     assert_eq!(stylus.reset_settings(), Err(SettingsError::Playing));
     stop(&stylus);
-    let set = stylus
-        .change_settings(&[tighter])
-        .expect("nothing is played");
+    let set = stylus.change_settings(&[tighter]).expect("nothing is played");
     assert_eq!(set.hard_limit().0, 0.25);
     assert_eq!(stylus.control.borrow().settings(), set);
     assert_eq!(stylus.hardware().settings, set);

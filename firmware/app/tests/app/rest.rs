@@ -54,9 +54,7 @@ impl<'a> Stylus<'a> {
         }
         self.sensors.end_block();
         let chosen = self.estimator.motion(&self.sensors, &self.input);
-        let interaction = self
-            .follower
-            .follow(chosen, &self.estimator, &self.input, self.tick);
+        let interaction = self.follower.follow(chosen, &self.estimator, &self.input, self.tick);
         self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         let (config, state) = &mut self.safety;
         (0..UPDATE_INTERVAL_SAMPLES)

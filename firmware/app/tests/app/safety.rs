@@ -62,13 +62,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
             };
             (setting, (value as f32).clamp(spec.lowest, spec.highest))
         };
-        with(
-            &output
-                .into_iter()
-                .zip(shares)
-                .map(value)
-                .collect::<Vec<_>>(),
-        )
+        with(&output.into_iter().zip(shares).map(value).collect::<Vec<_>>())
     })
 }
 
@@ -81,10 +75,7 @@ fn any_input() -> impl Strategy<Value = Vec<(i32, i32, bool, u16)>> {
         any::<i32>(),
         -(1 << 24)..1 << 24
     ];
-    prop::collection::vec(
-        (level.clone(), level, prop::bool::weighted(0.3), 1u16..600),
-        1..24,
-    )
+    prop::collection::vec((level.clone(), level, prop::bool::weighted(0.3), 1u16..600), 1..24)
 }
 
 /// Samples of an input, in pairs of each sample and the next; each piece of the input alternates between two levels.
@@ -106,9 +97,7 @@ fn offsets(codes: [DacCode; OVERSAMPLING]) -> [i32; OVERSAMPLING] {
 
 /// Power in the coil for an offset, in units of the power limit.
 fn power(settings: &Settings, offset: i32) -> f64 {
-    let volt = f64::from(offset)
-        * f64::from(DacCode::STEP.0)
-        * f64::from(settings.get(Setting::AmplifierGain));
+    let volt = f64::from(offset) * f64::from(DacCode::STEP.0) * f64::from(settings.get(Setting::AmplifierGain));
     let limit = settings.get(Setting::CoilResistance) * settings.get(Setting::PowerLimit);
     let at_the_pin = (f64::from(offset) * f64::from(DacCode::STEP.0)).powi(2);
     // Whatever the settings are, the cap of the image bounds the coil.
@@ -141,12 +130,7 @@ fn any_rate() -> impl Strategy<Value = PlayRate> {
 }
 
 /// The codes of a tick: of the first sample, or at 10 kHz of both.
-fn process(
-    state: &mut State,
-    config: &Config,
-    pair: [OutputSample; 2],
-    muted: bool,
-) -> [DacCode; OVERSAMPLING] {
+fn process(state: &mut State, config: &Config, pair: [OutputSample; 2], muted: bool) -> [DacCode; OVERSAMPLING] {
     match config.rate() {
         PlayRate::Hz5000 => state.process(config, pair[0], muted),
         PlayRate::Hz10000 => state.process_pair(config, pair, muted),
@@ -318,11 +302,7 @@ fn within_the_limits_the_output_is_the_input_times_the_gain() {
     }
     let counters = state.counters();
     assert_eq!(
-        (
-            counters.hard_limited,
-            counters.slew_limited,
-            counters.thermally_limited
-        ),
+        (counters.hard_limited, counters.slew_limited, counters.thermally_limited),
         (0, 0, 0)
     );
 }
@@ -346,18 +326,10 @@ fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
     let rise = envelope(0, 3_000, false);
     let full = rise[290];
     // A quarter of a second is half of the ramp, and half a second is all of it.
-    assert!(
-        (rise[124] - full / 2).abs() < full / 50,
-        "{} of {full}",
-        rise[124]
-    );
+    assert!((rise[124] - full / 2).abs() < full / 50, "{} of {full}", rise[124]);
     assert!(rise[245] > full * 97 / 100 && rise[50] < full / 4);
     let fall = envelope(3_000, 200, true);
-    assert!(
-        (fall[4] - full * 6 / 10).abs() < full / 8,
-        "{} of {full}",
-        fall[4]
-    );
+    assert!((fall[4] - full * 6 / 10).abs() < full / 8, "{} of {full}", fall[4]);
     // After the 100 ticks of the ramp the interpolator needs 13 more.
     assert!(fall[12..].iter().all(|&level| level == 0), "{fall:?}");
 }
@@ -398,12 +370,7 @@ fn all_protection_told_away() -> Settings {
         Some(Tighter::Higher) => Some((setting, setting.spec().lowest)),
         None => None,
     };
-    with(
-        &Setting::ALL
-            .into_iter()
-            .filter_map(loosest)
-            .collect::<Vec<_>>(),
-    )
+    with(&Setting::ALL.into_iter().filter_map(loosest).collect::<Vec<_>>())
 }
 
 #[test]
@@ -426,11 +393,7 @@ fn no_settings_drive_the_pin_beyond_the_mean_square_that_this_image_is_built_for
     let seconds = f64::from(MAX_THERMAL_TIME_CONSTANT_S);
     // The heat began at three quarters of the limit and may end at 1.1 of the limit.
     let above = 1.1 + 0.35 * seconds / f64::from(SECONDS);
-    assert!(
-        mean <= most * above,
-        "{:.2} V RMS, {peak:.2} V peak",
-        mean.sqrt()
-    );
+    assert!(mean <= most * above, "{:.2} V RMS, {peak:.2} V peak", mean.sqrt());
     assert!(peak <= (f64::from(PEAK_POWER_RATIO) * most).sqrt());
     let limits = config.output_limits(&settings);
     assert!(limits.is_capped && limits.mean_square == MAX_PIN_MEAN_SQUARE);
@@ -471,10 +434,7 @@ fn a_tighter_limit_counts_for_the_heat_that_is_there_and_a_round_trip_changes_no
     // One silent tick with the tighter limit, and one with the looser one again.
     state.process(&tight, OutputSample::SILENCE, true);
     let tighter = state.thermal_load_permille(&tight);
-    assert!(
-        tighter.abs_diff(before.saturating_mul(100)) < before,
-        "{tighter}"
-    );
+    assert!(tighter.abs_diff(before.saturating_mul(100)) < before, "{tighter}");
     assert_eq!(state.thermal_gain_permille(&tight), 0);
     state.process(&loose, OutputSample::SILENCE, true);
     assert!(state.thermal_load_permille(&loose).abs_diff(before) <= 1);

@@ -4,15 +4,11 @@ use fake_stylus::BoardOf;
 use fake_stylus::device::{SteppedStylus, change, play_request};
 use fake_stylus::library::{announcement, library};
 use model_format::link::{
-    FLASH_TEST_BYTES, LinkId, PlayError, SelfTestError, SelfTestRequest, SelfTestValues, Setting,
-    SlotId, SlotState,
+    FLASH_TEST_BYTES, LinkId, PlayError, SelfTestError, SelfTestRequest, SelfTestValues, Setting, SlotId, SlotState,
 };
 
 /// The values of the self test that `request` asks for.
-pub fn measure(
-    stylus: &mut SteppedStylus,
-    request: SelfTestRequest,
-) -> Result<SelfTestValues, SelfTestError> {
+pub fn measure(stylus: &mut SteppedStylus, request: SelfTestRequest) -> Result<SelfTestValues, SelfTestError> {
     stylus.request(async |storage, stage| {
         let mut board = BoardOf::new(stage.clone());
         storage.self_test(stage, &mut board, request).await
@@ -25,10 +21,7 @@ fn slots(stylus: &mut SteppedStylus) -> [SlotState; 2] {
 
 /// A self test of the flash in `slot`.
 pub fn flash(slot: SlotId, erases_library: bool) -> SelfTestRequest {
-    SelfTestRequest::Flash {
-        slot,
-        erases_library,
-    }
+    SelfTestRequest::Flash { slot, erases_library }
 }
 
 #[test]
@@ -64,9 +57,7 @@ fn nothing_can_be_played_until_a_measurement_has_ended() {
             storage.self_test(stage, &mut board, request).await
         },
         |control| {
-            let answer = control
-                .borrow_mut()
-                .play(LinkId::Serial, play_request("texture 0"));
+            let answer = control.borrow_mut().play(LinkId::Serial, play_request("texture 0"));
             refusals += usize::from(answer == Err(PlayError::Busy));
             control.millisecond_with_motion();
         },
@@ -122,10 +113,7 @@ fn a_library_is_erased_only_on_request_and_never_the_active_one() {
     assert!(measure(&mut stylus, flash(second, true)).is_ok());
     let after = slots(&mut stylus);
     assert_eq!(after[first.index()], before[first.index()]);
-    assert!(
-        matches!(after[second.index()], SlotState::Faulty(_)),
-        "{after:?}"
-    );
+    assert!(matches!(after[second.index()], SlotState::Faulty(_)), "{after:?}");
 }
 
 #[test]

@@ -9,8 +9,7 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, put, small, upload};
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES, SLOT_HEADER_BYTES};
 use model_format::link::{
-    LIBRARY_CRC, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadError,
-    UploadProgress,
+    LIBRARY_CRC, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadError, UploadProgress,
 };
 use stylus_app::slots::{SlotStore, WORD_BYTES};
 use stylus_app::upload::Uploader;
@@ -132,11 +131,7 @@ fn memory_of(stylus: SteppedStylus) -> Memory {
     stylus.storage.into_flash().0.memory
 }
 
-fn begin(
-    stylus: &mut SteppedStylus,
-    bytes: &[u8],
-    replaces_last: bool,
-) -> Result<UploadProgress, UploadError> {
+fn begin(stylus: &mut SteppedStylus, bytes: &[u8], replaces_last: bool) -> Result<UploadProgress, UploadError> {
     let begin = UploadBegin {
         replaces_last,
         ..announcement(bytes)
@@ -145,10 +140,7 @@ fn begin(
 }
 
 fn is_valid(stylus: &SteppedStylus, slot: SlotId) -> bool {
-    matches!(
-        stylus.storage.slots().slots[slot.index()],
-        SlotState::Valid(_)
-    )
+    matches!(stylus.storage.slots().slots[slot.index()], SlotState::Valid(_))
 }
 
 #[test]
@@ -220,10 +212,7 @@ fn a_header_that_could_not_be_written_is_erased_so_that_it_is_not_right_another_
     // Two sectors are erased, the words are written, then the header.
     fate.strike(2 + words, Mishap::Refuse);
     let failed = stylus.upload(&new);
-    assert!(
-        matches!(failed, Err(UploadError::Flash { .. })),
-        "{failed:?}"
-    );
+    assert!(matches!(failed, Err(UploadError::Flash { .. })), "{failed:?}");
     let memory = memory_of(stylus);
     assert!(!memory.is_damaged(SLOT_BYTES + HEADER..SLOT_BYTES + HEADER + 32));
     let (stylus, _) = boot(&memory);

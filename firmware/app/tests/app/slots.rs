@@ -56,11 +56,7 @@ fn the_newest_valid_slot_is_taken_and_uploads_go_to_the_other() {
         assert_eq!(block_on(store.library_bytes(slot)), Ok(&bytes[..]));
     }
     store.set_active(Some(SlotId::A));
-    assert_eq!(
-        store.spare(),
-        SlotId::B,
-        "what is played is never overwritten"
-    );
+    assert_eq!(store.spare(), SlotId::B, "what is played is never overwritten");
 }
 
 #[test]
@@ -72,10 +68,7 @@ fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
         memory.set_faulty(SLOT_BYTES + offset);
         let store = opened(memory);
         let offset = (offset / 32 * 32) as u32;
-        assert_eq!(
-            fault_of(&store, SlotId::B),
-            SlotFault::Unreadable { offset }
-        );
+        assert_eq!(fault_of(&store, SlotId::B), SlotFault::Unreadable { offset });
         assert_eq!(store.newest(), Some(SlotId::A));
     }
     // Outside of the library a faulty word does no harm.
@@ -91,10 +84,7 @@ fn a_changed_bit_makes_a_slot_invalid_wherever_it_is() {
         let mut memory = memory.clone();
         memory.flip_bit(SLOT_BYTES + offset);
         let store = opened(memory);
-        assert!(matches!(
-            fault_of(&store, SlotId::B),
-            SlotFault::Checksum { .. }
-        ));
+        assert!(matches!(fault_of(&store, SlotId::B), SlotFault::Checksum { .. }));
         assert_eq!(store.newest(), Some(SlotId::A));
     }
     for offset in 0..24 {

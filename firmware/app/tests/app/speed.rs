@@ -97,10 +97,7 @@ fn tremor(speed: f64, hz: f64) -> [[f64; 2]; 2] {
         (sine / blocks, cosine / blocks)
     });
     let delay = phasors.map(|(sine, cosine)| -cosine.atan2(sine) / turns * 1e3);
-    [
-        delay,
-        phasors.map(|(sine, cosine)| sine.hypot(cosine) / depth),
-    ]
+    [delay, phasors.map(|(sine, cosine)| sine.hypot(cosine) / depth)]
 }
 
 /// Time until an abrupt change from `before` to `after` mm/s is followed within a tenth, ms, and the largest ratio of
@@ -166,11 +163,7 @@ fn table_of_the_speed_has_less_delay_than_a_mean_at_no_more_noise() {
     };
     let followed = follow(start, 0.8, &[]);
     let most = [0, 1].map(|of| followed.iter().map(|now| now.1[of]).fold(0.0, f64::max));
-    row(
-        "most of a start to 5 mm/s within 50 ms, mm/s".to_owned(),
-        most,
-        6.3,
-    );
+    row("most of a start to 5 mm/s within 50 ms, mm/s".to_owned(), most, 6.3);
     for (speed, hz) in [(10.0, 1.0), (100.0, 2.0)] {
         let found = reversals(speed, hz);
         let what = format!("error of strokes at {speed} mm/s, {hz} Hz, RMS, mm/s");
@@ -221,9 +214,6 @@ fn an_update_that_was_left_out_is_bridged() {
     let (whole, bridged) = (follow(stroke, 0.6, &[]), follow(stroke, 0.6, &late));
     for (t, [found, _]) in &bridged {
         let (_, [expected, _]) = whole.iter().find(|(at, _)| at == t).expect("it is there");
-        assert!(
-            *t < 0.1 || (found - expected).abs() < 1.5,
-            "{t}: {found}, {expected}"
-        );
+        assert!(*t < 0.1 || (found - expected).abs() < 1.5, "{t}: {found}, {expected}");
     }
 }

@@ -4,9 +4,7 @@ use model_format::link::{ClockSource, QUICK_FAULTS, StartStage};
 use proptest::prelude::*;
 use stylus_app::start::{Ended, Kept};
 
-const FAULT: Ended = Ended::ByFault {
-    clock_failed: false,
-};
+const FAULT: Ended = Ended::ByFault { clock_failed: false };
 const CLOCK_FAILED: Ended = Ended::ByFault { clock_failed: true };
 
 /// The record for the start after a run that reached `stage` and ended as `ended`.

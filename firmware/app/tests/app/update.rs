@@ -7,18 +7,14 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::block_on;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use embedded_storage_async::nor_flash::{
-    NorFlash as AsyncNorFlash, ReadNorFlash as AsyncReadNorFlash,
-};
+use embedded_storage_async::nor_flash::{NorFlash as AsyncNorFlash, ReadNorFlash as AsyncReadNorFlash};
 use fake_stylus::device::{SteppedStylus, play_request};
-use fake_stylus::flash::{
-    Cut, Memory, Mishap, Operation, SECTOR_BYTES, SimulatedError, SimulatedFlash,
-};
+use fake_stylus::flash::{Cut, Memory, Mishap, Operation, SECTOR_BYTES, SimulatedError, SimulatedFlash};
 use fake_stylus::library;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError,
-    SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadError,
+    DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError, SlotId, TRIAL_MS,
+    UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadError,
 };
 use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
@@ -210,20 +206,14 @@ fn edges(operations: &[Operation]) -> Vec<usize> {
 /// one.
 fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memory, bool) {
     let causes = iter::once(WATCHDOG).chain(iter::repeat(POWER_ON));
-    let after = causes
-        .zip(cuts)
-        .fold(before.clone(), |memory, (cause, cut)| {
-            boot_after(cause, memory, Some(*cut)).0
-        });
+    let after = causes.zip(cuts).fold(before.clone(), |memory, (cause, cut)| {
+        boot_after(cause, memory, Some(*cut)).0
+    });
     let (after, holds) = boot(after, None);
     let active = part(&after, ACTIVE);
     let is_new = active == images.new;
     assert!(holds && (is_new || active == images.old), "{cuts:?}");
-    for kept in [
-        RECORDS.end..SLOTS[0].start,
-        SLOTS[0].clone(),
-        0..ACTIVE.start,
-    ] {
+    for kept in [RECORDS.end..SLOTS[0].start, SLOTS[0].clone(), 0..ACTIVE.start] {
         assert!(part(&after, kept.clone()) == part(before, kept), "{cuts:?}");
     }
     (after, is_new)
@@ -251,10 +241,7 @@ fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
                     continue;
                 }
                 // A loss of power at the end is a reset on the trial, which restores the old image.
-                assert!(
-                    is_new || number + 1 == operations.len(),
-                    "{cut:?} at {number}"
-                );
+                assert!(is_new || number + 1 == operations.len(), "{cut:?} at {number}");
                 if is_new && case.is_multiple_of(8) {
                     let (after, _) = boot_after(SOFTWARE, after, None);
                     assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
@@ -408,8 +395,7 @@ fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> b
         let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(slots));
         stylus.storage.set_updates(updates(memory, RUNNING));
         if start == 0 {
-            let confirm =
-                stylus.request(async |storage, stage| storage.update_confirm(stage).await);
+            let confirm = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
             confirm.expect("it is on trial");
         }
         // While the record reads as on trial, the slot cannot be given to the library.
@@ -462,11 +448,7 @@ pub fn updates(memory: Memory, running: Running) -> Updates<SimulatedFlash<'stat
     Updates::new(store, running)
 }
 
-fn update(
-    stylus: &mut SteppedStylus,
-    image: &[u8],
-    begin: &UpdateBegin,
-) -> Result<UpdateReport, UpdateError> {
+fn update(stylus: &mut SteppedStylus, image: &[u8], begin: &UpdateBegin) -> Result<UpdateReport, UpdateError> {
     stylus.request(async |storage, stage| {
         storage.update_begin(stage, begin).await?;
         for chunk in library::chunks(image, 0, MAX_CHUNK_BYTES) {
@@ -506,10 +488,7 @@ fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_o
         (changed(120), UpdateError::Signature),
         (sign(&image, VERSION, &[7; 32]), UpdateError::Signature),
         (unsigned, UpdateError::Signature),
-        (
-            signed(&image, offered),
-            UpdateError::Downgrade { running, offered },
-        ),
+        (signed(&image, offered), UpdateError::Downgrade { running, offered }),
     ];
     let mut stylus = stylus(RUNNING, Record::NONE);
     let slots = stylus.storage.slots();
@@ -597,10 +576,7 @@ fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_res
         let mut stylus = stylus(RUNNING, trial);
         assert!(matches!(
             state(&mut stylus).phase,
-            UpdatePhase::Trial {
-                slot: SlotId::B,
-                ..
-            }
+            UpdatePhase::Trial { slot: SlotId::B, .. }
         ));
         assert_eq!(
             stylus.upload(&library::library(1, 4, 2)).map(drop),
@@ -609,34 +585,25 @@ fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_res
         let erasing = measure(&mut stylus, flash(SlotId::B, true));
         assert_eq!(erasing, Err(SelfTestError::Uploading));
         if by_host {
-            let confirm =
-                stylus.request(async |storage, stage| storage.update_confirm(stage).await);
+            let confirm = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
             confirm.expect("it is on trial");
         } else {
             stylus.request(end);
-            assert!(matches!(
-                state(&mut stylus).phase,
-                UpdatePhase::Trial { .. }
-            ));
+            assert!(matches!(state(&mut stylus).phase, UpdatePhase::Trial { .. }));
             stylus.run(TRIAL_MS as u32);
             stylus.request(end);
         }
         assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
         let again = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
         assert_eq!(again, Err(UpdateError::NotOnTrial));
-        stylus
-            .upload(&library::library(1, 4, 2))
-            .expect("the slot is free");
+        stylus.upload(&library::library(1, 4, 2)).expect("the slot is free");
     }
     let mut stylus = stylus(RUNNING, trial);
     stylus.hardware().start.safe_mode = true;
     stylus.run(TRIAL_MS as u32);
     stylus.request(end);
     assert!(stylus.storage.wants_restart());
-    assert!(matches!(
-        state(&mut stylus).phase,
-        UpdatePhase::Trial { .. }
-    ));
+    assert!(matches!(state(&mut stylus).phase, UpdatePhase::Trial { .. }));
 }
 
 #[test]
@@ -661,10 +628,7 @@ fn after_a_cut_in_the_word_of_a_commit_the_phase_is_that_of_the_running_image_an
             stylus.storage.set_updates(updates(memory.clone(), RUNNING));
             let is_new = part(&memory, ACTIVE) == images.new;
             // A start does what the previous start has reported.
-            assert!(
-                is_asked.is_none_or(|is_asked| is_asked == is_new),
-                "{cut:?}"
-            );
+            assert!(is_asked.is_none_or(|is_asked| is_asked == is_new), "{cut:?}");
             match state(&mut stylus).phase {
                 UpdatePhase::Trial { .. } => {
                     assert!(is_new, "{cut:?}, seed {seed}: the old image runs");

@@ -4,8 +4,7 @@ use embassy_futures::block_on;
 use embassy_futures::poll_once;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    FlashOperation, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadChunk,
-    UploadError, UploadState,
+    FlashOperation, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadChunk, UploadError, UploadState,
 };
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
@@ -114,10 +113,7 @@ fn chunks_out_of_turn_are_refused_and_change_nothing() {
         assert_eq!(uploader.state(), state);
     }
     let (next_offset, length) = (expected, total);
-    let incomplete = UploadError::Incomplete {
-        next_offset,
-        length,
-    };
+    let incomplete = UploadError::Incomplete { next_offset, length };
     assert_eq!(block_on(uploader.commit(&mut store)), Err(incomplete));
     assert_eq!(*store.state(SlotId::B), SlotState::Receiving);
     // The upload still succeeds.
@@ -132,16 +128,13 @@ fn chunks_out_of_turn_are_refused_and_change_nothing() {
     let data = &data[..64];
     let past = block_on(async {
         uploader.begin(&mut store, begin).await?;
-        uploader
-            .chunk(&mut store, UploadChunk { offset: 0, data })
-            .await
+        uploader.chunk(&mut store, UploadChunk { offset: 0, data }).await
     });
     assert_eq!(past, Err(UploadError::PastEnd { end, length }));
 }
 
 #[test]
-fn an_upload_goes_on_where_it_was_another_begins_anew_and_one_that_is_given_up_leaves_the_way_free()
-{
+fn an_upload_goes_on_where_it_was_another_begins_anew_and_one_that_is_given_up_leaves_the_way_free() {
     let (mut uploader, mut store, old) = device();
     let (new, other) = (library(1, 30, 2), library(1, 30, 3));
     begun(&mut uploader, &mut store, &new, 1);

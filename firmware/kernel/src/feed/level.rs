@@ -40,12 +40,7 @@ impl Level {
 
     /// The amplitude at the next sample, in steps of 2⁻¹⁶.
     #[inline]
-    pub fn next_sample(
-        &mut self,
-        modulation: &Modulation<'_>,
-        sample_rate_hz: u32,
-        draws: &mut Draws,
-    ) -> i32 {
+    pub fn next_sample(&mut self, modulation: &Modulation<'_>, sample_rate_hz: u32, draws: &mut Draws) -> i32 {
         if self.since == self.step {
             self.advance(modulation, sample_rate_hz, draws);
         }

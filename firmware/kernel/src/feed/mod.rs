@@ -102,8 +102,7 @@ impl Feed {
             Some(codebooks) => {
                 let (gaussian, draws) = (&mut self.gaussian, &mut self.draws);
                 let rate = material.sample_rate_hz;
-                self.pieces
-                    .next_sample(codebooks, rate, point, gaussian, draws)
+                self.pieces.next_sample(codebooks, rate, point, gaussian, draws)
             }
             None => gaussian_sample(&mut self.gaussian),
         };

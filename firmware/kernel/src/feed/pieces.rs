@@ -106,21 +106,12 @@ impl Pieces {
 
     /// Draws the next piece and its length.
     #[inline(never)]
-    fn draw(
-        &mut self,
-        codebooks: &Codebooks<'_>,
-        sample_rate_hz: u32,
-        point: &GridPoint,
-        draws: &mut Draws,
-    ) {
+    fn draw(&mut self, codebooks: &Codebooks<'_>, sample_rate_hz: u32, point: &GridPoint, draws: &mut Draws) {
         // Every piece takes three numbers, noise too, so that the choices do not depend on the codebooks.
         let source = source_at(codebooks, point, draws.below(ONE));
         let at = self.turn_of(codebooks, draws.bits());
         let length_and_sign = draws.bits();
-        let drawn = match source
-            .checked_sub(1)
-            .and_then(|index| codebooks.codebooks().get(index))
-        {
+        let drawn = match source.checked_sub(1).and_then(|index| codebooks.codebooks().get(index)) {
             Some(codebook) => Piece::Codebook {
                 index: (source - 1) as u8,
                 at: share(at, codebook.samples() as u32),
@@ -158,12 +149,7 @@ impl Pieces {
 impl Piece {
     #[inline]
     fn next_sample(&mut self, codebooks: &Codebooks<'_>, gaussian: &mut Excitation) -> i32 {
-        let Self::Codebook {
-            index,
-            at,
-            negative,
-        } = self
-        else {
+        let Self::Codebook { index, at, negative } = self else {
             return gaussian_sample(gaussian);
         };
         let Some(codebook) = codebooks.codebooks().get(usize::from(*index)) else {
@@ -210,10 +196,7 @@ fn fade_samples(sample_rate_hz: u32) -> u32 {
 fn piece_samples(codebooks: &Codebooks<'_>, sample_rate_hz: u32) -> (u32, u32) {
     let (shortest, longest) = match codebooks.moment_samples().map(u32::from) {
         Some(mean) => (mean * 2 / 5, mean * 8 / 5),
-        None => (
-            sample_rate_hz / SHORTEST_PER_S,
-            sample_rate_hz * LONGEST_MS / 1000,
-        ),
+        None => (sample_rate_hz / SHORTEST_PER_S, sample_rate_hz * LONGEST_MS / 1000),
     };
     let shortest = shortest.max(fade_samples(sample_rate_hz) + 1);
     (shortest, longest.max(shortest))

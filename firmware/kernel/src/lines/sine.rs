@@ -20,9 +20,7 @@ pub fn sine(phase: u32) -> i32 {
     let quarters = (phase ^ outer.cast_signed()) << 1;
     let square = high_word(i64::from(quarters) * i64::from(quarters));
     let [first, third, fifth, seventh] = COEFFICIENTS;
-    let next = |sum: i32, coefficient: i32| {
-        coefficient + (high_word(i64::from(sum) * i64::from(square)) << 2)
-    };
+    let next = |sum: i32, coefficient: i32| coefficient + (high_word(i64::from(sum) * i64::from(square)) << 2);
     let slope = next(next(next(seventh, fifth), third), first);
     high_word(i64::from(quarters) * i64::from(slope))
 }
@@ -62,8 +60,7 @@ mod tests {
     #[test]
     fn no_harmonic_is_above_minus_120_dbc() {
         const N: u32 = 1024;
-        let samples: [f64; N as usize] =
-            core::array::from_fn(|n| f64::from(sine((n as u32) << 22)) / libm::exp2(29.0));
+        let samples: [f64; N as usize] = core::array::from_fn(|n| f64::from(sine((n as u32) << 22)) / libm::exp2(29.0));
         for harmonic in 2..N / 2 {
             let (mut re, mut im) = (0.0, 0.0);
             for (n, sample) in samples.iter().enumerate() {

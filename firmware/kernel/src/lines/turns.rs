@@ -34,9 +34,7 @@ impl Turns {
         let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
         let (turns_high, turns_low) = ((self.0 >> 32).cast_signed(), self.0 & 0xffff_ffff);
         let lowest = (low.cast_unsigned() * turns_low) >> 32;
-        let middle = low
-            .wrapping_mul(turns_high)
-            .wrapping_add(lowest.cast_signed());
+        let middle = low.wrapping_mul(turns_high).wrapping_add(lowest.cast_signed());
         let middle = middle.wrapping_add(high.wrapping_mul(turns_low.cast_signed()));
         let whole = high.wrapping_mul(turns_high) << 32;
         (middle.wrapping_add(whole) >> (TURNS_BITS - 32)) as u32
@@ -48,10 +46,7 @@ impl Turns {
     pub(super) fn turns(self, position: Position) -> i64 {
         // Each product of 32 by 32 bits is reduced to steps of 2⁻³² before the sum, so that the sum does not overflow.
         let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
-        let (turns_high, turns_low) = (
-            (self.0 >> 32).cast_signed(),
-            (self.0 & 0xffff_ffff).cast_signed(),
-        );
+        let (turns_high, turns_low) = ((self.0 >> 32).cast_signed(), (self.0 & 0xffff_ffff).cast_signed());
         let middle = ((low * turns_high) >> 16) + ((high * turns_low) >> 16);
         high * turns_high + (middle >> 16)
     }

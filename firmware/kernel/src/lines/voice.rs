@@ -57,14 +57,7 @@ impl PlayedLine {
 
     /// Returns the line in the next block, in which the tool moves along `passage`: from `before`, of which `left`
     /// samples are not played, to `amplitude`.
-    fn frame(
-        &mut self,
-        before: LineFrame,
-        amplitude: u32,
-        passage: Passage,
-        samples: u32,
-        left: u32,
-    ) -> LineFrame {
+    fn frame(&mut self, before: LineFrame, amplitude: u32, passage: Passage, samples: u32, left: u32) -> LineFrame {
         let from = before.amplitude.value(left);
         let end = self.turns.phase(passage.to).wrapping_add(self.phase);
         let advance = self.advance(passage, samples);
@@ -74,9 +67,7 @@ impl PlayedLine {
         self.astray = lost;
         if lost {
             // The line keeps its frequency while it fades out.
-            let end = before
-                .phase(left)
-                .wrapping_add(before.step.wrapping_mul(samples));
+            let end = before.phase(left).wrapping_add(before.step.wrapping_mul(samples));
             return LineFrame {
                 end,
                 step: before.step,

@@ -50,13 +50,7 @@ impl VoiceWander {
 
     /// Returns the path of lines in a block of `samples` samples in which the tool moves along `passage`, if `left`
     /// samples of the previous block are not played.
-    pub fn passage(
-        &mut self,
-        passage: Passage,
-        samples: u32,
-        left: u32,
-        sample_rate_hz: u32,
-    ) -> Passage {
+    pub fn passage(&mut self, passage: Passage, samples: u32, left: u32, sample_rate_hz: u32) -> Passage {
         let passage = if self.clock_mm_s > 0.0 {
             let steps = |samples| distance_steps(self.clock_mm_s, samples, sample_rate_hz);
             // Like the tool, the clock goes on from where the block before was cut.
@@ -131,13 +125,10 @@ mod tests {
     /// Over 20 000 correlation lengths, also at positions far from the origin.
     #[test]
     fn a_displacement_has_the_stated_rms_and_correlation() {
-        for (origin, rms_mm, correlation_mm) in
-            [(0.0, 0.07, 3.0), (-9e8, 0.012, 0.05), (1e6, 250.0, 1000.0)]
-        {
+        for (origin, rms_mm, correlation_mm) in [(0.0, 0.07, 3.0), (-9e8, 0.012, 0.05), (1e6, 250.0, 1000.0)] {
             let wander = wander(rms_mm, correlation_mm);
             let step = f64::from(correlation_mm) / 4.0;
-            let values: [f64; 80_000] =
-                core::array::from_fn(|n| displacement_mm(&wander, origin + step * n as f64));
+            let values: [f64; 80_000] = core::array::from_fn(|n| displacement_mm(&wander, origin + step * n as f64));
             let mean_of = |lag: usize| {
                 let pairs = values.iter().zip(&values[lag..]);
                 pairs.map(|(a, b)| a * b).sum::<f64>() / (values.len() - lag) as f64
@@ -149,10 +140,7 @@ mod tests {
                 let lengths = lag as f64 / 4.0;
                 let expected = libm::exp(-0.5 * lengths * lengths);
                 let found = mean_of(lag) / power;
-                assert!(
-                    (found - expected).abs() < 0.04,
-                    "{lag}: {found}, not {expected}"
-                );
+                assert!((found - expected).abs() < 0.04, "{lag}: {found}, not {expected}");
             }
         }
     }

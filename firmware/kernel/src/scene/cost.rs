@@ -14,17 +14,11 @@ use super::block::{MAX_STAGES, SLOTS};
 pub const MIX: StageCost = StageCost { base: 70, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
-pub const LATTICE: StageCost = StageCost {
-    base: 153,
-    each: 11,
-};
+pub const LATTICE: StageCost = StageCost { base: 153, each: 11 };
 
 /// A voice of a fed lattice, like [`LATTICE`]. Its excitation is read from the frame, and it has one more call and one
 /// more saturation.
-pub const FED_LATTICE: StageCost = StageCost {
-    base: 182,
-    each: 11,
-};
+pub const FED_LATTICE: StageCost = StageCost { base: 182, each: 11 };
 
 /// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade,
 /// the choice of a piece, and the level. A test counts updates in QEMU against it.
@@ -136,11 +130,7 @@ impl Term {
     pub(super) fn voice(surface: u8, texture: &Texture<'_>) -> Self {
         Self {
             item: Item::Voice { surface },
-            cost: if texture.is_fed() {
-                FED_LATTICE
-            } else {
-                LATTICE
-            },
+            cost: if texture.is_fed() { FED_LATTICE } else { LATTICE },
             count: texture.max_order() as u16,
         }
     }
@@ -156,11 +146,7 @@ impl Term {
     }
 
     pub(super) const fn once(item: Item, cost: StageCost) -> Self {
-        Self {
-            item,
-            cost,
-            count: 0,
-        }
+        Self { item, cost, count: 0 }
     }
 }
 
@@ -229,10 +215,7 @@ impl fmt::Display for Cost {
 impl fmt::Display for OverBudget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (cost, budget) = (&self.cost, self.budget);
-        write!(
-            f,
-            "the scene takes {cost}, and the budget of a sample is {budget}"
-        )
+        write!(f, "the scene takes {cost}, and the budget of a sample is {budget}")
     }
 }
 

@@ -121,17 +121,13 @@ impl<'a> Director<'a> {
         let located = self.locate(&interaction);
         let moment = self.moment(&interaction, samples, left);
         let wanted = self.wanted(&located);
-        self.slots
-            .direct(&self.plan, &wanted, moment, voices, block);
+        self.slots.direct(&self.plan, &wanted, moment, voices, block);
         let impact = self.impact(&interaction, &located);
         self.direct_wave(block);
         self.direct_tap(impact, ringing, block);
         self.direct_equaliser(ringing, block);
         self.direct_fade(moment, block);
-        self.before = Some(Before {
-            interaction,
-            samples,
-        });
+        self.before = Some(Before { interaction, samples });
     }
 
     /// Changes to the waiting plan, once nothing is audible. Returns true if it changed, in which case tap and
@@ -204,13 +200,7 @@ impl<'a> Director<'a> {
     }
 
     /// Returns the movement of the tool in the block, if anything depends on it.
-    fn passage(
-        &mut self,
-        interaction: &Interaction,
-        motion: Motion,
-        samples: u32,
-        left: u32,
-    ) -> Passage {
+    fn passage(&mut self, interaction: &Interaction, motion: Motion, samples: u32, left: u32) -> Passage {
         if !self.plan.has_lines {
             return Passage::default();
         }
@@ -226,11 +216,7 @@ impl<'a> Director<'a> {
     ///
     /// The tap is struck one block after contact, at the larger rate of force of the two blocks, because contact can
     /// begin anywhere in a block: a force that rises only at the block's end shows little of its rate in it.
-    fn impact(
-        &mut self,
-        interaction: &Interaction,
-        located: &[Located],
-    ) -> Option<(Resonance, Strike)> {
+    fn impact(&mut self, interaction: &Interaction, located: &[Located]) -> Option<(Resonance, Strike)> {
         let before = self.before?;
         let seconds = before.samples.max(1) as f32 / self.plan.sample_rate_hz as f32;
         let rise = interaction.motion.force_n() - before.interaction.motion.force_n();
@@ -249,12 +235,7 @@ impl<'a> Director<'a> {
         (!strike.is_silent()).then_some((planned.resonance, strike))
     }
 
-    fn direct_tap(
-        &mut self,
-        impact: Option<(Resonance, Strike)>,
-        ringing: Ringing,
-        block: &mut Block,
-    ) {
+    fn direct_tap(&mut self, impact: Option<(Resonance, Strike)>, ringing: Ringing, block: &mut Block) {
         block.strike = impact.map(|(_, strike)| strike);
         match impact {
             Some((resonance, _)) => self.tap = Some(resonance),
@@ -297,9 +278,7 @@ impl<'a> Director<'a> {
             self.fading = None;
             return;
         }
-        let from = self
-            .fading
-            .map_or(ONE as i32, |ramp| ramp.value(moment.left));
+        let from = self.fading.map_or(ONE as i32, |ramp| ramp.value(moment.left));
         let ramp = Ramp::between(from, 0, moment.samples);
         self.fading = Some(ramp);
         block.push(Stage::FadeOut(ramp));

@@ -109,9 +109,7 @@ fn rotate((cos, sin): (i32, i32), forward: i32, backward: i32) -> (i32, i32) {
 
 impl Equaliser {
     /// The equaliser that leaves the output as it is.
-    pub const NONE: Self = Self {
-        sections: Vec::new(),
-    };
+    pub const NONE: Self = Self { sections: Vec::new() };
 
     /// The cascade of `biquads`, as many as fit. Their poles must be within the limit.
     pub fn new(biquads: &[Biquad]) -> Self {
@@ -171,8 +169,6 @@ impl EqualiserState {
     /// The square of the state's norm, in steps of 2⁻¹⁵ m/s².
     pub fn square_norm(&self) -> u128 {
         let signals = self.backward.as_flattened().iter();
-        signals
-            .map(|&signal| u128::from(signal.unsigned_abs()).pow(2))
-            .sum()
+        signals.map(|&signal| u128::from(signal.unsigned_abs()).pow(2)).sum()
     }
 }

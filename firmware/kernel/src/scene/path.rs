@@ -43,14 +43,9 @@ impl Path {
 
     /// Indices of the surfaces that lie on the path, ascending.
     pub fn surfaces(&self) -> impl Iterator<Item = u8> + '_ {
-        let count = if self.regions.is_empty() {
-            1
-        } else {
-            MAX_SURFACES as u8
-        };
-        (0..count).filter(|&surface| {
-            self.regions.is_empty() || self.regions.iter().any(|region| region.surface == surface)
-        })
+        let count = if self.regions.is_empty() { 1 } else { MAX_SURFACES as u8 };
+        (0..count)
+            .filter(|&surface| self.regions.is_empty() || self.regions.iter().any(|region| region.surface == surface))
     }
 
     /// The surfaces at `position_mm`: at most two different ones, first the surface of the region at this position.

@@ -61,10 +61,9 @@ impl<'a> Plan<'a> {
             path: Path::new(scene),
             constant_motion: match scene.motion {
                 MotionOfScene::Followed => None,
-                MotionOfScene::Constant {
-                    speed_mm_s,
-                    force_n,
-                } => Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).ok(),
+                MotionOfScene::Constant { speed_mm_s, force_n } => {
+                    Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).ok()
+                }
             },
             equaliser: Equaliser::new(&scene.equaliser),
             sample_rate_hz: rate,
@@ -121,10 +120,7 @@ impl<'a> Plan<'a> {
     /// A player cannot distinguish such textures from their originals, so each such plan needs its own player.
     #[must_use]
     pub fn with_textures(mut self, change: impl Fn(Texture<'a>) -> Texture<'a>) -> Self {
-        let textures = self
-            .surfaces
-            .iter_mut()
-            .filter_map(|one| one.texture.as_mut());
+        let textures = self.surfaces.iter_mut().filter_map(|one| one.texture.as_mut());
         self.has_lines = false;
         for texture in textures {
             *texture = change(*texture);
@@ -178,9 +174,7 @@ impl<'a> Plan<'a> {
             let voice = Term::voice(surface, &texture);
             Some([Some(voice), stick_slip, lines])
         };
-        let price = |terms: &[Option<Term>; 3]| -> u32 {
-            terms.iter().flatten().map(Term::instructions).sum()
-        };
+        let price = |terms: &[Option<Term>; 3]| -> u32 { terms.iter().flatten().map(Term::instructions).sum() };
         let mut dearest: [Option<[Option<Term>; 3]>; 2] = [None; 2];
         for mut voice in self.path.surfaces().map(voices) {
             for place in &mut dearest {

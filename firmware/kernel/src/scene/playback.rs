@@ -62,11 +62,7 @@ impl ScenePlayback {
 
     /// The next sample of `block`. `voice` returns the next sample of a voice, see [`crate::Playback::next_sample`].
     #[inline]
-    pub fn next_sample(
-        &mut self,
-        block: &Block,
-        mut voice: impl FnMut(VoiceStage) -> OutputSample,
-    ) -> OutputSample {
+    pub fn next_sample(&mut self, block: &Block, mut voice: impl FnMut(VoiceStage) -> OutputSample) -> OutputSample {
         self.left = self.left.saturating_sub(1);
         let mut mix = 0i64;
         let mut saturated = false;

@@ -93,15 +93,10 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
     /// The next sample.
     #[inline]
     pub fn next_sample(&mut self) -> OutputSample {
-        let OwnVoices {
-            frames, playbacks, ..
-        } = &mut self.voices;
+        let OwnVoices { frames, playbacks, .. } = &mut self.voices;
         self.playback.next_sample(&self.block, |voice| {
             let slot = usize::from(voice.slot);
-            match (
-                &mut playbacks[slot],
-                &frames[slot][usize::from(voice.buffer)],
-            ) {
+            match (&mut playbacks[slot], &frames[slot][usize::from(voice.buffer)]) {
                 (Some(playback), Some(frame)) => playback.next_sample::<A>(frame),
                 _ => OutputSample::SILENCE,
             }

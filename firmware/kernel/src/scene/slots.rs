@@ -173,11 +173,7 @@ impl<'a> Slots<'a> {
         let same = |slot: &Slot<'_>| silent(slot) && holds(slot);
         let idle = |slot: &Slot<'_>| silent(slot) && !slot.played;
         let slots = &self.slots;
-        let Some(index) = slots
-            .iter()
-            .position(same)
-            .or_else(|| slots.iter().position(idle))
-        else {
+        let Some(index) = slots.iter().position(same).or_else(|| slots.iter().position(idle)) else {
             return;
         };
         let slot = &mut self.slots[index];
@@ -232,8 +228,7 @@ impl<'a> Slots<'a> {
         let goes_on = slot.played && left_of_frame == 0;
         // A frame of a fed texture holds the excitation of one block. Another one is played on without an update if
         // motion and gain stay and its ramps have ended.
-        let begins =
-            texture.is_fed() || !(goes_on && slot.gain == gain && slot.motion == Some(motion));
+        let begins = texture.is_fed() || !(goes_on && slot.gain == gain && slot.motion == Some(motion));
         if begins {
             (slot.motion, slot.gain) = (Some(motion), gain);
             slot.begin_frame(index, left_of_frame, samples, voices)?;
@@ -243,9 +238,7 @@ impl<'a> Slots<'a> {
             buffer: slot.buffer as u8,
             begins,
         };
-        let planned = slot
-            .surface
-            .and_then(|surface| plan.surfaces.get(usize::from(surface)));
+        let planned = slot.surface.and_then(|surface| plan.surfaces.get(usize::from(surface)));
         let from = slot.stick_slip.map_or(0, |frame| frame.amount(left));
         slot.stick_slip = planned
             .and_then(|planned| planned.stick_slip)
@@ -287,13 +280,7 @@ impl Slot<'_> {
 
     /// Computes the slot's other frame for its motion and gain, from the levels of the present frame, of whose ramps
     /// `left` samples are not played. Returns none without a texture or motion.
-    fn begin_frame<V: Voices>(
-        &mut self,
-        index: usize,
-        left: u32,
-        samples: u32,
-        voices: &mut V,
-    ) -> Option<()> {
+    fn begin_frame<V: Voices>(&mut self, index: usize, left: u32, samples: u32, voices: &mut V) -> Option<()> {
         let (texture, motion, gain) = (self.texture?, self.motion?, self.gain);
         let from = if self.made[self.buffer] {
             voices.levels(index, self.buffer, left)

@@ -73,13 +73,7 @@ impl StickSlipWindow {
 
     /// Returns the frame of a block of `samples` samples in which the tool moves by `distance_mm` and the amount goes
     /// from `from` to the amount at `motion`.
-    pub fn frame(
-        &self,
-        motion: Motion,
-        distance_mm: f32,
-        from: i32,
-        samples: u32,
-    ) -> StickSlipFrame {
+    pub fn frame(&self, motion: Motion, distance_mm: f32, from: i32, samples: u32) -> StickSlipFrame {
         let turns = distance_mm.abs() / self.stick_slip.period_mm / samples.max(1) as f32;
         StickSlipFrame {
             amount: Ramp::between(from, self.amount(motion), samples),
@@ -106,12 +100,7 @@ impl StickSlipState {
 
     /// Returns `sample` times the envelope, when `left` samples of the frame's ramp remain.
     #[inline(always)]
-    pub fn modulate(
-        &mut self,
-        frame: &StickSlipFrame,
-        sample: OutputSample,
-        left: u32,
-    ) -> OutputSample {
+    pub fn modulate(&mut self, frame: &StickSlipFrame, sample: OutputSample, left: u32) -> OutputSample {
         let envelope = self.envelope(frame, left);
         self.phase = self.phase.wrapping_add(frame.advance);
         let modulated = shift_toward_zero(i64::from(sample.0) * i64::from(envelope), 16);

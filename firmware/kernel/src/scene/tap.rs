@@ -55,11 +55,7 @@ impl Resonance {
         } else {
             theta
         });
-        let cos = if beyond_quarter {
-            -rotation.cos
-        } else {
-            rotation.cos
-        };
+        let cos = if beyond_quarter { -rotation.cos } else { rotation.cos };
         let radius = libm::exp(-1.0 / (f64::from(tap.decay_s) * rate));
         let radius = (radius * (1u64 << 31) as f64) as i64;
         let damped = |value: i32| shift_toward_zero(i64::from(value) * radius, 31) as i32;

@@ -31,9 +31,7 @@ impl Wave<'_> {
         let step = self.peak_m_s2 * one / f32::from(i16::MAX);
         let mut sounds = false;
         for (place, number) in block.iter_mut().rev().zip(from..) {
-            let number = u32::try_from(number)
-                .ok()
-                .filter(|&number| number < self.total);
+            let number = u32::try_from(number).ok().filter(|&number| number < self.total);
             let sample = number.and_then(|number| {
                 let at = (number as usize).checked_rem(self.samples.len())?;
                 Some(self.samples[at].load(Ordering::Relaxed))

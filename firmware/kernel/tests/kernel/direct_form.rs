@@ -45,8 +45,7 @@ fn a_direct_form_is_its_recursion_in_float64() {
             let (output, saturated) = state.next_sample(&frame, excitation, 0);
             assert!(!saturated, "{name}");
             let past = model.predictor.iter().zip(history.iter().rev());
-            let driven =
-                f64::from(excitation) / DEVIATION * (f64::from(POWER) * model.error).sqrt();
+            let driven = f64::from(excitation) / DEVIATION * (f64::from(POWER) * model.error).sqrt();
             let exact = driven + past.map(|(h, y)| h * y).sum::<f64>();
             history.push(exact);
             deviation.add(exact, f64::from(output.metres_per_second_squared().0));
@@ -65,9 +64,7 @@ fn the_mean_of_two_stable_predictors_runs_to_full_scale() {
     let saturations = |speed: f32| {
         let mut frame = DirectFrame::silent(&texture, EXPONENT);
         let point = GridPoint::locate(&texture, motion(speed, 1.0));
-        let predictors = point
-            .nodes
-            .map(|(speed, _)| [&low, &high][speed].as_slice());
+        let predictors = point.nodes.map(|(speed, _)| [&low, &high][speed].as_slice());
         frame.update(&texture, &point, predictors, Levels::SILENT, 1);
         let (mut state, mut noise) = (DirectState::new(), Excitation::new(5));
         let samples = (0..40_000).map(|_| state.next_sample(&frame, noise.next_sample(), 0).1);

@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, LN_2, LN_10};
 
 use model_format::{
-    BLOCK_SAMPLES, CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeSpec, OutputSample,
-    PartsSpec, Texture, TextureSpec, encode,
+    BLOCK_SAMPLES, CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeSpec, OutputSample, PartsSpec, Texture,
+    TextureSpec, encode,
 };
 use proptest::prelude::*;
 use stylus_kernel::excitation::Excitation;
@@ -77,10 +77,7 @@ pub fn track(step_samples: u16, entries: usize, db: f64) -> ModulationSpec {
         .collect();
     let spec = |shift: f64| ModulationSpec {
         step_samples,
-        entries: levels
-            .iter()
-            .map(|l| (4.0 * (l + shift)).round() as i8)
-            .collect(),
+        entries: levels.iter().map(|l| (4.0 * (l + shift)).round() as i8).collect(),
     };
     let mean = |shift: f64| f64::from(spec(shift).mean_square());
     let shift = -10.0 * mean(0.0).log10();
@@ -184,11 +181,7 @@ fn joins(signal: &[f64]) -> Vec<Join> {
     }];
     let mut n = 1;
     while n + FADE < signal.len() {
-        let before = if joins[joins.len() - 1].negative {
-            -1.0
-        } else {
-            1.0
-        };
+        let before = if joins[joins.len() - 1].negative { -1.0 } else { 1.0 };
         if (signal[n] - before).abs() < 1e-6 {
             n += 1;
             continue;
@@ -197,10 +190,7 @@ fn joins(signal: &[f64]) -> Vec<Join> {
         for (step, &found) in signal[n..n + FADE].iter().enumerate() {
             let angle = (step as f64 + 0.5) / FADE as f64 * FRAC_PI_2;
             let expected = angle.cos() * before + angle.sin() * after;
-            assert!(
-                (found - expected).abs() < 1e-6,
-                "{found} for {expected} at {step}"
-            );
+            assert!((found - expected).abs() < 1e-6, "{found} for {expected} at {step}");
         }
         joins.push(Join {
             at: n,
@@ -278,10 +268,7 @@ fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
     let count = lengths.len() as f64;
     // Uniform over 301 lengths, of mean 250 and standard deviation 86.9.
     let average = mean(lengths.iter().map(|&length| length as f64));
-    assert!(
-        (average - 250.0).abs() < 4.5 * 86.9 / count.sqrt(),
-        "{average}"
-    );
+    assert!((average - 250.0).abs() < 4.5 * 86.9 / count.sqrt(), "{average}");
     uniform(lengths.iter().map(|length| (length - 100) * 10 / 301), 10);
     // The sign of a piece is independent of the previous one.
     let turned = |pair: &&[Join]| pair[0].negative != pair[1].negative;
@@ -356,10 +343,7 @@ fn uniform(bins: impl Iterator<Item = usize>, count: usize) {
         counts[bin] += 1.0;
     }
     let expected = counts.iter().sum::<f64>() / count as f64;
-    let square: f64 = counts
-        .iter()
-        .map(|found| (found - expected).powi(2) / expected)
-        .sum();
+    let square: f64 = counts.iter().map(|found| (found - expected).powi(2) / expected).sum();
     let degrees = (count - 1) as f64;
     // The cube root of χ² over its degrees of freedom is nearly Gaussian (Wilson and Hilferty, 1931).
     let spread = 2.0 / (9.0 * degrees);
@@ -389,9 +373,7 @@ fn pieces_begin_anywhere_in_a_codebook_and_go_on_at_its_beginning_after_its_end(
         let sign = if pair[0].negative { -1.0 } else { 1.0 };
         let fits = (0..1024).filter(|begin| {
             let places = (0..alone.len()).map(|n| (begin + n) % 1024);
-            places
-                .zip(alone)
-                .all(|(place, &x)| near(sign * values[place], x))
+            places.zip(alone).all(|(place, &x)| near(sign * values[place], x))
         });
         let fits: Vec<usize> = fits.collect();
         let [begin] = fits[..] else {
@@ -416,18 +398,13 @@ fn an_excitation_has_a_variance_of_one_and_no_mean() {
         let (power, error) = mean_with_error(&squares, block);
         // The mean squares of the parts as they are stored, which may differ from 1 by 2 %.
         let codebooks = parts.excitation.iter().flat_map(|spec| &spec.codebooks);
-        let source: f64 = codebooks
-            .map(|codebook| mean_square(&values(codebook)))
-            .product();
+        let source: f64 = codebooks.map(|codebook| mean_square(&values(codebook))).product();
         let level = parts
             .modulation
             .as_ref()
             .map_or(1.0, |track| f64::from(track.mean_square()));
         // Joins of a track's pieces go between entries that are not neighbours, which reduces the power by up to 0.5 %.
-        assert!(
-            (power - source * level).abs() < 4.5 * error + 0.005,
-            "{power} {error}"
-        );
+        assert!((power - source * level).abs() < 4.5 * error + 0.005, "{power} {error}");
         assert!(error < 0.02, "{error}");
         let (mean, error) = mean_with_error(&signal, block);
         assert!(mean.abs() < 4.5 * error, "{mean} {error}");
@@ -446,13 +423,7 @@ fn levels_of(track: &ModulationSpec, seed: u64, samples: usize) -> Vec<f64> {
     let pairs = excitation(&texture, seed).zip(noise).take(samples);
     // Where the noise is near zero its steps are coarse, so those samples have no level.
     pairs
-        .map(|(fed, noise)| {
-            if noise.abs() > 0.01 {
-                fed / noise
-            } else {
-                f64::NAN
-            }
-        })
+        .map(|(fed, noise)| if noise.abs() > 0.01 { fed / noise } else { f64::NAN })
         .collect()
 }
 
@@ -477,10 +448,7 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
             .map(|(n, &level)| (n as f64 / 100.0, level))
             .collect();
         // The least-squares line.
-        let (x, y) = (
-            mean(known.iter().map(|p| p.0)),
-            mean(known.iter().map(|p| p.1)),
-        );
+        let (x, y) = (mean(known.iter().map(|p| p.0)), mean(known.iter().map(|p| p.1)));
         let slope = known.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>()
             / known.iter().map(|p| (p.0 - x).powi(2)).sum::<f64>();
         for &(at, level) in &known {
@@ -523,9 +491,7 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
 fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
     let sparse = CodebookSpec {
         peak: 2.0,
-        codes: (0..1000)
-            .map(|n| if n % 4 == 0 { 127 } else { 0 })
-            .collect(),
+        codes: (0..1000).map(|n| if n % 4 == 0 { 127 } else { 0 }).collect(),
     };
     let bytes = bare_of(vec![steady(), sparse], [1, 2, 0, 0]);
     let texture = texture(&bytes);
@@ -557,10 +523,7 @@ fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
     for (found, weight) in samples.iter().zip(weights).take(2) {
         let share = found / count as f64 / clear;
         let bound = 4.5 * (weight * (1.0 - weight) * 1.2 / pieces).sqrt();
-        assert!(
-            (share - weight).abs() < bound,
-            "{share} of {weight} within {bound}"
-        );
+        assert!((share - weight).abs() < bound, "{share} of {weight} within {bound}");
     }
     // At a single node, at the edge and beyond it, only that node's codebook is heard.
     let beyond = GridPoint::locate(&texture, motion(20.0, 0.1));
@@ -573,17 +536,11 @@ fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
 fn noise_beside_codebooks_is_that_of_the_seed_without_them() {
     let bytes = bare_of(vec![steady()], [0, 0, 1, 1]);
     let texture = texture(&bytes);
-    let (material, slow) = (
-        Material::of(&texture),
-        GridPoint::locate(&texture, motion(50.0, 0.7)),
-    );
+    let (material, slow) = (Material::of(&texture), GridPoint::locate(&texture, motion(50.0, 0.7)));
     let mut feed = Feed::new(21);
     for noise in gaussian(21).take(20_000) {
         let sample = f64::from(feed.next_sample(&material, &slow)) / SIGMA;
-        assert!(
-            (sample - noise).abs() <= 0.51 / SIGMA,
-            "{sample} for {noise}"
-        );
+        assert!((sample - noise).abs() <= 0.51 / SIGMA, "{sample} for {noise}");
     }
 }
 

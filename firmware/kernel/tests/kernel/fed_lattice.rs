@@ -12,8 +12,7 @@ use stylus_kernel::feed::{FED_FRACTION_BITS, FED_HEADROOM_BITS};
 use stylus_kernel::lattice::LatticeState;
 
 use crate::fed::{
-    bare_of_moments, blocks_of_ones, codebook, encoded, everywhere, excitation, impulsive, spikes,
-    values,
+    bare_of_moments, blocks_of_ones, codebook, encoded, everywhere, excitation, impulsive, spikes, values,
 };
 use crate::models::{Model, fixtures, motion, rotation, texture};
 use crate::scenes::texture_of;
@@ -71,19 +70,9 @@ fn impulses_of_40_standard_deviations_do_not_saturate_the_fixtures() {
         }
         // Two impulses of the same sign, 1, 2 or 7 samples apart.
         for gap in [1, 2, 7] {
-            let impulses = (0..3000).map(|n| {
-                if n == 100 || n == 100 + gap {
-                    32.0
-                } else {
-                    0.0
-                }
-            });
+            let impulses = (0..3000).map(|n| if n == 100 || n == 100 + gap { 32.0 } else { 0.0 });
             let largest = largest_signal(&model, impulses);
-            assert!(
-                largest < 63.9,
-                "{}: {largest} at a gap of {gap}",
-                model.name
-            );
+            assert!(largest < 63.9, "{}: {largest} at a gap of {gap}", model.name);
         }
     }
 }

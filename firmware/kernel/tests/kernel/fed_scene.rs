@@ -20,9 +20,7 @@ fn textures() -> Vec<TextureSpec> {
         name: format!("fed {number}"),
         ..fed_h3(parts)
     });
-    std::iter::once(resonant("plain", 110.0))
-        .chain(fed)
-        .collect()
+    std::iter::once(resonant("plain", 110.0)).chain(fed).collect()
 }
 
 fn library() -> Vec<u8> {
@@ -94,11 +92,7 @@ fn plans_with_and_without_feeds_are_exchanged_without_a_click() {
         for round in 0..60u16 {
             player.switch(plan(&bytes, &scene((round * 7 % 4) as u8)));
             for n in 0..60 {
-                let interaction = if n == 30 {
-                    lifted()
-                } else {
-                    at(50.0, moving())
-                };
+                let interaction = if n == 30 { lifted() } else { at(50.0, moving()) };
                 samples.extend(block(&mut player, interaction));
             }
         }
@@ -151,10 +145,7 @@ fn a_feed_suits_every_sample_rate() {
             ..bare(both)
         });
         let texture = texture(&bytes);
-        let (material, point) = (
-            Material::of(&texture),
-            GridPoint::locate(&texture, moving()),
-        );
+        let (material, point) = (Material::of(&texture), GridPoint::locate(&texture, moving()));
         let mut feed = Feed::new(1);
         let samples: Vec<f64> = (0..400_000)
             .map(|_| f64::from(feed.next_sample(&material, &point)) / crate::fed::SIGMA)

@@ -57,10 +57,7 @@ fn weighted(point: &GridPoint, quantity: impl Fn(usize, usize) -> f64) -> f64 {
 /// `value` clamped to the axis, and the width of its cell.
 fn clamped(axis: &[f32], value: f32) -> (f64, f64) {
     let value = value.clamp(axis[0], axis[axis.len() - 1]);
-    let above = axis
-        .iter()
-        .position(|&node| node > value)
-        .unwrap_or(axis.len() - 1);
+    let above = axis.iter().position(|&node| node > value).unwrap_or(axis.len() - 1);
     let width = f64::from(axis[above]) - f64::from(axis[above.saturating_sub(1)]);
     (f64::from(value), width)
 }

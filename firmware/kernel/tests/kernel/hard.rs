@@ -1,10 +1,7 @@
 //! Grids, motions and states of any kind together: the lattice keeps its promises for all combinations.
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
-use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, TailSpec, TextureSpec,
-    encode,
-};
+use model_format::{CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, TailSpec, TextureSpec, encode};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -74,10 +71,8 @@ fn grid() -> impl Strategy<Value = Vec<u8>> {
 
 /// A motion on a node, between nodes, at the edges, beyond, or at rest.
 fn any_motion() -> impl Strategy<Value = Motion> {
-    let speed =
-        prop_oneof![6 => 0.0f32..250.0, 1 => Just(0.0), 1 => Just(80.0), 1 => -f32::MAX..=f32::MAX];
-    let force =
-        prop_oneof![6 => 0.0f32..2.0, 1 => Just(0.0), 1 => Just(1.5), 1 => -f32::MAX..=f32::MAX];
+    let speed = prop_oneof![6 => 0.0f32..250.0, 1 => Just(0.0), 1 => Just(80.0), 1 => -f32::MAX..=f32::MAX];
+    let force = prop_oneof![6 => 0.0f32..2.0, 1 => Just(0.0), 1 => Just(1.5), 1 => -f32::MAX..=f32::MAX];
     (speed, force).prop_map(|(speed, force)| motion(speed, force))
 }
 

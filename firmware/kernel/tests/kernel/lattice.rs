@@ -63,8 +63,7 @@ fn output_and_backward_signals_have_the_power_of_the_excitation() {
         let mut output_power = 0.0;
         let mut powers = vec![0.0; MAX_ORDER];
         for n in 0..SAMPLES {
-            let output =
-                f64::from(state.filter::<Portable>(&rotations, noise.next_sample())) / DEVIATION;
+            let output = f64::from(state.filter::<Portable>(&rotations, noise.next_sample())) / DEVIATION;
             output_power += output * output;
             if n % 10 == 0 {
                 for (power, &g) in powers.iter_mut().zip(state.backward(MAX_ORDER)) {
@@ -76,11 +75,7 @@ fn output_and_backward_signals_have_the_power_of_the_excitation() {
         assert!(level_db.abs() < 0.2, "{}: level {level_db} dB", model.name);
         for (stage, power) in powers.iter().enumerate() {
             let level_db = 10.0 * (power / f64::from(SAMPLES / 10)).log10();
-            assert!(
-                level_db.abs() < 0.4,
-                "{}, g[{stage}]: level {level_db} dB",
-                model.name
-            );
+            assert!(level_db.abs() < 0.4, "{}, g[{stage}]: level {level_db} dB", model.name);
         }
     }
 }

@@ -29,12 +29,7 @@ fn point(speed: u32, force: u32) -> GridPoint {
     let both = ((u64::from(speed) * u64::from(force)) >> 16) as u32;
     GridPoint {
         nodes: [(0, 0), (0, 1), (1, 0), (1, 1)],
-        weights: [
-            ONE - speed - (force - both),
-            force - both,
-            speed - both,
-            both,
-        ],
+        weights: [ONE - speed - (force - both), force - both, speed - both, both],
         fade: ONE,
     }
 }
@@ -45,8 +40,7 @@ fn fraction() -> impl Strategy<Value = u32> {
 
 /// The law in float64: the RMS between these powers with these weights.
 fn oracle(law: LevelLaw, terms: &[(f64, f64)]) -> f64 {
-    let mean =
-        |of: &dyn Fn(f64) -> f64| terms.iter().map(|(p, weight)| weight * of(*p)).sum::<f64>();
+    let mean = |of: &dyn Fn(f64) -> f64| terms.iter().map(|(p, weight)| weight * of(*p)).sum::<f64>();
     match law {
         LevelLaw::Power => mean(&|p| p).sqrt(),
         LevelLaw::Amplitude => mean(&f64::sqrt),
@@ -171,10 +165,7 @@ fn every_law_plays_a_node_at_its_own_level() {
             });
             let rms = (power.sum::<f64>() / SAMPLES as f64).sqrt();
             let exact = (index as f64 + 1.0).powi(2);
-            assert!(
-                (rms / exact - 1.0).abs() < 0.03,
-                "{level}: {rms} for {exact}"
-            );
+            assert!((rms / exact - 1.0).abs() < 0.03, "{level}: {rms} for {exact}");
         }
     }
 }

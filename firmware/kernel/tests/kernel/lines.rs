@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use model_format::{
-    FadeLaw, Library, LineSpec, LinesSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Texture, Wander,
-    encode, encode_with_scenes,
+    FadeLaw, Library, LineSpec, LinesSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Texture, Wander, encode,
+    encode_with_scenes,
 };
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::cost::Item;
@@ -93,12 +93,10 @@ fn lines_are_the_sines_of_the_position() {
     for (way, position_mm) in ways.into_iter().enumerate() {
         let samples = played(only_texture(&bytes), 2.0, position_mm);
         let time = |last: usize| (last as f64 - 1.0) / RATE;
-        let ends =
-            |n: usize| [n / BLOCK, n / BLOCK + 1].map(|block| position_mm(time(block * BLOCK)));
+        let ends = |n: usize| [n / BLOCK, n / BLOCK + 1].map(|block| position_mm(time(block * BLOCK)));
         // Near a turn the line fades with the speed.
         let speed = |n: usize| (ends(n)[1] - ends(n)[0]).abs() * RATE / BLOCK as f64;
-        let moves =
-            |n: usize| n >= 2 * BLOCK && [n - BLOCK, n].into_iter().all(|n| speed(n) > 19.0);
+        let moves = |n: usize| n >= 2 * BLOCK && [n - BLOCK, n].into_iter().all(|n| speed(n) > 19.0);
         let mut compared = 0;
         for (n, sample) in samples.iter().enumerate().filter(|&(n, _)| moves(n)) {
             let [from, to] = ends(n);
@@ -135,10 +133,7 @@ fn a_lines_frequency_is_speed_over_wavelength() {
             .filter(|pair| pair[0] < 0.0 && pair[1] >= 0.0)
             .count();
         let turns = f64::from(speed) / 0.61 * samples.len() as f64 / RATE;
-        assert!(
-            (rises as f64 - turns).abs() < 1.01,
-            "{speed} mm/s: {rises} of {turns}"
-        );
+        assert!((rises as f64 - turns).abs() < 1.01, "{speed} mm/s: {rises} of {turns}");
     }
 }
 
@@ -227,10 +222,7 @@ fn a_line_that_a_clock_moves_holds_its_frequency_at_any_speed_of_the_hand() {
         clock_mm_s: 100.0,
     };
     let bytes = wandering(0.5, wander);
-    for (seconds, position_mm) in [
-        (2.0, (|t| 30.0 * t) as fn(f64) -> f64),
-        (2.0, |t| 250.0 * t),
-    ] {
+    for (seconds, position_mm) in [(2.0, (|t| 30.0 * t) as fn(f64) -> f64), (2.0, |t| 250.0 * t)] {
         let samples = played(only_texture(&bytes), seconds, position_mm);
         let is_rise = |pair: &&[f64]| pair[0] < 0.0 && pair[1] >= 0.0;
         let rises = samples.windows(2).filter(is_rise).count();
@@ -248,10 +240,7 @@ fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {
     let bytes = silent_but_for(&[(0.61, 0.1, 1.0), (50.0, 0.9, 3.0)]);
     // The tool stops at a place at which neither line is zero.
     let samples = played(only_texture(&bytes), 2.0, |t| 80.0 * t.min(1.0013));
-    let rest = samples
-        .iter()
-        .rposition(|&sample| sample != 0.0)
-        .expect("it moved");
+    let rest = samples.iter().rposition(|&sample| sample != 0.0).expect("it moved");
     let stops = (1.0013 * RATE) as usize;
     assert!(
         (stops..=stops + 2 * BLOCK).contains(&rest),
@@ -277,10 +266,7 @@ fn a_line_fades_from_0_40_of_the_sample_rate_and_is_silent_from_0_44_on() {
         let samples = played(only_texture(&bytes), 0.5, |t| speed * t);
         let peak = 10f64.powf(level_db(&samples[2 * BLOCK..]) / 20.0);
         let expected = ((0.44 - share) / 0.04).clamp(0.0, 1.0);
-        assert!(
-            (peak - expected).abs() < 0.01,
-            "{share}: {peak}, not {expected}"
-        );
+        assert!((peak - expected).abs() < 0.01, "{share}: {peak}, not {expected}");
         assert!(peak <= before + 1e-3);
         if share >= 0.4401 {
             assert!(samples.iter().all(|&sample| sample == 0.0), "{share}");
@@ -294,10 +280,7 @@ fn never_clicks(samples: &[f64], frequency_hz: f64) {
     let steepest = TAU * frequency_hz / RATE + 1.0 / f64::from(UPDATE_INTERVAL_SAMPLES);
     for (n, pair) in samples.windows(2).enumerate() {
         let step = (pair[1] - pair[0]).abs();
-        assert!(
-            step < 1.02 * steepest,
-            "sample {n}: {step}, at most {steepest}"
-        );
+        assert!(step < 1.02 * steepest, "sample {n}: {step}, at most {steepest}");
     }
 }
 
@@ -321,10 +304,7 @@ fn a_jump_of_the_position_does_not_click_and_the_line_goes_on_at_the_new_place()
             let t = n as f64 / RATE;
             let exact = (TAU * (smooth(t) + jump(t)) / f64::from(wavelength_mm)).sin();
             let tolerance = 1e-3 + jump_mm.abs() * 1e-10;
-            assert!(
-                (sample - exact).abs() < tolerance,
-                "{jump_mm} mm: sample {n}"
-            );
+            assert!((sample - exact).abs() < tolerance, "{jump_mm} mm: sample {n}");
         }
     }
 }
@@ -347,10 +327,7 @@ fn blocks_that_are_cut_short_do_not_click() {
 
 #[test]
 fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
-    for (fade, at_half) in [
-        (FadeLaw::Amplitude, 0.5f64),
-        (FadeLaw::Power, 0.5f64.sqrt()),
-    ] {
+    for (fade, at_half) in [(FadeLaw::Amplitude, 0.5f64), (FadeLaw::Power, 0.5f64.sqrt())] {
         let silent = vec![NodeSpec::silent(); 4];
         let mut spec = spec(&[40.0, 80.0], &[1.0, 2.0], silent);
         spec.laws.fade = fade;
@@ -414,25 +391,15 @@ fn a_scene_of_one_surface_plays_its_textures_lines_and_only_then_has_a_stage_for
     let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 3);
     let mut player: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), 3);
     for block in 0..400u32 {
-        let speed = if block < 300 {
-            30.0 + block as f32
-        } else {
-            0.0
-        };
+        let speed = if block < 300 { 30.0 + block as f32 } else { 0.0 };
         let position = Position::from_exact_mm(0.3 * f64::from(block));
         let told = block.is_multiple_of(3).then_some(position);
         let motion = motion(speed, 1.0);
         synthesis.follow_to(motion, told, UPDATE_INTERVAL_SAMPLES);
-        player.follow(
-            Interaction::touching(motion).reaching(told),
-            UPDATE_INTERVAL_SAMPLES,
-        );
+        player.follow(Interaction::touching(motion).reaching(told), UPDATE_INTERVAL_SAMPLES);
         let stages = player.block().stages();
         assert_eq!(
-            stages
-                .iter()
-                .filter(|stage| matches!(stage, Stage::Lines(_)))
-                .count(),
+            stages.iter().filter(|stage| matches!(stage, Stage::Lines(_))).count(),
             1
         );
         for _ in 0..BLOCK {
@@ -448,10 +415,7 @@ fn a_scene_of_one_surface_plays_its_textures_lines_and_only_then_has_a_stage_for
     let plain = spec(&[10.0], &[0.5], vec![fixture("H1b").node(1.0)]);
     let plain = encode(&[plain]).expect("valid");
     let mut player: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(only_texture(&plain)), 3);
-    player.follow(
-        Interaction::touching(motion(80.0, 1.0)),
-        UPDATE_INTERVAL_SAMPLES,
-    );
+    player.follow(Interaction::touching(motion(80.0, 1.0)), UPDATE_INTERVAL_SAMPLES);
     assert!(matches!(player.block().stages(), [Stage::Voice(_)]));
 }
 
@@ -467,8 +431,7 @@ fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface()
     };
     let mut scene = side_by_side(&[0, 1], 40.0);
     scene.surfaces[1].gain = 0.5;
-    let bytes = encode_with_scenes(&[lined("one", 0.61), lined("other", 1.9)], &[scene.clone()])
-        .expect("valid");
+    let bytes = encode_with_scenes(&[lined("one", 0.61), lined("other", 1.9)], &[scene.clone()]).expect("valid");
     let library = Library::decode(&bytes).expect("valid");
     let plan = Plan::new(&scene, &library).expect("valid");
     let cost = plan.worst_case();
@@ -482,8 +445,7 @@ fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface()
     for number in 0..1000 {
         let [begin, end] = times(number);
         let told = Position::from_exact_mm(x(end));
-        let interaction =
-            Interaction::new(motion(60.0, 1.0), x(begin) as f32, true).expect("finite");
+        let interaction = Interaction::new(motion(60.0, 1.0), x(begin) as f32, true).expect("finite");
         player.follow(interaction.reaching(Some(told)), UPDATE_INTERVAL_SAMPLES);
         samples.extend((0..BLOCK).map(|_| m_s2(player.next_sample())));
     }
@@ -494,10 +456,6 @@ fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface()
         let share = ((x(t) - 80.0) / 40.0).clamp(0.0, 1.0) * TAU / 4.0;
         let exact = share.cos() * (TAU * x(t) / f64::from(0.61f32)).sin()
             + 0.5 * share.sin() * (TAU * x(t) / f64::from(1.9f32)).sin();
-        assert!(
-            (sample - exact).abs() < 0.01,
-            "{} mm: {sample}, not {exact}",
-            x(t)
-        );
+        assert!((sample - exact).abs() < 0.01, "{} mm: {sample}, not {exact}", x(t));
     }
 }

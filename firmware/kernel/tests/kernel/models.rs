@@ -2,9 +2,7 @@
 
 use std::f64::consts::PI;
 
-use model_format::{
-    CodeSpec, Library, MillimetresPerSecond, Newton, NodeSpec, Texture, TextureSpec, encode,
-};
+use model_format::{CodeSpec, Library, MillimetresPerSecond, Newton, NodeSpec, Texture, TextureSpec, encode};
 use stylus_hard_cases::NamedModel;
 use stylus_kernel::Motion;
 use stylus_kernel::rotation::{Rotation, THETA_FRACTION_BITS};
@@ -48,10 +46,7 @@ impl Model {
     pub fn node(&self, output_power: f32) -> NodeSpec {
         NodeSpec {
             prediction_error_power: (f64::from(output_power) * self.error) as f32,
-            ..NodeSpec::new(
-                output_power,
-                CodeSpec::lattice(theta_codes(&self.reflection)),
-            )
+            ..NodeSpec::new(output_power, CodeSpec::lattice(theta_codes(&self.reflection)))
         }
     }
 }

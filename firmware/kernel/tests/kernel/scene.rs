@@ -5,15 +5,12 @@ use model_format::{Library, Newton, SAMPLE_RATE_HZ};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::scene::cost::{self, Item};
-use stylus_kernel::scene::{
-    ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer, Stage,
-};
+use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer, Stage};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::motion;
 use crate::scenes::{
-    at, biquad, block, largest_step, library, lifted, moving, name, peak, plan, player,
-    side_by_side, tap,
+    at, biquad, block, largest_step, library, lifted, moving, name, peak, plan, player, side_by_side, tap,
 };
 
 fn single(texture: u8) -> Scene {
@@ -105,10 +102,7 @@ fn at_constant_motion_the_frame_is_computed_once() {
 fn after_the_lift_there_is_exact_silence_and_no_stage() {
     let mut scene = single(2);
     scene.surfaces[0].tap = Some(tap(200.0, 0.02));
-    scene
-        .equaliser
-        .push(biquad(150.0, 0.95, 0.9))
-        .expect("room");
+    scene.equaliser.push(biquad(150.0, 0.95, 0.9)).expect("room");
     let bytes = library(&[]);
     let mut player = player(&bytes, &scene, 5);
     block(&mut player, lifted());
@@ -157,10 +151,7 @@ fn a_gain_scales_every_sample() {
     for texture in 0..4 {
         let mut louder = single(texture);
         louder.surfaces[0].gain = 2.0;
-        let (mut one, mut two) = (
-            player(&bytes, &single(texture), 4),
-            player(&bytes, &louder, 4),
-        );
+        let (mut one, mut two) = (player(&bytes, &single(texture), 4), player(&bytes, &louder, 4));
         for _ in 0..100 {
             let pairs = block(&mut one, at(0.0, moving()));
             let voice = one.block().stages().first().and_then(Stage::voice);
@@ -190,11 +181,7 @@ fn two_voices_run_only_while_a_transition_lasts() {
         most = most.max(stages);
         // The fade takes one more block to end.
         if !(95.0..=105.2).contains(&position) {
-            assert_eq!(
-                stages,
-                usize::from(position < 200.0 + 0.15),
-                "{position} mm"
-            );
+            assert_eq!(stages, usize::from(position < 200.0 + 0.15), "{position} mm");
         }
     }
     assert_eq!(most, 2);
@@ -261,10 +248,7 @@ fn scenes_are_exchanged_without_a_step_within_four_blocks() {
     let bytes = library(&[]);
     let mut ringing = single(0);
     ringing.surfaces[0].tap = Some(tap(100.0, 0.2));
-    ringing
-        .equaliser
-        .push(biquad(80.0, 0.97, 0.95))
-        .expect("room");
+    ringing.equaliser.push(biquad(80.0, 0.97, 0.95)).expect("room");
     let scenes = [single(0), single(1), ringing, side_by_side(&[1, 0], 1.0)];
     for (from, first) in scenes.iter().enumerate() {
         for (to, second) in scenes.iter().enumerate() {
@@ -305,8 +289,7 @@ fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
     assert_eq!(items(&single(2)).len(), 2);
     // Of three surfaces, the two most expensive ones count.
     let cost = plan(&bytes, &side_by_side(&[2, 0, 3], 1.0)).worst_case();
-    let expected =
-        u32::from(cost::MIX.base) + 2 * u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each);
+    let expected = u32::from(cost::MIX.base) + 2 * u32::from(cost::LATTICE.base + 400 * cost::LATTICE.each);
     assert_eq!(cost.instructions(), expected);
     // A surface without a region costs nothing.
     let mut scene = side_by_side(&[0, 2], 0.0);
@@ -405,13 +388,7 @@ fn contact_has_a_hysteresis() {
     let set = ContactThreshold::new(Newton(0.4));
     for (threshold, unit) in [(ContactThreshold::LEAST, 0.02), (set, 0.4)] {
         let mut contact = ContactDetector::new();
-        for (share, touches) in [
-            (0.75, false),
-            (1.05, true),
-            (0.75, true),
-            (0.45, false),
-            (0.75, false),
-        ] {
+        for (share, touches) in [(0.75, false), (1.05, true), (0.75, true), (0.45, false), (0.75, false)] {
             let motion = motion(10.0, share * unit);
             let touched = contact.touches(motion, threshold);
             assert_eq!(touched, touches, "{share} of {unit} N");
@@ -436,9 +413,9 @@ fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
         peak(&samples.collect::<Vec<_>>())
     };
     let peaks: Vec<f64> = (0..10).map(peak_at).collect();
-    let (low, high) = peaks.iter().fold((f64::MAX, 0.0f64), |(low, high), &peak| {
-        (low.min(peak), high.max(peak))
-    });
+    let (low, high) = peaks
+        .iter()
+        .fold((f64::MAX, 0.0f64), |(low, high), &peak| (low.min(peak), high.max(peak)));
     assert!(low > 1.0 && high < 1.01 * low, "{peaks:?}");
 }
 

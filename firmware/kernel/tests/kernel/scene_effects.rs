@@ -9,9 +9,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::ONE;
-use stylus_kernel::scene::{
-    Equaliser, EqualiserState, Resonance, StickSlipState, StickSlipWindow, Strike, TapState,
-};
+use stylus_kernel::scene::{Equaliser, EqualiserState, Resonance, StickSlipState, StickSlipWindow, Strike, TapState};
 
 use crate::models::motion;
 use crate::scenes::biquad;
@@ -20,14 +18,12 @@ use crate::scenes::biquad;
 const UNIT: f64 = (1u32 << OutputSample::FRACTION_BITS) as f64;
 
 fn any_tap() -> impl Strategy<Value = Tap> {
-    (10.0f32..2250.0, 0.0005f32..1.0, 0.0f32..=256.0).prop_map(
-        |(frequency_hz, decay_s, limit_m_s2)| Tap {
-            frequency_hz,
-            decay_s,
-            gain_m_s2_per_n_s: 1.0,
-            limit_m_s2,
-        },
-    )
+    (10.0f32..2250.0, 0.0005f32..1.0, 0.0f32..=256.0).prop_map(|(frequency_hz, decay_s, limit_m_s2)| Tap {
+        frequency_hz,
+        decay_s,
+        gain_m_s2_per_n_s: 1.0,
+        limit_m_s2,
+    })
 }
 
 fn tap_of(frequency_hz: f32, decay_s: f32) -> Tap {
@@ -54,8 +50,7 @@ fn a_tap_is_a_decaying_sinusoid_that_begins_at_zero() {
         state.strike(Strike::new(&tap, 10.0));
         for n in 0..1000 {
             let t = f64::from(n) / f64::from(SAMPLE_RATE_HZ);
-            let exact =
-                10.0 * (-t / f64::from(decay)).exp() * (2.0 * PI * f64::from(frequency) * t).sin();
+            let exact = 10.0 * (-t / f64::from(decay)).exp() * (2.0 * PI * f64::from(frequency) * t).sin();
             let played = f64::from(state.next_sample(resonance).0) / UNIT;
             assert!((played - exact).abs() < 1e-3, "{frequency} Hz, {n}");
         }
@@ -198,10 +193,7 @@ fn the_equaliser_is_its_biquads_within_2_mm_s2_rms() {
         let input = noise(20_000, 2.0, 1);
         let exact = reference(
             sections,
-            &input
-                .iter()
-                .map(|x| f64::from(x.0) / UNIT)
-                .collect::<Vec<_>>(),
+            &input.iter().map(|x| f64::from(x.0) / UNIT).collect::<Vec<_>>(),
         );
         let mut error = 0.0;
         for (&input, exact) in input.iter().zip(exact) {
@@ -275,10 +267,7 @@ fn what_the_equaliser_cannot_hold_is_saturated_and_told() {
     let equaliser = Equaliser::new(&[Biquad::from_f64([4.0, 0.0, 0.0], [0.0, 0.0]).unwrap()]);
     let mut state = EqualiserState::new();
     let loud = OutputSample(1 << 30);
-    assert_eq!(
-        state.process(&equaliser, loud),
-        (OutputSample(i32::MAX), true)
-    );
+    assert_eq!(state.process(&equaliser, loud), (OutputSample(i32::MAX), true));
     let quiet = OutputSample(1 << 20);
     let (output, full) = state.process(&equaliser, quiet);
     // Within 16 steps of 2⁻¹⁵ m/s².

@@ -9,8 +9,7 @@ use stylus_kernel::scene::{Interaction, SLOTS};
 
 use crate::models::motion;
 use crate::scenes::{
-    add_region, at, biquad, block, library, lifted, moving, name, peak, plan, player, side_by_side,
-    tap,
+    add_region, at, biquad, block, library, lifted, moving, name, peak, plan, player, side_by_side, tap,
 };
 
 /// A surface with every effect.
@@ -32,10 +31,7 @@ fn busy() -> Scene {
 }
 
 /// Number of blocks until no stage is left, at most `limit`.
-fn blocks_to_silence(
-    player: &mut stylus_kernel::scene::ScenePlayer<'_>,
-    limit: usize,
-) -> Option<usize> {
+fn blocks_to_silence(player: &mut stylus_kernel::scene::ScenePlayer<'_>, limit: usize) -> Option<usize> {
     (0..limit).find(|_| {
         let played = block(player, lifted());
         player.block().stages().is_empty() && peak(&played) == 0.0
@@ -80,10 +76,7 @@ fn motion_that_stops_dead_is_silent_a_block_later_and_rings_out() {
         block(&mut player, stopped);
         let rings = !scene.equaliser.is_empty();
         let quiet = (0..2000).find(|_| peak(&block(&mut player, stopped)) == 0.0);
-        assert!(
-            quiet.is_some_and(|blocks| rings || blocks == 0),
-            "{quiet:?}"
-        );
+        assert!(quiet.is_some_and(|blocks| rings || blocks == 0), "{quiet:?}");
         for _ in 0..20 {
             assert_eq!(peak(&block(&mut player, stopped)), 0.0);
         }
@@ -111,10 +104,7 @@ fn any_scene() -> impl Strategy<Value = Scene> {
                     above_n: 0.2,
                 }),
         });
-    let stretch = (
-        prop_oneof![2 => Just(0.0f32), 1 => 0.0f32..3.0],
-        0.05f32..20.0,
-    );
+    let stretch = (prop_oneof![2 => Just(0.0f32), 1 => 0.0f32..3.0], 0.05f32..20.0);
     let section = (5.0f64..2000.0, 0.5f64..0.98, -0.02f64..0.02);
     (
         vec(surface, 1..=16),

@@ -87,10 +87,7 @@ fn beyond_the_regions_and_in_gaps_there_is_nothing() {
 fn a_transition_of_no_width_is_one_surface_or_the_other() {
     let path = Path::new(&side_by_side(&[0, 1], 0.0));
     for (place, surface) in [(0.0, 0), (99.999, 0), (100.0, 1), (199.9, 1)] {
-        let expected = Located {
-            surface,
-            weight: ONE,
-        };
+        let expected = Located { surface, weight: ONE };
         assert_eq!(path.locate(place)[..], [expected], "{place} mm");
     }
 }

@@ -46,11 +46,7 @@ pub fn name(text: &str) -> SceneName {
 
 /// A scene of these textures, each in a region of 100 mm, from 0 mm on.
 pub fn side_by_side(textures: &[u8], transition_mm: f32) -> Scene {
-    let mut scene = Scene::of_surface(
-        name("test"),
-        SAMPLE_RATE_HZ,
-        Surface::of_texture(textures[0]),
-    );
+    let mut scene = Scene::of_surface(name("test"), SAMPLE_RATE_HZ, Surface::of_texture(textures[0]));
     scene.surfaces.clear();
     scene.transition_mm = transition_mm;
     for (index, &texture) in textures.iter().enumerate() {
@@ -116,7 +112,5 @@ pub fn largest_step(samples: &[f64]) -> f64 {
 }
 
 pub fn peak(samples: &[f64]) -> f64 {
-    samples
-        .iter()
-        .fold(0.0, |peak: f64, sample| peak.max(sample.abs()))
+    samples.iter().fold(0.0, |peak: f64, sample| peak.max(sample.abs()))
 }

@@ -27,11 +27,7 @@ use crate::models::rotation;
 const THETA_OF_0_9999: i16 = 32_472;
 
 /// Number of samples without excitation until the state is zero, counted up to `limit`.
-fn samples_to_silence(
-    state: &mut LatticeState,
-    rotations: &[Rotation],
-    limit: usize,
-) -> Option<usize> {
+fn samples_to_silence(state: &mut LatticeState, rotations: &[Rotation], limit: usize) -> Option<usize> {
     (0..limit).find(|_| {
         let silent = state.is_silent(rotations.len());
         state.filter::<Portable>(rotations, 0);

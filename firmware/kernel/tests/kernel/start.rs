@@ -136,10 +136,7 @@ fn a_texture_is_at_its_level_at_each_entry_of_its_region() {
                     }
                 }
                 while !player.block().stages().is_empty() {
-                    block(
-                        &mut player,
-                        Interaction::new(moving(), 250.0, false).expect("finite"),
-                    );
+                    block(&mut player, Interaction::new(moving(), 250.0, false).expect("finite"));
                 }
                 all.extend(first_samples(&mut player, at(50.0, moving())));
             }
@@ -164,8 +161,7 @@ fn the_drawn_state_of_a_lattice_is_white_and_stays_so_whatever_its_coefficients(
         let mut state = LatticeState::stationary(STAGES, &mut source);
         assert!(state.backward(400)[STAGES..].iter().all(|&g| g == 0));
         for sample in 0..30i32 {
-            let codes =
-                (0..STAGES as i32).map(|stage| (9_973 * (stage + 1) * (sample % 7 + 1)) as i16);
+            let codes = (0..STAGES as i32).map(|stage| (9_973 * (stage + 1) * (sample % 7 + 1)) as i16);
             let rotations: Vec<Rotation> = codes.map(rotation).collect();
             state.filter::<Portable>(&rotations, source.next_sample());
             let loudest = state.backward(STAGES).iter().map(|g| g.unsigned_abs());
@@ -192,10 +188,7 @@ fn the_drawn_state_of_a_lattice_is_white_and_stays_so_whatever_its_coefficients(
     }
     for (stage, product) in neighbours.iter().enumerate() {
         let correlation = product / SEEDS as f64;
-        assert!(
-            correlation.abs() < 5.0 * deviation,
-            "stage {stage}: {correlation}"
-        );
+        assert!(correlation.abs() < 5.0 * deviation, "stage {stage}: {correlation}");
     }
     assert!(largest < 7 << 28, "{largest}");
 }

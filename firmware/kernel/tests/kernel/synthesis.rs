@@ -16,11 +16,7 @@ fn smooth(power: f32) -> Vec<u8> {
     library(&[50.0, 100.0], &[0.5, 1.0], nodes)
 }
 
-fn play<'a>(
-    synthesis: &'a mut Synthesis<'_>,
-    motion: Motion,
-    samples: u32,
-) -> impl Iterator<Item = OutputSample> + 'a {
+fn play<'a>(synthesis: &'a mut Synthesis<'_>, motion: Motion, samples: u32) -> impl Iterator<Item = OutputSample> + 'a {
     synthesis.follow(motion, samples);
     (0..samples).map(|_| synthesis.next_sample())
 }
@@ -28,12 +24,7 @@ fn play<'a>(
 #[test]
 fn at_rest_there_is_exact_silence_after_one_update_interval() {
     let bytes = smooth(MAX_OUTPUT_POWER);
-    for stop in [
-        Motion::REST,
-        motion(75.0, 0.0),
-        motion(0.0, 1.0),
-        motion(75.0, -2.0),
-    ] {
+    for stop in [Motion::REST, motion(75.0, 0.0), motion(0.0, 1.0), motion(75.0, -2.0)] {
         let mut synthesis = Synthesis::new(texture(&bytes), 1);
         for _ in 0..100 {
             play(&mut synthesis, motion(75.0, 0.75), UPDATE_INTERVAL_SAMPLES).for_each(drop);
@@ -113,9 +104,7 @@ fn the_same_seed_gives_the_same_samples_and_a_copy_goes_on_alike() {
         let mut copy = one.clone();
         let from = played.len();
         played.extend(play(&mut one, motion, UPDATE_INTERVAL_SAMPLES));
-        assert!(
-            play(&mut same, motion, UPDATE_INTERVAL_SAMPLES).eq(played[from..].iter().copied())
-        );
+        assert!(play(&mut same, motion, UPDATE_INTERVAL_SAMPLES).eq(played[from..].iter().copied()));
         assert!(
             play(&mut copy, motion, UPDATE_INTERVAL_SAMPLES).eq(played[from..].iter().copied()),
             "{n}"
@@ -144,11 +133,7 @@ fn a_motion_calls_for_the_same_whatever_the_motion_before() {
         moved.follow(end, 1);
         moved.follow(before, 1);
         moved.follow(end, 1);
-        assert!(
-            (0..=100)
-                .map(|_| moved.next_sample())
-                .eq(expected.iter().copied())
-        );
+        assert!((0..=100).map(|_| moved.next_sample()).eq(expected.iter().copied()));
     }
 }
 

@@ -126,12 +126,7 @@ proptest! {
 }
 
 /// Compares the rotations of a motion on a [`square`] of nodes of these θ with sine and cosine of the exact mean.
-fn is_within_steps_of_the_mean(
-    bytes: &[u8],
-    nodes: &[Vec<i32>],
-    speed: f32,
-    force: f32,
-) -> Result<(), TestCaseError> {
+fn is_within_steps_of_the_mean(bytes: &[u8], nodes: &[Vec<i32>], speed: f32, force: f32) -> Result<(), TestCaseError> {
     let point = GridPoint::locate(&texture(bytes), motion(speed, force));
     let mut angles = vec![0.0; longest(nodes)];
     for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {

@@ -18,8 +18,8 @@ use embassy_stm32::pac::crs::vals::Syncsrc;
 use embassy_stm32::pac::timer::regs::SrGp16;
 use embassy_stm32::pac::{CRS, RCC, TIM2};
 use embassy_stm32::rcc::{
-    AHBPrescaler, APBPrescaler, HSIPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul,
-    PllPreDiv, PllSource, Sysclk, VoltageScale, mux,
+    AHBPrescaler, APBPrescaler, HSIPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
+    Sysclk, VoltageScale, mux,
 };
 use embassy_stm32::time::Hertz;
 use model_format::link::{ClockSource, SiliconRevision, StartStage};
@@ -94,9 +94,7 @@ pub fn config(source: ClockSource, revision: SiliconRevision) -> embassy_stm32::
     rcc.hsi = Some(HSIPrescaler::DIV1);
     rcc.hse = None;
     // embassy's trimming follows the frames of the other USB core, so `guard` sets up the trimming instead.
-    rcc.hsi48 = Some(Hsi48Config {
-        sync_from_usb: false,
-    });
+    rcc.hsi48 = Some(Hsi48Config { sync_from_usb: false });
     rcc.mux.usbsel = mux::Usbsel::HSI48;
     rcc.mux.adcsel = mux::Adcsel::PLL2_P;
     let converter = if revision.halves_converter_clock() {
@@ -126,12 +124,7 @@ pub fn config(source: ClockSource, revision: SiliconRevision) -> embassy_stm32::
 /// At this reference of 4 MHz a PLL needs its wide range of 192 to 960 MHz, because the medium range is for references
 /// of 1 to 2 MHz (RM0433 section 8.5.5). embassy chooses the medium range for every frequency within it, so each PLL
 /// here runs above the medium range's end of 420 MHz.
-fn multiply(
-    rcc: &mut embassy_stm32::rcc::Config,
-    source: PllSource,
-    divided: PllPreDiv,
-    converter: PllDiv,
-) {
+fn multiply(rcc: &mut embassy_stm32::rcc::Config, source: PllSource, divided: PllPreDiv, converter: PllDiv) {
     let pll = |mul, divp, divq| {
         Some(Pll {
             source,
@@ -169,8 +162,7 @@ pub fn guard(source: ClockSource) {
     RCC.apb1henr().modify(|w| w.set_crsen(true));
     // The read waits until the write has arrived.
     let _ = RCC.apb1henr().read();
-    CRS.cfgr()
-        .modify(|w| w.set_syncsrc(Syncsrc::from_bits(FRAMES_OF_USB2)));
+    CRS.cfgr().modify(|w| w.set_syncsrc(Syncsrc::from_bits(FRAMES_OF_USB2)));
     CRS.cr().modify(|w| {
         w.set_autotrimen(true);
         w.set_cen(true);

@@ -125,11 +125,7 @@ impl Region {
         const ENABLE: u32 = 1;
         const XN: u32 = 1 << 28;
         let never = if self.executable { 0 } else { XN };
-        never
-            | (self.access as u32) << 24
-            | self.memory.bits()
-            | (self.length_log2 - 1) << 1
-            | ENABLE
+        never | (self.access as u32) << 24 | self.memory.bits() | (self.length_log2 - 1) << 1 | ENABLE
     }
 }
 
@@ -145,12 +141,7 @@ pub const REGIONS: [Region; 13] = [
     Region::new(0x1FF1_E800, 11, Access::Read, Memory::NotCached),
     Region::new(0x2000_0000, 17, Access::ReadWrite, Memory::NotCached),
     Region::new(0x2400_0000, 19, Access::ReadWrite, Memory::WriteBack),
-    Region::new(
-        0x3000_0000,
-        17,
-        Access::ReadWrite,
-        Memory::NotCachedShareable,
-    ),
+    Region::new(0x3000_0000, 17, Access::ReadWrite, Memory::NotCachedShareable),
     Region::new(0x3800_0000, 16, Access::ReadWrite, Memory::WriteBack),
     Region::new(0x4000_0000, 29, Access::ReadWrite, Memory::Device),
 ];

@@ -109,9 +109,7 @@ fn copy(bytes: &[u8], at: usize) -> Result<Content, LoadFault> {
     // copied part ends within that. By the contract of `begin` nothing of the previous library is used, and nothing of
     // this one is used before its last byte was copied.
     unsafe {
-        start
-            .add(at)
-            .copy_from_nonoverlapping(piece.as_ptr(), piece.len());
+        start.add(at).copy_from_nonoverlapping(piece.as_ptr(), piece.len());
     }
     if end < bytes.len() {
         return Ok(Content::Copied(end));

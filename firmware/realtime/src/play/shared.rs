@@ -28,10 +28,7 @@ impl<T> OfHandler<T> {
     /// # Safety
     /// Called by one interrupt's handler only, once each time it runs; no handler of another priority calls it.
     #[inline(always)]
-    #[expect(
-        clippy::mut_from_ref,
-        reason = "by the caller's contract there is one at a time"
-    )]
+    #[expect(clippy::mut_from_ref, reason = "by the caller's contract there is one at a time")]
     pub unsafe fn in_handler(&self) -> &mut T {
         // SAFETY: a handler does not interrupt itself, only tasks use `with`, and they never interrupt a handler.
         unsafe { &mut *self.0.get() }
@@ -80,10 +77,7 @@ impl<T> Handed<T> {
     /// The caller must own the value, by the protocol of the module that declares it, for as long as the reference
     /// lives, and the cell must not be empty.
     #[inline(always)]
-    #[expect(
-        clippy::mut_from_ref,
-        reason = "by the caller's contract there is one at a time"
-    )]
+    #[expect(clippy::mut_from_ref, reason = "by the caller's contract there is one at a time")]
     pub unsafe fn get(&self) -> &mut T {
         // SAFETY: the caller owns the value, and the cell is not empty.
         unsafe { (*self.0.get()).assume_init_mut() }

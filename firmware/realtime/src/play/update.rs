@@ -61,9 +61,7 @@ pub fn is_stale() -> bool {
 pub fn take_range() -> CycleRange {
     UPDATE.with(|_, update| {
         let range = update.as_mut().map(|update| &mut update.range);
-        range.map_or(CycleRange::NONE, |range| {
-            core::mem::replace(range, CycleRange::NONE)
-        })
+        range.map_or(CycleRange::NONE, |range| core::mem::replace(range, CycleRange::NONE))
     })
 }
 
@@ -107,8 +105,7 @@ extern "C" fn SWPMI1() {
             // SAFETY: this is the update, and the tick plays.
             if let Some(direction) = unsafe { direction::directed() } {
                 let follower = &mut direction.follower;
-                let interaction =
-                    follower.follow(chosen, &update.encoder, &update.config, noted.tick);
+                let interaction = follower.follow(chosen, &update.encoder, &update.config, noted.tick);
                 // SAFETY: as above. The director is the one of the block that is played.
                 unsafe { voice::direct(&mut direction.director, interaction, noted.tick, played) };
             }

@@ -16,9 +16,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use model_format::OutputSample;
 use stylus_app::UPDATE_LEAD_TICKS;
 use stylus_app::inputs::Sensors;
-use stylus_kernel::scene::{
-    Block, Director, Interaction, Ringing, SLOTS, ScenePlayback, VoiceStage, Voices,
-};
+use stylus_kernel::scene::{Block, Director, Interaction, Ringing, SLOTS, ScenePlayback, VoiceStage, Voices};
 use stylus_kernel::{Frame, Levels, Playback};
 
 use crate::CortexM;
@@ -68,8 +66,7 @@ pub struct Played {
 }
 
 /// Frames of each slot, two each. They are empty until [`begin`], because initial values would take 27 KB of flash.
-static FRAMES: [[Handed<Option<Frame>>; 2]; SLOTS] =
-    [const { [const { Handed::empty() }; 2] }; SLOTS];
+static FRAMES: [[Handed<Option<Frame>>; 2]; SLOTS] = [const { [const { Handed::empty() }; 2] }; SLOTS];
 static PLAYBACKS: [Handed<Option<Playback>>; SLOTS] = [const { Handed::empty() }; SLOTS];
 static BLOCKS: [Handed<Block>; 2] = [const { Handed::new(Block::silent()) }; 2];
 static SCENE: Handed<ScenePlayback> = Handed::new(ScenePlayback::new());
@@ -123,8 +120,7 @@ pub fn saturations() -> u32 {
     // The tick may write these words, but not while interrupts are masked.
     critical_section::with(|_| {
         // SAFETY: interrupts are masked, so neither the tick nor the update runs.
-        let (scene, playbacks) =
-            unsafe { (SCENE.look(), PLAYBACKS.each_ref().map(|one| one.look())) };
+        let (scene, playbacks) = unsafe { (SCENE.look(), PLAYBACKS.each_ref().map(|one| one.look())) };
         let voices = playbacks.into_iter().flatten().map(Playback::saturations);
         voices.fold(scene.saturations(), u32::saturating_add)
     })
@@ -172,10 +168,7 @@ pub unsafe fn begin_block(index: BlockIndex) -> Ringing {
 /// Slot and buffer of a stage, reduced to their ranges, so that no index panics.
 #[inline(always)]
 fn indices(voice: VoiceStage) -> (usize, usize) {
-    (
-        usize::from(voice.slot) % SLOTS,
-        usize::from(voice.buffer) % 2,
-    )
+    (usize::from(voice.slot) % SLOTS, usize::from(voice.buffer) % 2)
 }
 
 /// True if the update has finished the tick's last request.
@@ -210,12 +203,7 @@ pub unsafe fn noted() -> Noted {
 ///
 /// # Safety
 /// Called by the update, before [`ready`], with the director of what is played.
-pub unsafe fn direct(
-    director: &mut Director<'_>,
-    interaction: Interaction,
-    tick: u64,
-    played: Played,
-) {
+pub unsafe fn direct(director: &mut Director<'_>, interaction: Interaction, tick: u64, played: Played) {
     // SAFETY: before `ready` the other block belongs to the update.
     let block = unsafe { BLOCKS[played.block.other().get()].get() };
     let ringing = played.ringing;
@@ -246,9 +234,7 @@ impl Voices for SharedVoices {
     fn levels(&self, slot: usize, buffer: usize, left: u32) -> Levels {
         // SAFETY: nothing changes a frame that is played, and the other frame belongs to the update.
         let frame = unsafe { FRAMES[slot][buffer].look() };
-        frame
-            .as_ref()
-            .map_or(Levels::SILENT, |frame| frame.levels(left))
+        frame.as_ref().map_or(Levels::SILENT, |frame| frame.levels(left))
     }
 
     fn playback(&mut self, slot: usize) -> &mut Option<Playback> {

@@ -26,10 +26,7 @@ pub fn begin() {
 #[inline(always)]
 pub fn end() {
     // The tick is the only writer, so load and store need not be one access.
-    ENDED.store(
-        ENDED.load(Ordering::Relaxed).wrapping_add(1),
-        Ordering::Relaxed,
-    );
+    ENDED.store(ENDED.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
     clear_running();
 }
 

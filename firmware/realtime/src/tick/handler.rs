@@ -285,10 +285,7 @@ impl Tick {
         self.sensors.read(now, delta, inputs.force, inputs.complete);
         // Before the first trigger there was no conversion to wait for.
         let late = !inputs.complete && now > 1;
-        self.counters.late_conversions = self
-            .counters
-            .late_conversions
-            .saturating_add(u32::from(late));
+        self.counters.late_conversions = self.counters.late_conversions.saturating_add(u32::from(late));
         if self.phase == 0 {
             self.begin_block();
         }
@@ -297,11 +294,7 @@ impl Tick {
         }
         // A remainder would take more instructions.
         let phase = self.phase + 1;
-        self.phase = if phase == UPDATE_INTERVAL_TICKS {
-            0
-        } else {
-            phase
-        };
+        self.phase = if phase == UPDATE_INTERVAL_TICKS { 0 } else { phase };
         let muted = MUTED.load(Ordering::Relaxed) | amplifier::is_to_be_raised();
         let wanted = match self.config.rate() {
             PlayRate::Hz5000 => {

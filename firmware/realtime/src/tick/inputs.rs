@@ -147,8 +147,7 @@ fn arm_sequence() {
         }
     });
     for (channel, (time, _)) in CHANNELS.map(usize::from).into_iter().zip(SAMPLING) {
-        ADC1.smpr(channel / 10)
-            .modify(|w| w.set_smp(channel % 10, time));
+        ADC1.smpr(channel / 10).modify(|w| w.set_smp(channel % 10, time));
     }
     ADC1.cfgr().modify(|w| {
         // The sequence never changes. Without the queue, JSQR keeps it (RM0433 section 25.4.21).

@@ -13,6 +13,4 @@ pub mod supply;
 
 #[cfg(feature = "fault-injection")]
 pub use handler::age;
-pub use handler::{
-    configure, heat, is_at_rest, now, play, set_heat, set_muted, snapshot, start, stop, take_range,
-};
+pub use handler::{configure, heat, is_at_rest, now, play, set_heat, set_muted, snapshot, start, stop, take_range};

@@ -23,8 +23,7 @@ pub async fn raise_amplifier() -> ! {
         Timer::after(if wanted { LOOK } else { IDLE }).await;
         // Without a new tick, the rest that the tick reports would be an old one.
         let before = core::mem::replace(&mut ticks, handler::now());
-        let settling =
-            wanted && ticks != before && handler::is_at_rest(0) && output::is_driven_at_mid_scale();
+        let settling = wanted && ticks != before && handler::is_at_rest(0) && output::is_driven_at_mid_scale();
         settled = if settling { settled + 1 } else { 0 };
         if settled > SETTLING_MS {
             amplifier::raise();

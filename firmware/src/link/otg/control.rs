@@ -17,8 +17,7 @@ use embassy_sync::waitqueue::AtomicWaker;
 use embassy_usb::control::Request;
 use embassy_usb::driver::{self, ControlPipe, EndpointError};
 
-type Inner =
-    <usb::Driver<'static, peripherals::USB_OTG_FS> as driver::Driver<'static>>::ControlPipe;
+type Inner = <usb::Driver<'static, peripherals::USB_OTG_FS> as driver::Driver<'static>>::ControlPipe;
 
 /// Largest number of an endpoint of the device.
 const LAST_ENDPOINT: u8 = 1;
@@ -57,24 +56,12 @@ pub fn setup_came() {
 
 /// Numbers of resets and SETUP packets so far.
 fn now() -> (u32, u32) {
-    (
-        RESETS.load(Ordering::Relaxed),
-        SETUPS.load(Ordering::Relaxed),
-    )
+    (RESETS.load(Ordering::Relaxed), SETUPS.load(Ordering::Relaxed))
 }
 
 /// Returns true if embassy's stack can handle the request of this SETUP packet.
 fn is_answerable(setup: [u8; 8]) -> bool {
-    let [
-        kind,
-        request,
-        value,
-        detail,
-        index,
-        index_high,
-        length,
-        length_high,
-    ] = setup;
+    let [kind, request, value, detail, index, index_high, length, length_high] = setup;
     let is_read = kind & 0x80 != 0;
     if is_read && length == 0 && length_high == 0 {
         // embassy would never end this transfer.
@@ -106,10 +93,7 @@ pub struct Pipe {
 impl Pipe {
     /// A pipe around embassy's.
     pub fn new(inner: Inner) -> Self {
-        Self {
-            inner,
-            began: (0, 0),
-        }
+        Self { inner, began: (0, 0) }
     }
 
     /// Returns the next SETUP packet that no reset has invalidated.
@@ -178,12 +162,7 @@ impl ControlPipe for Pipe {
         }
     }
 
-    async fn data_out(
-        &mut self,
-        buffer: &mut [u8],
-        first: bool,
-        last: bool,
-    ) -> Result<usize, EndpointError> {
+    async fn data_out(&mut self, buffer: &mut [u8], first: bool, last: bool) -> Result<usize, EndpointError> {
         unless_broken_off(self.began, self.inner.data_out(buffer, first, last))
             .await
             .unwrap_or(Err(EndpointError::Disabled))

@@ -13,8 +13,8 @@ use embassy_stm32::peripherals;
 use embassy_stm32::usb;
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_usb::driver::{
-    self, Bus as _, Direction, Endpoint, EndpointAddress, EndpointAllocError, EndpointError,
-    EndpointIn, EndpointInfo, EndpointOut, EndpointType, Event, Unsupported,
+    self, Bus as _, Direction, Endpoint, EndpointAddress, EndpointAllocError, EndpointError, EndpointIn, EndpointInfo,
+    EndpointOut, EndpointType, Event, Unsupported,
 };
 
 use crate::link::otg::control::{self, Pipe};
@@ -138,9 +138,7 @@ impl driver::Driver<'static> for Driver {
         packet_bytes: u16,
         interval_ms: u8,
     ) -> Result<BulkOut, EndpointAllocError> {
-        let inner = self
-            .0
-            .alloc_endpoint_out(kind, address, packet_bytes, interval_ms)?;
+        let inner = self.0.alloc_endpoint_out(kind, address, packet_bytes, interval_ms)?;
         Ok(BulkOut { inner, session: 0 })
     }
 
@@ -151,9 +149,7 @@ impl driver::Driver<'static> for Driver {
         packet_bytes: u16,
         interval_ms: u8,
     ) -> Result<BulkIn, EndpointAllocError> {
-        let inner = self
-            .0
-            .alloc_endpoint_in(kind, address, packet_bytes, interval_ms)?;
+        let inner = self.0.alloc_endpoint_in(kind, address, packet_bytes, interval_ms)?;
         Ok(BulkIn { inner })
     }
 
@@ -176,9 +172,7 @@ impl Bus {
                 cancel_in(index);
                 self.0.endpoint_set_enabled(address, true);
                 critical_section::with(|_| {
-                    USB_OTG_FS
-                        .diepctl(index)
-                        .modify(|w| w.set_sd0pid_sevnfrm(true));
+                    USB_OTG_FS.diepctl(index).modify(|w| w.set_sd0pid_sevnfrm(true));
                 });
             }
             Direction::Out => {

@@ -46,13 +46,7 @@ fn the_place_on_the_grid_is_the_kernels() {
     let texture = texture.texture_at(0).expect("there is one");
     let mut wasm = Wasm::with(&bytes);
     assert_eq!(wasm.call("choose_texture", (0u32, 0u32, 3u32, 0u32)), 0);
-    for (speed, force) in [
-        (75.0, 1.3),
-        (10.0, 0.2),
-        (500.0, 9.0),
-        (-120.0, 2.0),
-        (0.0, 1.0),
-    ] {
+    for (speed, force) in [(75.0, 1.3), (10.0, 0.2), (500.0, 9.0), (-120.0, 2.0), (0.0, 1.0)] {
         let state = state_at(&mut wasm, speed, force, 5.0);
         let motion = Motion::new(MillimetresPerSecond(speed as f32), Newton(force as f32));
         let motion = motion.expect("it is finite");
@@ -83,10 +77,7 @@ fn on_a_transition_both_surfaces_are_told_with_their_gains() {
     assert_eq!((count, first), (1.0, [0.0, 1.0, 1.0]));
     let (count, first, second) = voices(&mut wasm, 10.0);
     assert_eq!(count, 2.0);
-    assert_eq!(
-        (first[0], first[1], second[0], second[1]),
-        (1.0, 0.0, 0.0, 1.0)
-    );
+    assert_eq!((first[0], first[1], second[0], second[1]), (1.0, 0.0, 0.0, 1.0));
     // Equal power in the middle, and half the gain on one of them.
     let half = 0.5f64.sqrt();
     assert!((second[2] - half).abs() < 1e-3, "{second:?}");

@@ -32,14 +32,12 @@ fn motion() -> impl Strategy<Value = BlockMotion> {
         1 => Just(Some(-1e300)),
     ];
     let contact = prop_oneof![3 => Just(f64::NAN), 1 => Just(0.0), 1 => Just(1.0)];
-    (speed, force, place, -2.0..2.0f64, contact).prop_map(
-        |(speed_mm_s, force_n, begin, way, contact)| BlockMotion {
-            begin_mm: begin.unwrap_or(f64::NAN),
-            end_mm: begin.map_or(f64::NAN, |begin| begin + way),
-            contact,
-            ..BlockMotion::new(speed_mm_s, force_n)
-        },
-    )
+    (speed, force, place, -2.0..2.0f64, contact).prop_map(|(speed_mm_s, force_n, begin, way, contact)| BlockMotion {
+        begin_mm: begin.unwrap_or(f64::NAN),
+        end_mm: begin.map_or(f64::NAN, |begin| begin + way),
+        contact,
+        ..BlockMotion::new(speed_mm_s, force_n)
+    })
 }
 
 /// Motions that stay for a while, as those of a hand do.
@@ -139,8 +137,7 @@ fn nothing_is_allocated_after_a_library_was_loaded() {
     let loaded = wasm.memory_bytes();
     for round in 0..20u32 {
         assert_eq!(wasm.call("choose_texture", (round % 4, 0, round, 0)), 0);
-        wasm.run(&[BlockMotion::new(100.0, 1.0); 40])
-            .expect("it is finite");
+        wasm.run(&[BlockMotion::new(100.0, 1.0); 40]).expect("it is finite");
     }
     assert_eq!(wasm.memory_bytes(), loaded);
 }

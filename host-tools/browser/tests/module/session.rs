@@ -80,16 +80,8 @@ fn a_choice_while_something_sounds_fades_and_then_plays_from_its_seed() {
     let before = played(&mut session, &rubbed);
     choose(&mut session, 1, 5);
     let after = played(&mut session, &rubbed);
-    assert_eq!(
-        after[BLOCK - 1],
-        OutputSample::SILENCE,
-        "the end of the fade"
-    );
-    assert!(
-        after[..BLOCK - 1]
-            .iter()
-            .any(|&word| word != OutputSample::SILENCE)
-    );
+    assert_eq!(after[BLOCK - 1], OutputSample::SILENCE, "the end of the fade");
+    assert!(after[..BLOCK - 1].iter().any(|&word| word != OutputSample::SILENCE));
     let mut fresh = Session::new(library);
     choose(&mut fresh, 1, 5);
     let expected = played(&mut fresh, &rubbed);
@@ -104,12 +96,7 @@ fn a_choice_while_something_sounds_fades_and_then_plays_from_its_seed() {
         .chain(&after[..BLOCK])
         .copied()
         .collect();
-    assert!(
-        steps(&fade) <= steps(&before),
-        "{} {}",
-        steps(&fade),
-        steps(&before)
-    );
+    assert!(steps(&fade) <= steps(&before), "{} {}", steps(&fade), steps(&before));
 }
 
 #[test]
@@ -120,9 +107,7 @@ fn a_part_that_is_left_out_changes_what_is_played_and_one_that_is_not_there_does
     let with = |library: Library<'_>, without: u32| {
         let mut session = Session::new(library);
         let without = Without::of_bits(without);
-        session
-            .choose(Selection::Texture(0), without, 1)
-            .expect("it is there");
+        session.choose(Selection::Texture(0), without, 1).expect("it is there");
         played(&mut session, &rubbed)
     };
     let whole = with(library, 0);

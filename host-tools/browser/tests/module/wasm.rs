@@ -59,11 +59,7 @@ impl Wasm {
         self.try_call(name, arguments).expect("it does not trap")
     }
 
-    pub fn try_call(
-        &mut self,
-        name: &str,
-        arguments: impl WasmParams,
-    ) -> Result<u32, wasmi::Error> {
+    pub fn try_call(&mut self, name: &str, arguments: impl WasmParams) -> Result<u32, wasmi::Error> {
         let function = self.instance.get_typed_func::<_, i32>(&self.store, name);
         let function = function.unwrap_or_else(|error| panic!("{name}: {error}"));
         Ok(function.call(&mut self.store, arguments)?.cast_unsigned())
@@ -84,12 +80,7 @@ impl Wasm {
     }
 
     /// The first `count` values of `N` bytes of the array that the call `name` gives the address of.
-    fn values<const N: usize, T>(
-        &mut self,
-        name: &str,
-        count: usize,
-        of: fn([u8; N]) -> T,
-    ) -> Vec<T> {
+    fn values<const N: usize, T>(&mut self, name: &str, count: usize, of: fn([u8; N]) -> T) -> Vec<T> {
         let at = self.call(name, ());
         let bytes = self.bytes(at, N * count);
         bytes.as_chunks().0.iter().map(|bytes| of(*bytes)).collect()

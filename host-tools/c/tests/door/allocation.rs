@@ -82,10 +82,7 @@ fn filling_and_moving_allocate_and_free_nothing_while_libraries_change() {
                         stylus_player_move(player.handle(), f64::NAN, 0.5),
                     ]
                 };
-                assert_eq!(
-                    statuses,
-                    [Status::STYLUS_OK, Status::STYLUS_OK, Status::STYLUS_MOTION]
-                );
+                assert_eq!(statuses, [Status::STYLUS_OK, Status::STYLUS_OK, Status::STYLUS_MOTION]);
             }
         });
         is_over.store(true, Ordering::Relaxed);

@@ -24,8 +24,7 @@ impl Opened<LibraryHandle> {
     pub fn library() -> Self {
         let (bytes, mut library) = (digest_library(), null_mut());
         // SAFETY: the bytes are there, and the handle is.
-        let status =
-            unsafe { stylus_library_decode(bytes.as_ptr(), bytes.len(), &raw mut library) };
+        let status = unsafe { stylus_library_decode(bytes.as_ptr(), bytes.len(), &raw mut library) };
         assert_eq!(status, Status::STYLUS_OK);
         Self(library, stylus_library_close)
     }
@@ -58,14 +57,8 @@ fn last_text() -> String {
     let mut text = [0 as c_char; 512];
     // SAFETY: there is room, and the text ends with a 0.
     unsafe {
-        assert_eq!(
-            stylus_last_text(text.as_mut_ptr(), text.len()),
-            Status::STYLUS_OK
-        );
-        CStr::from_ptr(text.as_ptr())
-            .to_str()
-            .expect("it is UTF-8")
-            .to_owned()
+        assert_eq!(stylus_last_text(text.as_mut_ptr(), text.len()), Status::STYLUS_OK);
+        CStr::from_ptr(text.as_ptr()).to_str().expect("it is UTF-8").to_owned()
     }
 }
 
@@ -76,16 +69,11 @@ fn null_a_closed_handle_one_of_another_kind_and_an_odd_address_are_told() {
     let odd = |samples: &mut [f32]| samples.as_mut_ptr().wrapping_byte_add(1);
     // SAFETY: what is no handle is memory that can be read as one, or is refused before it is read.
     unsafe {
-        let fill = |player: *const PlayerHandle, samples: *mut f32, length| {
-            stylus_player_fill(player, samples, length)
-        };
+        let fill = |player: *const PlayerHandle, samples: *mut f32, length| stylus_player_fill(player, samples, length);
         assert_eq!(fill(null(), samples.as_mut_ptr(), 8), Status::STYLUS_NULL);
         assert_eq!(fill(player.handle(), null_mut(), 8), Status::STYLUS_NULL);
         assert_eq!(fill(player.handle(), null_mut(), 0), Status::STYLUS_OK);
-        assert_eq!(
-            fill(player.handle(), odd(&mut samples), 1),
-            Status::STYLUS_ALIGNMENT
-        );
+        assert_eq!(fill(player.handle(), odd(&mut samples), 1), Status::STYLUS_ALIGNMENT);
         assert_eq!(
             fill(player.handle(), samples.as_mut_ptr(), usize::MAX),
             Status::STYLUS_LENGTH
@@ -95,10 +83,7 @@ fn null_a_closed_handle_one_of_another_kind_and_an_odd_address_are_told() {
             Status::STYLUS_HANDLE
         );
         let inside = player.handle().wrapping_byte_add(4);
-        assert_eq!(
-            fill(inside, samples.as_mut_ptr(), 8),
-            Status::STYLUS_ALIGNMENT
-        );
+        assert_eq!(fill(inside, samples.as_mut_ptr(), 8), Status::STYLUS_ALIGNMENT);
         assert_eq!(
             stylus_player_choose(player.handle(), player.handle().cast(), 0, 0, 1),
             Status::STYLUS_HANDLE
@@ -107,17 +92,11 @@ fn null_a_closed_handle_one_of_another_kind_and_an_odd_address_are_told() {
             stylus_player_choose(player.handle(), null(), 0, 0, 1),
             Status::STYLUS_NULL
         );
-        assert_eq!(
-            stylus_player_follow(player.handle(), null()),
-            Status::STYLUS_NULL
-        );
+        assert_eq!(stylus_player_follow(player.handle(), null()), Status::STYLUS_NULL);
         assert_eq!(stylus_player_open(5000, null_mut()), Status::STYLUS_NULL);
         assert_eq!(stylus_library_open(null(), null_mut()), Status::STYLUS_NULL);
         assert_eq!(stylus_player_close(null_mut()), Status::STYLUS_OK);
-        assert_eq!(
-            stylus_library_close(player.handle().cast()),
-            Status::STYLUS_HANDLE
-        );
+        assert_eq!(stylus_library_close(player.handle().cast()), Status::STYLUS_HANDLE);
         // A closed handle, in memory that still can be read.
         let mut closed = vec![0u64; 4096];
         assert_eq!(
@@ -141,8 +120,7 @@ fn what_cannot_be_is_refused_by_status_and_text() {
     let (mut handle, mut other) = (null_mut(), null_mut());
     // SAFETY: handles are open, and all addresses are of this function.
     unsafe {
-        let choose =
-            |kind, index| stylus_player_choose(player.handle(), library.handle(), kind, index, 1);
+        let choose = |kind, index| stylus_player_choose(player.handle(), library.handle(), kind, index, 1);
         let no_texture = "there is no texture 99";
         refused(choose(0, 99), Status::STYLUS_CHOICE, no_texture);
         refused(choose(7, 0), Status::STYLUS_CHOICE, "STYLUS_SCENE");
@@ -167,15 +145,9 @@ fn what_cannot_be_is_refused_by_status_and_text() {
             stylus_player_reach(player.handle(), 0.0, f64::NAN, 1.0),
             Status::STYLUS_MOTION
         );
-        assert_eq!(
-            stylus_player_set_gain(player.handle(), 1.0, -1.0),
-            Status::STYLUS_GAIN
-        );
+        assert_eq!(stylus_player_set_gain(player.handle(), 1.0, -1.0), Status::STYLUS_GAIN);
         let mut short = [1 as c_char; 4];
-        assert_eq!(
-            stylus_last_text(short.as_mut_ptr(), 4),
-            Status::STYLUS_LENGTH
-        );
+        assert_eq!(stylus_last_text(short.as_mut_ptr(), 4), Status::STYLUS_LENGTH);
         assert_eq!(short, [1; 4]);
     }
 }
@@ -185,10 +157,7 @@ fn the_latency_is_the_players_own_and_of_a_librarys_rate() {
     let mut seconds = 0.0;
     // SAFETY: the address is of this function.
     unsafe {
-        assert_eq!(
-            stylus_player_latency(5000, 48_000, &raw mut seconds),
-            Status::STYLUS_OK
-        );
+        assert_eq!(stylus_player_latency(5000, 48_000, &raw mut seconds), Status::STYLUS_OK);
         assert_eq!(seconds, stylus_player::latency_s(5000, 48_000));
         assert_eq!(
             stylus_player_latency(2000, 48_000, &raw mut seconds),

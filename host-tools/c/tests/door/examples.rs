@@ -17,14 +17,9 @@ pub fn libraries() -> PathBuf {
 
 pub fn run(command: &mut Command) -> String {
     let output = command.output();
-    let output =
-        output.unwrap_or_else(|error| panic!("{command:?}: {error}; install a C and C++ compiler"));
+    let output = output.unwrap_or_else(|error| panic!("{command:?}: {error}; install a C and C++ compiler"));
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(
-        output.status.success(),
-        "{command:?}: {}\n{told}",
-        output.status
-    );
+    assert!(output.status.success(), "{command:?}: {}\n{told}", output.status);
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
@@ -53,14 +48,7 @@ fn a_stroke_by_the_example_in_c_has_the_bits_of_render() {
     let folder = tempfile::tempdir().expect("it can be made");
     let archive = libraries().join("libstylusplayer.a");
     let archive = archive.to_str().expect("it is UTF-8");
-    let flags = [
-        "-std=c11",
-        "-ffp-contract=off",
-        archive,
-        "-lm",
-        "-lpthread",
-        "-ldl",
-    ];
+    let flags = ["-std=c11", "-ffp-contract=off", archive, "-lm", "-lpthread", "-ldl"];
     let program = compiled(("CC", "cc"), "stroke.c", &flags, folder.path());
     let bytes = digest_library();
     let library = Library::decode(&bytes).expect("it is valid");
@@ -98,10 +86,7 @@ fn a_control_loop_and_a_callback_in_two_threads_play_by_the_shared_library_in_cp
     let library = written(folder.path(), "textures.lib", digest_library());
     let output = run_to_its_end(Command::new(program).arg(library).arg("0.2"));
     let told = String::from_utf8_lossy(&output.stdout);
-    assert!(
-        output.status.success() && told.contains("V RMS"),
-        "{output:?}"
-    );
+    assert!(output.status.success() && told.contains("V RMS"), "{output:?}");
 }
 
 /// Waits for the end of a child that reads its own clock, and asks every 100 ms. Returns `None` after ten minutes, which
@@ -139,20 +124,15 @@ impl Server {
     fn start() -> Self {
         let mut jackd = Command::new("jackd");
         jackd
-            .args([
-                "-n",
-                Self::NAME,
-                "--no-realtime",
-                "--no-mlock",
-                "--temporary",
-            ])
+            .args(["-n", Self::NAME, "--no-realtime", "--no-mlock", "--temporary"])
             .args(["-d", "dummy", "-r", "48000", "-p", "256"])
             .stdout(Stdio::null())
             .stderr(Stdio::null());
         let started = jackd.spawn();
-        Self(started.unwrap_or_else(|error| {
-            panic!("jackd: {error}; `tests/run only 'the player by PortAudio'` brings it")
-        }))
+        Self(
+            started
+                .unwrap_or_else(|error| panic!("jackd: {error}; `tests/run only 'the player by PortAudio'` brings it")),
+        )
     }
 }
 

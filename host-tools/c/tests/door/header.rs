@@ -23,10 +23,7 @@ fn made(config: Config) -> String {
     let mut bytes = Vec::new();
     let sources = cbindgen::Builder::new().with_src(folder.join("src/exports.rs"));
     let sources = sources.with_src(folder.join("src/status.rs"));
-    let bindings = sources
-        .with_config(config)
-        .generate()
-        .expect("the sources are read");
+    let bindings = sources.with_config(config).generate().expect("the sources are read");
     bindings.write(&mut bytes);
     String::from_utf8(bytes).expect("the sources are")
 }
@@ -65,10 +62,7 @@ fn the_kept_header_is_that_of_the_sources() {
 
 #[test]
 fn an_interface_keeps_its_number_only_while_its_declarations_stay() {
-    let (file, made) = (
-        format!("tests/door/abi-{STYLUS_PLAYER_ABI}.h"),
-        declarations(),
-    );
+    let (file, made) = (format!("tests/door/abi-{STYLUS_PLAYER_ABI}.h"), declarations());
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(&file);
     let before = std::fs::read_to_string(path).unwrap_or_default();
     for declaration in before.trim().split("\n\n") {
@@ -89,10 +83,7 @@ fn the_shared_library_exports_the_functions_of_the_header_alone() {
     let told = run(Command::new("nm")
         .args(["--dynamic", "--defined-only", "--format=posix"])
         .arg(library));
-    let exported: BTreeSet<_> = told
-        .lines()
-        .filter_map(|line| line.split(' ').next())
-        .collect();
+    let exported: BTreeSet<_> = told.lines().filter_map(|line| line.split(' ').next()).collect();
     let made = declarations();
     // A function's name stands before its bracket.
     let heads = made.match_indices('(').map(|(end, _)| &made[..end]);

@@ -4,9 +4,7 @@ use model_format::scene::Biquad;
 use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_RESPONSE_SECTIONS};
 use nalgebra::{DMatrix, DVector};
 
-use super::{
-    MAX_SECTION_GAIN_DB, Response, ResponseFault, Section, SectionKind, cascade_db, stored_level_db,
-};
+use super::{MAX_SECTION_GAIN_DB, Response, ResponseFault, Section, SectionKind, cascade_db, stored_level_db};
 
 /// Largest gain of a calibration's equaliser unless the user asks for another, dB.
 pub const CALIBRATION_GAIN_DB: f64 = 20.0;
@@ -49,17 +47,10 @@ pub struct Design {
 ///
 /// # Errors
 /// The format does not allow `max_gain_db`, or the response covers too little of the band.
-pub fn design(
-    response: &Response,
-    rate_hz: f64,
-    max_gain_db: f64,
-) -> Result<Design, ResponseFault> {
+pub fn design(response: &Response, rate_hz: f64, max_gain_db: f64) -> Result<Design, ResponseFault> {
     let most_db = 20.0 * MAX_EQUALISER_GAIN.log10();
     if !(0.0..=most_db).contains(&max_gain_db) {
-        return Err(ResponseFault::Gain {
-            max_gain_db,
-            most_db,
-        });
+        return Err(ResponseFault::Gain { max_gain_db, most_db });
     }
     let points = response.points();
     let low_hz = BAND_HZ[0].max(points[0].0);
@@ -71,10 +62,7 @@ pub fn design(
     let frequencies: Vec<f64> = (0..POINTS)
         .map(|n| (low + (high - low) * n as f64 / (POINTS - 1) as f64).exp())
         .collect();
-    let levels: Vec<f64> = frequencies
-        .iter()
-        .map(|&hz| response.level_db(hz))
-        .collect();
+    let levels: Vec<f64> = frequencies.iter().map(|&hz| response.level_db(hz)).collect();
     let mean_db = levels.iter().sum::<f64>() / POINTS as f64;
     let target: Vec<f64> = levels
         .iter()
@@ -102,11 +90,7 @@ pub fn design(
 /// Scales the gains of all sections down until the limits hold, and returns the sections with their stored forms.
 ///
 /// A solution exists, because sections of zero gain change nothing, which is within the limits.
-fn within_limits(
-    sections: &[Section],
-    rate_hz: f64,
-    max_gain_db: f64,
-) -> (Vec<Section>, Vec<Biquad>) {
+fn within_limits(sections: &[Section], rate_hz: f64, max_gain_db: f64) -> (Vec<Section>, Vec<Biquad>) {
     const HALVINGS: usize = 24;
     let scaled = |share: f64| {
         let sections: Vec<Section> = sections
@@ -116,8 +100,7 @@ fn within_limits(
                 ..*section
             })
             .collect();
-        let biquads: Option<Vec<Biquad>> =
-            sections.iter().map(|s| s.biquad(rate_hz).ok()).collect();
+        let biquads: Option<Vec<Biquad>> = sections.iter().map(|s| s.biquad(rate_hz).ok()).collect();
         biquads
             .filter(|biquads| keeps_limits(biquads, rate_hz, max_gain_db))
             .map(|biquads| (sections, biquads))
@@ -215,32 +198,18 @@ impl Fit<'_> {
             })
         };
         [
-            section(
-                SectionKind::Peaking,
-                self.frequencies[worst],
-                1.5,
-                residual[worst],
-            ),
+            section(SectionKind::Peaking, self.frequencies[worst], 1.5, residual[worst]),
             section(SectionKind::LowShelf, low * third, 0.7, residual[0]),
-            section(
-                SectionKind::HighShelf,
-                high / third,
-                0.7,
-                residual[residual.len() - 1],
-            ),
+            section(SectionKind::HighShelf, high / third, 0.7, residual[residual.len() - 1]),
         ]
     }
 
     /// Residual at each frequency, dB.
     fn residual(&self, sections: &[Section]) -> DVector<f64> {
-        let levels = self
-            .frequencies
-            .iter()
-            .zip(self.target)
-            .map(|(&hz, target)| {
-                let level: f64 = sections.iter().map(|s| s.level_db(self.rate_hz, hz)).sum();
-                target - level
-            });
+        let levels = self.frequencies.iter().zip(self.target).map(|(&hz, target)| {
+            let level: f64 = sections.iter().map(|s| s.level_db(self.rate_hz, hz)).sum();
+            target - level
+        });
         DVector::from_iterator(self.frequencies.len(), levels)
     }
 
@@ -307,8 +276,7 @@ impl Fit<'_> {
                 };
                 let (above, below) = (aside(1.0), aside(-1.0));
                 for (row, &hz) in self.frequencies.iter().enumerate() {
-                    let change =
-                        above.level_db(self.rate_hz, hz) - below.level_db(self.rate_hz, hz);
+                    let change = above.level_db(self.rate_hz, hz) - below.level_db(self.rate_hz, hz);
                     jacobian[(row, 3 * index + own)] = change / (2.0 * STEP);
                 }
             }

@@ -116,10 +116,7 @@ impl Section {
 /// Returns the level of a cascade of stored sections at `frequency_hz`, dB.
 pub fn cascade_db(sections: &[Biquad], rate_hz: f64, frequency_hz: f64) -> f64 {
     let share = frequency_hz / rate_hz;
-    sections
-        .iter()
-        .map(|section| stored_level_db(section, share))
-        .sum()
+    sections.iter().map(|section| stored_level_db(section, share)).sum()
 }
 
 /// Filters `samples` by a cascade of stored sections, from rest.
@@ -160,8 +157,5 @@ fn within(key: &'static str, value: f64, [low, high]: [f64; 2], unit: &str) -> R
         return Ok(());
     }
     let problem = format!("is {value} {unit}; it must be finite and {low} to {high}");
-    Err(Fault::new(
-        key,
-        problem.replace("  ", " ").replace(" ;", ";"),
-    ))
+    Err(Fault::new(key, problem.replace("  ", " ").replace(" ;", ";")))
 }

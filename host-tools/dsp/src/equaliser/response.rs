@@ -21,11 +21,7 @@ impl Response {
         for (index, &(hz, level_db)) in points.iter().enumerate() {
             // The comparison is false for a NaN.
             if !(hz > before_hz && hz.is_finite() && level_db.is_finite()) {
-                return Err(ResponseFault::Point {
-                    index,
-                    hz,
-                    before_hz,
-                });
+                return Err(ResponseFault::Point { index, hz, before_hz });
             }
             before_hz = hz;
         }

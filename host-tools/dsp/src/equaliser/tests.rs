@@ -15,8 +15,7 @@ fn coil() -> Response {
         .map(|n| {
             let hz = 20.0 * 60f64.powf(f64::from(n) / 79.0);
             let share = hz / 140.0;
-            let resonance =
-                share * share / ((1.0 - share * share).powi(2) + (share / 3.0).powi(2)).sqrt();
+            let resonance = share * share / ((1.0 - share * share).powi(2) + (share / 3.0).powi(2)).sqrt();
             let inductance = 1.0 / (1.0 + (hz / 900.0).powi(2)).sqrt();
             (hz, 20.0 * (resonance * inductance).log10())
         })
@@ -72,11 +71,7 @@ fn the_inverse_of_sections_is_those_sections() {
 fn a_voice_coil_is_flattened_as_far_as_the_limit_lets() {
     for (max_gain_db, most_left_db) in [(6.0, 0.6), (12.0, 0.6), (20.0, 0.85)] {
         let found = design(&coil(), RATE_HZ, max_gain_db).unwrap();
-        assert!(
-            found.max_gain_db <= max_gain_db + 2e-3,
-            "{}",
-            found.max_gain_db
-        );
+        assert!(found.max_gain_db <= max_gain_db + 2e-3, "{}", found.max_gain_db);
         assert!(deviation_db(&coil(), &[], 60.0) > 8.0);
         // This deviation does not count what the limit on the gain prevents. With six sections, it is less than the
         // decibel that a calibration may leave.
@@ -87,12 +82,7 @@ fn a_voice_coil_is_flattened_as_far_as_the_limit_lets() {
 
 #[test]
 fn a_flat_response_takes_no_section() {
-    let flat = response(&[
-        (20.0, -31.0),
-        (100.0, -31.0),
-        (500.0, -31.0),
-        (2000.0, -31.0),
-    ]);
+    let flat = response(&[(20.0, -31.0), (100.0, -31.0), (500.0, -31.0), (2000.0, -31.0)]);
     assert_eq!(design(&flat, RATE_HZ, 12.0).unwrap().sections, []);
 }
 

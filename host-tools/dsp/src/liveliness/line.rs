@@ -108,8 +108,7 @@ impl Bins {
     fn power(&self, bin: usize) -> f64 {
         let centre_hz = bin as f64 * self.step_hz;
         let half_hz = self.step_hz / 2.0;
-        self.spectrum
-            .power_between(centre_hz - half_hz, centre_hz + half_hz)
+        self.spectrum.power_between(centre_hz - half_hz, centre_hz + half_hz)
     }
 
     /// Returns the centre of power in a line's main lobe, Hz.
@@ -123,11 +122,7 @@ impl Bins {
         }
         let centre = moment / sum;
         // Bins without power have no centre.
-        let bin = if centre.is_finite() {
-            centre
-        } else {
-            bin as f64
-        };
+        let bin = if centre.is_finite() { centre } else { bin as f64 };
         bin * self.step_hz
     }
 

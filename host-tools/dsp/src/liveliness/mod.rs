@@ -158,16 +158,9 @@ fn spread_db(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let powers: Vec<f64> = windows.map(|w| mean_square(w.iter(), window)).collect();
     let count = powers.len() as f64;
     let floor = FLOOR * powers.iter().sum::<f64>() / count;
-    let levels: Vec<f64> = powers
-        .iter()
-        .map(|power| 10.0 * power.max(floor).log10())
-        .collect();
+    let levels: Vec<f64> = powers.iter().map(|power| 10.0 * power.max(floor).log10()).collect();
     let mean = levels.iter().sum::<f64>() / count;
-    let variance = levels
-        .iter()
-        .map(|level| (level - mean).powi(2))
-        .sum::<f64>()
-        / count;
+    let variance = levels.iter().map(|level| (level - mean).powi(2)).sum::<f64>() / count;
     (powers.len() >= 2 && variance.is_finite()).then(|| variance.sqrt())
 }
 
@@ -243,8 +236,7 @@ fn centred(blocks: &[&[f64]]) -> Option<Vec<Vec<f64>>> {
         .map(|block| block.iter().map(|x| x - mean).collect())
         .collect();
     let square = mean_square(centred.iter().flatten(), count);
-    (square.is_finite() && square > ROUND_OFF * peak * peak && square > f64::MIN_POSITIVE)
-        .then_some(centred)
+    (square.is_finite() && square > ROUND_OFF * peak * peak && square > f64::MIN_POSITIVE).then_some(centred)
 }
 
 /// Mean of the squares of `count` samples.

@@ -67,13 +67,7 @@ fn synthetic() -> [Vec<f64>; 4] {
         carrier[n] * (0.5 * turn(3.0, n).sin() + 0.4 * turn(20.0, n).sin()).exp()
     });
     let (impulses, ground) = (portable_noise(4, len), portable_noise(5, len));
-    let impulsive = made(len, |n| {
-        if n % 125 == 0 {
-            20.0 * impulses[n]
-        } else {
-            ground[n]
-        }
-    });
+    let impulsive = made(len, |n| if n % 125 == 0 { 20.0 * impulses[n] } else { ground[n] });
     [portable_noise(1, len), resonance, modulated, impulsive]
 }
 
@@ -87,9 +81,7 @@ fn measures_are_those_that_scipy_finds() {
         (5.979_585, 7.398_674, 3.838_743, 2.984_425, 0.361_515),
         (189.737_821, 25.761_308, 80.568_718, 2.897_770, 0.579_612),
     ];
-    for (signal, (kurtosis, crest, residual, spread, modulation)) in
-        synthetic().iter().zip(expected)
-    {
+    for (signal, (kurtosis, crest, residual, spread, modulation)) in synthetic().iter().zip(expected) {
         let found = measures(signal);
         near(found.kurtosis, kurtosis, 1e-5);
         near(found.crest_factor, crest, 1e-5);
@@ -125,9 +117,7 @@ fn a_sine_has_a_kurtosis_of_three_halves_a_crest_of_the_root_of_two_and_a_steady
 #[test]
 fn the_modulation_of_a_modulated_tone_is_what_it_was_modulated_by() {
     let tone = |depth: f64, hz: f64| {
-        let tone = made(50_000, |n| {
-            (1.0 + depth * turn(hz, n).sin()) * turn(300.0, n).sin()
-        });
+        let tone = made(50_000, |n| (1.0 + depth * turn(hz, n).sin()) * turn(300.0, n).sin());
         measures(&tone).modulation
     };
     near(tone(0.5, 20.0), 0.5 / 2f64.sqrt(), 0.01);
@@ -177,10 +167,7 @@ fn nothing_is_measured_of_silence_of_one_value_and_of_too_few_samples() {
         assert_eq!(measures(&signal), Liveliness::default());
         assert_eq!(strongest_line_hz(&[&signal], RATE_HZ), None);
     }
-    assert_eq!(
-        Liveliness::of(&[], RATE_HZ, Some(100.0)),
-        Liveliness::default()
-    );
+    assert_eq!(Liveliness::of(&[], RATE_HZ, Some(100.0)), Liveliness::default());
     let short = measures(&portable_noise(1, 400));
     assert!(short.kurtosis.is_some(), "{short:?}");
     assert!(short.modulation.is_none(), "{short:?}");
@@ -191,9 +178,7 @@ fn nothing_is_measured_of_silence_of_one_value_and_of_too_few_samples() {
 fn a_dropout_counts_for_sixty_decibels_and_not_for_infinity() {
     let noise = portable_noise(61, 10_000);
     // This noise has a mean of zero, so that the silent part stays silent.
-    let mut signal = made(10_000, |n| {
-        noise[n / 2] * if n % 2 == 0 { 1.0 } else { -1.0 }
-    });
+    let mut signal = made(10_000, |n| noise[n / 2] * if n % 2 == 0 { 1.0 } else { -1.0 });
     signal[2500..5000].fill(0.0);
     let found = measures(&signal);
     let spread_db = found.level_spread_db.unwrap();
@@ -209,11 +194,7 @@ fn blocks_are_measured_together_and_no_window_crosses_a_join() {
     let found = Liveliness::of(&[&low, &high], RATE_HZ, None);
     near(found.level_spread_db, 10.0, 0.01);
     // The samples are Gaussian with variances 1 and 100, in equal numbers.
-    near(
-        found.kurtosis,
-        3.0 * 0.5 * (1.0 + 1e4) / 50.5f64.powi(2),
-        0.05,
-    );
+    near(found.kurtosis, 3.0 * 0.5 * (1.0 + 1e4) / 50.5f64.powi(2), 0.05);
 }
 
 proptest! {

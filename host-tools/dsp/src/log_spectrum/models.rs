@@ -32,10 +32,7 @@ impl LogSpectrum {
     /// Returns the model of this spectrum that has the order `order` and the spectrum's power.
     pub fn model(&self, order: usize) -> Model {
         let lags = corrected(self.autocorrelation(order));
-        Model::new(
-            Prediction::levinson_durbin(&lags, order).reflection,
-            self.power(),
-        )
+        Model::new(Prediction::levinson_durbin(&lags, order).reflection, self.power())
     }
 }
 

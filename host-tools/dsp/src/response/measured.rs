@@ -80,11 +80,7 @@ impl Spectra {
         }
         let eigen = SymmetricEigen::new(sum);
         let largest = eigen.eigenvalues.imax();
-        let total: f64 = eigen
-            .eigenvalues
-            .iter()
-            .map(|value: &f64| value.max(0.0))
-            .sum();
+        let total: f64 = eigen.eigenvalues.iter().map(|value: &f64| value.max(0.0)).sum();
         let along: Vector3<f64> = eigen.eigenvectors.column(largest).into();
         let sign = along[along.iamax()].signum();
         let across = 1.0 - eigen.eigenvalues[largest] / total;
@@ -155,12 +151,7 @@ pub struct Measured {
 
 impl Measured {
     /// Returns the response to `wave`, played with a peak of `volts`; `None` without motion above the noise.
-    pub fn of(
-        spectra: &Spectra,
-        wave: &Multisine,
-        volts: f64,
-        bandwidths: &Bandwidths,
-    ) -> Option<Self> {
+    pub fn of(spectra: &Spectra, wave: &Multisine, volts: f64, bandwidths: &Bandwidths) -> Option<Self> {
         let (axis, across) = spectra.direction(&wave.lines, bandwidths)?;
         let asked = spectrum(&wave.samples);
         let (mut power, mut noise) = (0.0, 0.0);
@@ -211,9 +202,7 @@ impl Measured {
         while let Some(first) = rest.first() {
             let end = first.hz * POINT_OCTAVES.exp2();
             let (group, after) = rest.split_at(rest.partition_point(|line| line.hz < end).max(1));
-            let mean = |value: fn(&Line) -> f64| {
-                group.iter().map(|line| value(line)).sum::<f64>() / group.len() as f64
-            };
+            let mean = |value: fn(&Line) -> f64| group.iter().map(|line| value(line)).sum::<f64>() / group.len() as f64;
             points.push((mean(|line| line.hz.ln()).exp(), mean(|line| line.level_db)));
             rest = after;
         }
@@ -224,10 +213,7 @@ impl Measured {
     pub fn bands(&self) -> [Band; BANDS] {
         std::array::from_fn(|band| {
             let [low, high] = band_edges_hz(band);
-            let within = self
-                .lines
-                .iter()
-                .filter(|line| (low..high).contains(&line.hz));
+            let within = self.lines.iter().filter(|line| (low..high).contains(&line.hz));
             let (mut count, mut sum, mut trusted) = (0.0, 0.0, true);
             for line in within {
                 count += 1.0;
@@ -235,11 +221,7 @@ impl Measured {
                 trusted &= line.is_trusted();
             }
             Band {
-                level_db: if count > 0.0 {
-                    10.0 * (sum / count).log10()
-                } else {
-                    0.0
-                },
+                level_db: if count > 0.0 { 10.0 * (sum / count).log10() } else { 0.0 },
                 trusted: trusted && count > 0.0,
             }
         })
@@ -268,14 +250,10 @@ mod tests {
     fn gain_direction_confidence_and_distortion_are_those_of_what_moved() {
         let wave = Multisine::new(3, |_| 1.0);
         let axis = [0.36, -0.8, 0.48];
-        let measured =
-            |spectra: &Spectra| Measured::of(spectra, &wave, 2.0, &Bandwidths::default());
+        let measured = |spectra: &Spectra| Measured::of(spectra, &wave, 2.0, &Bandwidths::default());
         let found = measured(&recorded(&wave, axis, [0.0; 2], 0.05)).unwrap();
         for (found, true_part) in found.axis.into_iter().zip(axis) {
-            assert!(
-                (found + true_part).abs() < 2e-3,
-                "the largest part is positive"
-            );
+            assert!((found + true_part).abs() < 2e-3, "the largest part is positive");
         }
         let off = |line: &Line| (line.level_db - db(3.0)) / line.deviation_db;
         let squares: f64 = found.lines.iter().map(|line| off(line).powi(2)).sum();
@@ -284,12 +262,7 @@ mod tests {
             (0.8..1.25).contains(&scatter),
             "deviations are what they say: {scatter}"
         );
-        assert!(
-            found
-                .lines
-                .iter()
-                .all(|line| line.value.re < 0.0 && line.is_trusted())
-        );
+        assert!(found.lines.iter().all(|line| line.value.re < 0.0 && line.is_trusted()));
         assert!(found.even < 0.02 && found.odd < 0.02 && found.across < 1e-3);
         assert!(
             found
@@ -307,12 +280,7 @@ mod tests {
             even.even,
             even.odd
         );
-        assert!(
-            odd.odd > 0.03 && odd.odd > 2.0 * odd.even,
-            "{} {}",
-            odd.even,
-            odd.odd
-        );
+        assert!(odd.odd > 0.03 && odd.odd > 2.0 * odd.even, "{} {}", odd.even, odd.odd);
         let mut still = recorded(&wave, [0.0; 3], [0.0; 2], 1.0);
         still.mean.iter_mut().flatten().for_each(|bin| *bin *= 0.5);
         assert!(measured(&still).is_none());

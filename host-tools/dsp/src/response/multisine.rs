@@ -47,19 +47,12 @@ impl Multisine {
         for group in thinned.chunks(GROUP) {
             let out = random.random_range(0..GROUP);
             for (place, &bin) in group.iter().enumerate() {
-                let lines = if place == out {
-                    &mut left_out
-                } else {
-                    &mut lines
-                };
+                let lines = if place == out { &mut left_out } else { &mut lines };
                 lines.push(bin);
             }
         }
         lines.sort_unstable();
-        let amplitudes: Vec<f64> = lines
-            .iter()
-            .map(|&bin| amplitude(bin as f64 * STEP_HZ))
-            .collect();
+        let amplitudes: Vec<f64> = lines.iter().map(|&bin| amplitude(bin as f64 * STEP_HZ)).collect();
         let mut phases: Vec<f64> = lines
             .iter()
             .map(|_| random.random_range(0.0..std::f64::consts::TAU))
@@ -104,9 +97,7 @@ impl Multisine {
 }
 
 fn peak(samples: &[f64]) -> f64 {
-    samples
-        .iter()
-        .fold(0.0, |peak: f64, sample| peak.max(sample.abs()))
+    samples.iter().fold(0.0, |peak: f64, sample| peak.max(sample.abs()))
 }
 
 fn period(lines: &[usize], amplitudes: &[f64], phases: &[f64]) -> Vec<f64> {

@@ -70,28 +70,13 @@ impl Fit {
         }
         // Above all poles, the model's level is its gain.
         let top = lines[lines.len() - 1].value.norm().ln();
-        let starts = STARTS_HZ
-            .into_iter()
-            .flat_map(|hz| [(hz, true), (hz, false)]);
+        let starts = STARTS_HZ.into_iter().flat_map(|hz| [(hz, true), (hz, false)]);
         let fits = starts.map(|(hz, is_positive)| {
             let [hand, own, passed] = [14.0, hz, 4.0].map(|hz| (TAU * hz).ln());
-            let start = [
-                top,
-                hand,
-                0.3f64.ln(),
-                own,
-                0.3f64.ln(),
-                passed,
-                START_MS,
-                0.0,
-            ];
-            (
-                is_positive,
-                refined(&lines, is_positive, Unknowns::from(start)),
-            )
+            let start = [top, hand, 0.3f64.ln(), own, 0.3f64.ln(), passed, START_MS, 0.0];
+            (is_positive, refined(&lines, is_positive, Unknowns::from(start)))
         });
-        let (is_positive, (error, mut unknowns, mut jacobian)) =
-            fits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        let (is_positive, (error, mut unknowns, mut jacobian)) = fits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         if unknowns[1] > unknowns[3] {
             // The resonance is the pair of higher frequency.
             for at in [1, 2] {
@@ -102,11 +87,8 @@ impl Fit {
         let mut square = jacobian.tr_mul(&jacobian);
         // A parameter that nothing depends on, such as the frequency of a hand that is absent, would make the matrix
         // singular.
-        (0..square.nrows())
-            .for_each(|at| square[(at, at)] = square[(at, at)] * (1.0 + 1e-9) + 1e-9);
-        let variance = square
-            .try_inverse()
-            .map_or(f64::INFINITY, |inverse| inverse[(3, 3)]);
+        (0..square.nrows()).for_each(|at| square[(at, at)] = square[(at, at)] * (1.0 + 1e-9) + 1e-9);
+        let variance = square.try_inverse().map_or(f64::INFINITY, |inverse| inverse[(3, 3)]);
         // The lines' standard deviations may be smaller than the residual, so the residual's scatter scales the result.
         let scatter = error * error;
         let hz = unknowns[3].exp() / TAU;
@@ -153,11 +135,7 @@ fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<
 
 /// Returns the local minimum that is reached from `unknowns`: its RMS, the unknowns, and the Jacobian before the last
 /// step to it.
-fn refined(
-    lines: &[&Line],
-    is_positive: bool,
-    mut unknowns: Unknowns,
-) -> (f64, Unknowns, DMatrix<f64>) {
+fn refined(lines: &[&Line], is_positive: bool, mut unknowns: Unknowns) -> (f64, Unknowns, DMatrix<f64>) {
     // The unknowns are logarithms, milliseconds and radians, so that one step suits them all.
     const STEP: f64 = 1e-5;
     let of = |unknowns: &Unknowns| residual(lines, is_positive, unknowns);
@@ -217,15 +195,8 @@ mod tests {
                 let own = s * s / (s * s + 2.0 * damping * hz * s + hz * hz);
                 let hand = s * s / (s * s + 2.0 * 0.5 * 14.0 * s + 14.0 * 14.0);
                 let coil = 1.0 / (1.0 + s / 7000.0) * s / (s + 5.0) * s / (s + 2.0);
-                let noise =
-                    1.0 + scatter * Complex::new(hiss[2 * n as usize], hiss[2 * n as usize + 1]);
-                let value = 40.0
-                    * sign
-                    * own
-                    * hand
-                    * coil
-                    * noise
-                    * Complex::from_polar(1.0, -TAU * at * 0.61e-3);
+                let noise = 1.0 + scatter * Complex::new(hiss[2 * n as usize], hiss[2 * n as usize + 1]);
+                let value = 40.0 * sign * own * hand * coil * noise * Complex::from_polar(1.0, -TAU * at * 0.61e-3);
                 let (level_db, deviation_db) = (db(value.norm()), 8.686 * scatter);
                 Line {
                     hz: at,
@@ -254,10 +225,7 @@ mod tests {
                     damping_ratio,
                 } = found.resonance;
                 near(found_hz, hz, 4.0 * hz_deviation + 5e-3 * hz);
-                assert!(
-                    hz_deviation < hz * (2e-3 + scatter),
-                    "{hz} {scatter}: {found:?}"
-                );
+                assert!(hz_deviation < hz * (2e-3 + scatter), "{hz} {scatter}: {found:?}");
                 near(damping_ratio / damping, 1.0, 0.03 + 3.0 * scatter);
                 // The inductance accounts for 23 µs of the delay.
                 near(found.delay_s, 0.633e-3, 0.01e-3 + scatter * 1e-3);

@@ -11,8 +11,8 @@ pub const BAND_COUNT: usize = 18;
 
 /// Nominal centre frequencies of the bands, Hz, as IEC 61260-1 labels them.
 pub const BAND_LABELS_HZ: [&str; BAND_COUNT] = [
-    "20", "25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400",
-    "500", "630", "800", "1000",
+    "20", "25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400", "500", "630", "800",
+    "1000",
 ];
 
 /// Third octave in base ten (IEC 61260-1), as a difference of decimal logarithms of frequency.
@@ -56,15 +56,8 @@ pub fn band_powers(signal: &[f64], rate_hz: f64) -> [f64; BAND_COUNT] {
 /// Returns the level of the synthesised signal relative to the recorded one in each third-octave band, in dB.
 ///
 /// The level is `None` for a band in which one of the signals has no power.
-pub fn band_errors_db(
-    recorded: &[f64],
-    synthesised: &[f64],
-    rate_hz: f64,
-) -> [Option<f64>; BAND_COUNT] {
-    let (reference, other) = (
-        band_powers(recorded, rate_hz),
-        band_powers(synthesised, rate_hz),
-    );
+pub fn band_errors_db(recorded: &[f64], synthesised: &[f64], rate_hz: f64) -> [Option<f64>; BAND_COUNT] {
+    let (reference, other) = (band_powers(recorded, rate_hz), band_powers(synthesised, rate_hz));
     std::array::from_fn(|band| level_db(other[band] / reference[band]))
 }
 
@@ -105,12 +98,7 @@ const WINDOWS_PER_THIRD_OCTAVE: f64 = 10.0;
 /// the same power first.
 ///
 /// Returns `None` if the range is empty, or if one of the signals has no power in some window.
-pub fn distance_of_spectra_db(
-    a: &PowerSpectrum,
-    b: &PowerSpectrum,
-    low_hz: f64,
-    high_hz: f64,
-) -> Option<f64> {
+pub fn distance_of_spectra_db(a: &PowerSpectrum, b: &PowerSpectrum, low_hz: f64, high_hz: f64) -> Option<f64> {
     let mut squares = Vec::new();
     for (low, high) in third_octave_windows(low_hz, high_hz) {
         let difference = level_db(a.power_between(low, high) / b.power_between(low, high))?;
@@ -206,16 +194,11 @@ mod tests {
                 .iter()
                 .all(|error| close(error.unwrap(), 20.0 * 2f64.log10(), 1e-9))
         );
-        assert_eq!(
-            band_errors_db(&signal, &vec![0.0; 10_000], RATE_HZ),
-            [None; BAND_COUNT]
-        );
+        assert_eq!(band_errors_db(&signal, &vec![0.0; 10_000], RATE_HZ), [None; BAND_COUNT]);
         assert_eq!(band_errors_db(&[], &signal, RATE_HZ), [None; BAND_COUNT]);
         // At a sample rate of 1 kHz, there is no power above 500 Hz, and the 500 Hz band contains only its lower half.
         let errors = band_errors_db(&signal, &signal, 1000.0);
-        assert!(
-            errors[..=14].iter().all(Option::is_some) && errors[15..].iter().all(Option::is_none)
-        );
+        assert!(errors[..=14].iter().all(Option::is_some) && errors[15..].iter().all(Option::is_none));
     }
 
     fn distance_db(a: &[f64], b: &[f64], low_hz: f64, high_hz: f64) -> Option<f64> {

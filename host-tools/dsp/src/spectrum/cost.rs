@@ -40,11 +40,7 @@ fn dft(mut signal: Vec<f64>) -> Vec<Complex<f64>> {
 /// flat. A width of at most two bins does not smooth. The computing time is proportional to N² · `width_hz` /
 /// `rate_hz`.
 pub fn smoothed_amplitude(signal: &[f64], rate_hz: f64, width_hz: f64) -> Vec<f64> {
-    smooth(
-        &dft_amplitude(signal),
-        rate_hz / signal.len() as f64,
-        width_hz,
-    )
+    smooth(&dft_amplitude(signal), rate_hz / signal.len() as f64, width_hz)
 }
 
 /// Convolves values that are `step_hz` apart with a Hann kernel of full width `width_hz`, normalised again at both
@@ -62,12 +58,8 @@ fn smooth(values: &[f64], step_hz: f64, width_hz: f64) -> Vec<f64> {
         let (before, after) = (&values[..centre], &values[centre + 1..]);
         let left = before.iter().rev().zip(&tail);
         let right = after.iter().zip(&tail);
-        let sum: f64 = left
-            .chain(right)
-            .map(|(value, weight)| value * weight)
-            .sum();
-        let weights =
-            tail_sums[before.len().min(tail.len())] + tail_sums[after.len().min(tail.len())];
+        let sum: f64 = left.chain(right).map(|(value, weight)| value * weight).sum();
+        let weights = tail_sums[before.len().min(tail.len())] + tail_sums[after.len().min(tail.len())];
         (values[centre] + sum) / (1.0 + weights)
     };
     (0..values.len()).map(mean_around).collect()
@@ -91,19 +83,8 @@ fn hann_tail(width: f64, most: usize) -> Vec<f64> {
 /// [`expected_cost_of_blocks`].
 ///
 /// Returns `None` if a signal is empty, if the recorded one is silent, or if a value is not finite.
-pub fn spectral_cost(
-    recorded: &[f64],
-    synthesised: &[f64],
-    rate_hz: f64,
-    width_hz: f64,
-) -> Option<f64> {
-    cost_of_blocks(
-        &[recorded],
-        &[synthesised],
-        rate_hz,
-        width_hz,
-        (0.0, rate_hz / 2.0),
-    )
+pub fn spectral_cost(recorded: &[f64], synthesised: &[f64], rate_hz: f64, width_hz: f64) -> Option<f64> {
+    cost_of_blocks(&[recorded], &[synthesised], rate_hz, width_hz, (0.0, rate_hz / 2.0))
 }
 
 /// Like [`spectral_cost`], for signals in blocks, over the frequencies from `low_hz` to `high_hz`. S is the mean of the
@@ -139,9 +120,9 @@ pub fn cost_of_blocks(
 fn mean_amplitude(blocks: &[&[f64]], len: usize, rate_hz: f64, width_hz: f64) -> Vec<f64> {
     let mut mean = vec![0.0; len / 2 + 1];
     for block in blocks {
-        for (sum, value) in
-            mean.iter_mut()
-                .zip(smoothed_amplitude(&block[..len], rate_hz, width_hz))
+        for (sum, value) in mean
+            .iter_mut()
+            .zip(smoothed_amplitude(&block[..len], rate_hz, width_hz))
         {
             *sum += value / blocks.len() as f64;
         }
@@ -233,8 +214,7 @@ mod tests {
         let mut mean = 0.0;
         for pair in 0..20 {
             let (a, b) = (noise(900 + pair, 10_000), noise(950 + pair, 10_000));
-            let (a, b): (Vec<&[f64]>, Vec<&[f64]>) =
-                (a.chunks(2500).collect(), b.chunks(2500).collect());
+            let (a, b): (Vec<&[f64]>, Vec<&[f64]>) = (a.chunks(2500).collect(), b.chunks(2500).collect());
             mean += cost_of_blocks(&a, &b, RATE_HZ, 20.0, (2.0, 2500.0)).unwrap() / 20.0;
         }
         let expected = expected_cost_of_blocks(4, 2500, RATE_HZ, 20.0);
@@ -252,13 +232,7 @@ mod tests {
         assert_eq!(spectral_cost(&[0.0; 1000], &signal, RATE_HZ, 20.0), None);
         assert_eq!(spectral_cost(&[], &signal, RATE_HZ, 20.0), None);
         assert_eq!(spectral_cost(&signal, &[], RATE_HZ, 20.0), None);
-        assert_eq!(
-            spectral_cost(&[f64::NAN; 1000], &signal, RATE_HZ, 20.0),
-            None
-        );
-        assert_eq!(
-            spectral_cost(&signal, &[f64::INFINITY; 1000], RATE_HZ, 20.0),
-            None
-        );
+        assert_eq!(spectral_cost(&[f64::NAN; 1000], &signal, RATE_HZ, 20.0), None);
+        assert_eq!(spectral_cost(&signal, &[f64::INFINITY; 1000], RATE_HZ, 20.0), None);
     }
 }

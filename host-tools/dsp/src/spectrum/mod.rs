@@ -10,13 +10,12 @@ mod power;
 mod subtraction;
 
 pub use bands::{
-    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, THIRD_OCTAVE_RATIO, band_centre_hz,
-    band_edges_hz, band_errors_db, band_errors_within_db, band_powers, distance_of_spectra_db,
-    third_octave_hz,
+    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, THIRD_OCTAVE_RATIO, band_centre_hz, band_edges_hz, band_errors_db,
+    band_errors_within_db, band_powers, distance_of_spectra_db, third_octave_hz,
 };
 pub use cost::{
-    DEFAULT_SMOOTHING_WIDTH_HZ, cost_of_blocks, dft_amplitude, expected_cost_of_blocks,
-    smoothed_amplitude, spectral_cost,
+    DEFAULT_SMOOTHING_WIDTH_HZ, cost_of_blocks, dft_amplitude, expected_cost_of_blocks, smoothed_amplitude,
+    spectral_cost,
 };
 pub use power::{PowerSpectrum, longest_segment};
 pub use subtraction::without_noise;

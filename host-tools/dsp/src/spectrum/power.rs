@@ -126,10 +126,7 @@ impl PowerSpectrum {
         let (mut density, mut segments) = (vec![0.0; segment / 2 + 1], 0_u32);
         // Total weight of the samples in the estimate, from which its equivalent duration follows.
         let (mut weight, mut squared_weight) = (0.0, 0.0);
-        for block in blocks
-            .iter()
-            .filter(|block| block.len() >= segment && segment > 1)
-        {
+        for block in blocks.iter().filter(|block| block.len() >= segment && segment > 1) {
             for begin in window.begins(block.len()) {
                 let windowed: Vec<f64> = block[begin..]
                     .iter()
@@ -166,10 +163,7 @@ impl PowerSpectrum {
     /// Electroacoust. 15, 1967, 70). Bins of a Hann window that are one and two apart have correlations of 2/3 and 1/6
     /// in amplitude, which matter in a narrow band.
     pub fn averages_between(&self, low_hz: f64, high_hz: f64) -> f64 {
-        let shares: Vec<f64> = self
-            .shares(low_hz, high_hz)
-            .map(|(_, share)| share)
-            .collect();
+        let shares: Vec<f64> = self.shares(low_hz, high_hz).map(|(_, share)| share).collect();
         let at = |index: usize| shares.get(index).copied().unwrap_or(0.0);
         let (mut sum, mut variance) = (0.0, 0.0);
         for (index, share) in shares.iter().enumerate() {
@@ -226,10 +220,7 @@ impl PowerSpectrum {
         let first = (low / step_hz).round() as usize;
         (first..self.density.len())
             .map(move |index| {
-                let (begin, end) = (
-                    (index as f64 - 0.5) * step_hz,
-                    (index as f64 + 0.5) * step_hz,
-                );
+                let (begin, end) = ((index as f64 - 0.5) * step_hz, (index as f64 + 0.5) * step_hz);
                 (index, begin, end.min(high) - begin.max(low))
             })
             .take_while(move |(_, begin, _)| *begin < high)
@@ -281,11 +272,7 @@ mod tests {
 
     #[test]
     fn the_power_of_noise_scatters_as_the_number_of_averages_says() {
-        for (low_hz, high_hz, segment) in [
-            (500.0, 700.0, 800),
-            (100.0, 108.0, 1250),
-            (200.3, 206.1, 800),
-        ] {
+        for (low_hz, high_hz, segment) in [(500.0, 700.0, 800), (100.0, 108.0, 1250), (200.3, 206.1, 800)] {
             let (mut squares, mut expected) = (0.0, 0.0);
             for seed in 0..600 {
                 let signal = noise(seed, 5000);

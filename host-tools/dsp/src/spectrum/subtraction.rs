@@ -19,12 +19,7 @@ const SMOOTHING_OCTAVES: f64 = 1.0 / 6.0;
 /// the mean of max(P - N, 0.01 P) over a sixth of an octave, weighted by w. So where the noise is weak, details come
 /// from the signal. Where the noise is strong, details would be the noise's tones and the scatter of two estimates, so
 /// the spectrum is smooth.
-pub fn without_noise(
-    signal: &[f64],
-    whole: &PowerSpectrum,
-    noise: &PowerSpectrum,
-    rate_hz: f64,
-) -> Vec<f64> {
+pub fn without_noise(signal: &[f64], whole: &PowerSpectrum, noise: &PowerSpectrum, rate_hz: f64) -> Vec<f64> {
     if signal.len() < 2 || noise.power_between(0.0, rate_hz) <= 0.0 {
         return signal.to_vec();
     }
@@ -59,11 +54,7 @@ pub fn without_noise(
 fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectrum; 2] {
     let densities = || whole.density.iter().zip(&noise.density);
     let share = |(all, taken): (&f64, &f64)| {
-        if *all > 0.0 {
-            (taken / all).min(1.0)
-        } else {
-            0.0
-        }
+        if *all > 0.0 { (taken / all).min(1.0) } else { 0.0 }
     };
     let shares: Vec<f64> = densities().map(share).collect();
     let rest = whole.density.iter().zip(&shares);
@@ -80,11 +71,7 @@ fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectr
         let end = ((bin as f64 * ratio) as usize + 1).min(shares.len());
         let (weight, weighed) = (sums[end].0 - sums[first].0, sums[end].1 - sums[first].1);
         // Without noise, only the round-off of the sums may remain.
-        if weight > 0.0 {
-            (weighed / weight).max(0.0)
-        } else {
-            0.0
-        }
+        if weight > 0.0 { (weighed / weight).max(0.0) } else { 0.0 }
     };
     let smooth = (0..shares.len()).map(mean).collect();
     [shares, smooth].map(|density| whole.with_density(density))
@@ -154,10 +141,7 @@ mod tests {
             for low_hz in [50.0, 200.0, 800.0, 2000.0] {
                 let band = |spectrum: &PowerSpectrum| spectrum.power_between(low_hz, 1.25 * low_hz);
                 let off_db = decibels(band(&rest) / band(&spectrum(&own)));
-                assert!(
-                    off_db.abs() < tolerance_db,
-                    "{level}, {low_hz} Hz: {off_db} dB"
-                );
+                assert!(off_db.abs() < tolerance_db, "{level}, {low_hz} Hz: {off_db} dB");
             }
         }
     }
@@ -170,9 +154,7 @@ mod tests {
         let heard = sum(&strong, &weak);
         let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);
         // Only the noise: the third difference removes the tone.
-        let step = |signal: Vec<f64>| -> Vec<f64> {
-            signal.windows(2).map(|pair| pair[1] - pair[0]).collect()
-        };
+        let step = |signal: Vec<f64>| -> Vec<f64> { signal.windows(2).map(|pair| pair[1] - pair[0]).collect() };
         let fast = step(step(step(rest)));
         let power = crate::sums::mean_square;
         for end in [&fast[..100], &fast[fast.len() - 100..]] {
@@ -186,10 +168,7 @@ mod tests {
     fn a_tone_of_the_noise_is_neither_left_as_a_line_nor_as_a_gap() {
         let (own, tone) = (noise(1, 100_000), sine(100_000, 733.3, 0.4));
         let heard = sum(&own, &tone);
-        let known = spectrum(&sum(
-            &scaled(&noise(2, 100_000), 0.01),
-            &sine(100_000, 733.3, 0.4),
-        ));
+        let known = spectrum(&sum(&scaled(&noise(2, 100_000), 0.01), &sine(100_000, 733.3, 0.4)));
         let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);
         // The resolution is finer than that of the estimates, so that a remaining line would show.
         let fine = |signal: &[f64]| PowerSpectrum::of_blocks(&[signal], 10_000, RATE_HZ);

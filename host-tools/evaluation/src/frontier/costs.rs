@@ -42,9 +42,7 @@ impl Costs {
     /// measured orders, and equals that of the lowest order below it. Returns `None` above the highest order, or if
     /// nothing was measured.
     pub fn at(&self, structure: Structure, nodes: usize, core: Core, order: usize) -> Option<Cost> {
-        let of = |entry: &&Entry| {
-            entry.structure == structure && entry.core == core && entry.nodes as usize == nodes
-        };
+        let of = |entry: &&Entry| entry.structure == structure && entry.core == core && entry.nodes as usize == nodes;
         let mut entries: Vec<&Entry> = self.table.entries.iter().filter(of).collect();
         entries.sort_by_key(|entry| entry.order);
         let (lowest, highest) = (entries.first()?, entries.last()?);
@@ -55,11 +53,7 @@ impl Costs {
         // A filter's loop takes the same time per stage, so that a line fits; `tests/qemu` counts orders between.
         let after = entries.partition_point(|entry| entry.order < order);
         let to = entries[after];
-        let from = if after == 0 {
-            lowest
-        } else {
-            entries[after - 1]
-        };
+        let from = if after == 0 { lowest } else { entries[after - 1] };
         let fraction = if after == 0 {
             1.0
         } else {
@@ -94,9 +88,7 @@ mod tests {
                 for nodes in [1, 4] {
                     for order in super::super::ORDERS {
                         let cost = Costs::measured().at(structure, nodes, core, order);
-                        let cost = cost.unwrap_or_else(|| {
-                            panic!("{structure}, {nodes} nodes, {core}, order {order}")
-                        });
+                        let cost = cost.unwrap_or_else(|| panic!("{structure}, {nodes} nodes, {core}, order {order}"));
                         let sample = cost.sample;
                         assert!(sample.instructions > 0.0);
                         // A Cortex-M7 issues up to two instructions per cycle.

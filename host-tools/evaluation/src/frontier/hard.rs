@@ -88,11 +88,7 @@ pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
     if structure.is_direct() {
         // A small growth of a direct form's state does not count. A lattice's norm cannot grow, because its stages are
         // rotations, but that of the outputs may grow for a while even in a stable direct form.
-        for rest in [
-            &mut outcome.stopped,
-            &mut outcome.overdriven,
-            &mut outcome.glitched,
-        ] {
+        for rest in [&mut outcome.stopped, &mut outcome.overdriven, &mut outcome.glitched] {
             if rest.growth_db < 0.1 {
                 rest.growing = 0;
             }
@@ -121,9 +117,7 @@ fn verdict(outcome: &Outcome) -> Verdict {
 
 /// Summarises the verdicts of one or more cases, each with the case's name.
 pub fn summarise(verdicts: &[(&str, Verdict)]) -> HardCases {
-    let held = verdicts
-        .iter()
-        .filter(|(_, verdict)| *verdict == Verdict::Held);
+    let held = verdicts.iter().filter(|(_, verdict)| *verdict == Verdict::Held);
     let mut worst = verdicts[0];
     for &other in verdicts {
         if other.1 > worst.1 {

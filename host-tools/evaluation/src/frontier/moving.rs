@@ -67,8 +67,7 @@ impl Rub {
         // Frequencies without a common period within the rub make the hand cover the grid, and not one line on it.
         let speed = speed + stroke * (TAU * STROKES_HZ * time_s).sin();
         let force = force + press * (TAU * PRESSES_HZ * time_s + 1.0).sin();
-        Motion::new(MillimetresPerSecond(speed as f32), Newton(force as f32))
-            .expect("a grid's values are finite")
+        Motion::new(MillimetresPerSecond(speed as f32), Newton(force as f32)).expect("a grid's values are finite")
     }
 
     /// Number of samples of the whole rub.
@@ -237,9 +236,7 @@ mod tests {
         let exact = reference(&texture, 3);
         let error = |interval| {
             let lattice = Structure::NormalisedLattice32;
-            play(lattice, texture, &exact, interval, 3)
-                .unwrap()
-                .band_error_db()
+            play(lattice, texture, &exact, interval, 3).unwrap().band_error_db()
         };
         let errors = [1, 10, 50, 250].map(error);
         // The level lags by one sample, because a ramp ends one sample late.

@@ -3,9 +3,7 @@
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
 use stylus_kernel::Motion;
-use stylus_kernel::direct_form::{
-    CODE_SUM_LIMIT, COEFFICIENT_FRACTION_BITS, DirectFrame, DirectState, MAX_EXPONENT,
-};
+use stylus_kernel::direct_form::{CODE_SUM_LIMIT, COEFFICIENT_FRACTION_BITS, DirectFrame, DirectState, MAX_EXPONENT};
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 
@@ -21,10 +19,7 @@ use crate::texture::quantise::reflection;
 pub struct NotHeld;
 
 /// Returns the predictors with which `structure` plays `texture`; none for a lattice.
-pub(super) fn predictors(
-    structure: Structure,
-    texture: &Texture<'_>,
-) -> Result<Option<Predictors>, NotHeld> {
+pub(super) fn predictors(structure: Structure, texture: &Texture<'_>) -> Result<Option<Predictors>, NotHeld> {
     let bits = match structure {
         Structure::DirectForm16 => 16,
         Structure::DirectForm32 => 32,
@@ -120,9 +115,7 @@ impl Predictors {
             Some(rounded.iter().map(|h| (h * one) as i32).collect())
         });
         let codes = codes.collect::<Option<Vec<_>>>()?;
-        let exponent = u32::try_from(exponent)
-            .ok()
-            .filter(|&e| e <= MAX_EXPONENT)?;
+        let exponent = u32::try_from(exponent).ok().filter(|&e| e <= MAX_EXPONENT)?;
         Some(Self {
             codes,
             forces: texture.force_axis().len(),

@@ -124,8 +124,7 @@ impl Prepared {
                 let between = match take {
                     Some(take) => {
                         let other = fit::signal(take, options.conditioning)?.samples;
-                        let cost =
-                            spectrum::spectral_cost(&signal, &other, rate_hz, options.smoothing_hz);
+                        let cost = spectrum::spectral_cost(&signal, &other, rate_hz, options.smoothing_hz);
                         let bands = spectrum::band_errors_db(&signal, &other, rate_hz);
                         let bands: Vec<f64> = bands.into_iter().flatten().collect();
                         cost.map(|cost| (cost, mean_square(&bands)))
@@ -211,14 +210,9 @@ impl Material {
         let mut material = Self {
             fit: set.clone(),
             held_out: set.clone(),
-            description: "the first half of each recording fitted, its second half held out"
-                .to_owned(),
+            description: "the first half of each recording fitted, its second half held out".to_owned(),
         };
-        let halves = material
-            .fit
-            .trials
-            .iter_mut()
-            .zip(&mut material.held_out.trials);
+        let halves = material.fit.trials.iter_mut().zip(&mut material.held_out.trials);
         for (first, second) in halves {
             let samples = recording::read(first)?.axes.first().map_or(0, Vec::len);
             // A recording is read at the models' rate, whatever the rate of its file.

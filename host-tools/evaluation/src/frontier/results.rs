@@ -147,11 +147,7 @@ impl Frontier {
     pub fn front(&self) -> Vec<&Point> {
         let is_safe = self.is_safe();
         let is_on = |point: &&Point| {
-            if is_safe {
-                point.on_safe_front
-            } else {
-                point.on_front
-            }
+            if is_safe { point.on_safe_front } else { point.on_front }
         };
         let mut front: Vec<&Point> = self.points.iter().filter(is_on).collect();
         front.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
@@ -164,9 +160,7 @@ impl Frontier {
     /// an empty front.
     pub fn choices(&self) -> Vec<(&'static str, &Point)> {
         let front = self.front();
-        let places = front
-            .iter()
-            .map(|point| (point.cycles, point.total_error_db));
+        let places = front.iter().map(|point| (point.cycles, point.total_error_db));
         let knee = knee(&places.collect::<Vec<_>>());
         let chosen = knee.map(|knee| [("thrifty", 0), ("knee", knee), ("finest", front.len() - 1)]);
         let chosen = chosen.into_iter().flatten();
@@ -177,16 +171,14 @@ impl Frontier {
     pub fn answer(&self) -> String {
         let choices = self.choices();
         let [(_, thrifty), (_, knee), (_, finest)] = choices.as_slice() else {
-            return "No structure plays all of the textures, so that there is nothing to choose."
-                .to_owned();
+            return "No structure plays all of the textures, so that there is nothing to choose.".to_owned();
         };
         let begin = if self.is_safe() {
             "The cheapest choice that holds every hard case"
         } else {
             "No choice holds every hard case; the cheapest of all"
         };
-        let [few, some, most] =
-            [thrifty, knee, finest].map(|point| percent(Some(point.share()), 2));
+        let [few, some, most] = [thrifty, knee, finest].map(|point| percent(Some(point.share()), 2));
         format!(
             "{begin} takes {few} % of the device's time and errs by {:.1} dB. The most accurate takes {:.0} times as \
              long, {most} %, and errs by {:.1} dB, where two takes of one surface differ by {:.1} dB, and skin feels \
@@ -226,12 +218,7 @@ impl Frontier {
     }
 
     /// Choices with names under the heading `names`; [`CHOICES_NOTE`] explains the columns.
-    fn table<'a>(
-        &'a self,
-        title: &str,
-        names: &str,
-        choices: impl Iterator<Item = (String, &'a Point)>,
-    ) -> Table {
+    fn table<'a>(&'a self, title: &str, names: &str, choices: impl Iterator<Item = (String, &'a Point)>) -> Table {
         let row = |(name, point): (String, &Point)| {
             let filter = &self.filters[point.filter];
             vec![
@@ -251,20 +238,16 @@ impl Frontier {
     /// The numbers as JSON, a line per filter, choice and row.
     pub fn to_json(&self) -> String {
         let value = serde_json::to_value(self).expect("plain data become JSON");
-        let fields = value
-            .as_object()
-            .into_iter()
-            .flatten()
-            .map(|(name, value)| {
-                let text = match value.as_array() {
-                    Some(items) => {
-                        let items: Vec<String> = items.iter().map(ToString::to_string).collect();
-                        format!("[\n{}\n]", items.join(",\n"))
-                    }
-                    None => value.to_string(),
-                };
-                format!("\"{name}\": {text}")
-            });
+        let fields = value.as_object().into_iter().flatten().map(|(name, value)| {
+            let text = match value.as_array() {
+                Some(items) => {
+                    let items: Vec<String> = items.iter().map(ToString::to_string).collect();
+                    format!("[\n{}\n]", items.join(",\n"))
+                }
+                None => value.to_string(),
+            };
+            format!("\"{name}\": {text}")
+        });
         format!("{{\n{}\n}}\n", fields.collect::<Vec<_>>().join(",\n"))
     }
 }
@@ -321,16 +304,11 @@ fn pareto(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
 
 /// Index of the place that lies farthest below the chord from the first to the last, in logarithms of both numbers.
 fn knee(places: &[(f64, f64)]) -> Option<usize> {
-    let logs: Vec<(f64, f64)> = places
-        .iter()
-        .map(|place| (place.0.ln(), place.1.ln()))
-        .collect();
+    let logs: Vec<(f64, f64)> = places.iter().map(|place| (place.0.ln(), place.1.ln())).collect();
     let (&first, &last) = (logs.first()?, logs.last()?);
     // Twice the area of the triangle over the chord. It is proportional to the distance, because the chord is the same
     // for all places.
-    let below = |&(x, y): &(f64, f64)| {
-        (x - first.0) * (last.1 - first.1) - (y - first.1) * (last.0 - first.0)
-    };
+    let below = |&(x, y): &(f64, f64)| (x - first.0) * (last.1 - first.1) - (y - first.1) * (last.0 - first.0);
     // Of equals, `max_by` returns the last: both ends are on the chord, and the finest choice is the last.
     (0..logs.len()).max_by(|&a, &b| below(&logs[a]).total_cmp(&below(&logs[b])))
 }

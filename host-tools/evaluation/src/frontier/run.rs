@@ -122,43 +122,33 @@ impl Prepared {
         options: &Options,
         progress: &(impl Fn() + Sync),
     ) -> Result<Still> {
-        let nodes = self
-            .held_out
-            .par_iter()
-            .enumerate()
-            .map(|(index, held_out)| {
-                let (texture, node, recording) = held_out;
-                let grid = &fitted.grids[*texture];
-                let (speed_mm_s, force_n, model) =
-                    grid.nodes().nth(*node).expect("the node was found in it");
-                let alone = Grid {
-                    speeds_mm_s: vec![speed_mm_s],
-                    forces_n: vec![force_n],
-                    models: vec![model.clone()],
-                    laws: grid.laws,
-                    // Without parts, so that Gaussian noise excites all structures alike.
-                    parts: PartsSpec::default(),
-                };
-                let playing = Playing {
-                    smoothing_hz: options.smoothing_hz,
-                    synthesis_s: options.synthesis_s,
-                    seed: options.seed.wrapping_add(index as u64),
-                };
-                let played = library_of(&self.names[*texture], &alone)
-                    .and_then(|bytes| still::play(structure, &bytes, recording, &playing));
-                progress();
-                played
-            });
+        let nodes = self.held_out.par_iter().enumerate().map(|(index, held_out)| {
+            let (texture, node, recording) = held_out;
+            let grid = &fitted.grids[*texture];
+            let (speed_mm_s, force_n, model) = grid.nodes().nth(*node).expect("the node was found in it");
+            let alone = Grid {
+                speeds_mm_s: vec![speed_mm_s],
+                forces_n: vec![force_n],
+                models: vec![model.clone()],
+                laws: grid.laws,
+                // Without parts, so that Gaussian noise excites all structures alike.
+                parts: PartsSpec::default(),
+            };
+            let playing = Playing {
+                smoothing_hz: options.smoothing_hz,
+                synthesis_s: options.synthesis_s,
+                seed: options.seed.wrapping_add(index as u64),
+            };
+            let played = library_of(&self.names[*texture], &alone)
+                .and_then(|bytes| still::play(structure, &bytes, recording, &playing));
+            progress();
+            played
+        });
         let nodes = nodes.collect::<Result<Vec<Option<Node>>>>()?;
         Ok(still::summarise(&nodes))
     }
 
-    fn hard(
-        &self,
-        structure: Structure,
-        order: usize,
-        progress: &(impl Fn() + Sync),
-    ) -> Result<HardCases> {
+    fn hard(&self, structure: Structure, order: usize, progress: &(impl Fn() + Sync)) -> Result<HardCases> {
         let verdicts = self.cases.par_iter().map(|case| {
             let verdict = hard::play(&hard::of_order(case, order), structure);
             progress();

@@ -75,12 +75,7 @@ pub struct Playing {
 ///
 /// # Errors
 /// Bytes that are no library; those from `encode` always are one.
-pub fn play(
-    structure: Structure,
-    bytes: &[u8],
-    recording: &[f64],
-    playing: &Playing,
-) -> Result<Option<Node>> {
+pub fn play(structure: Structure, bytes: &[u8], recording: &[f64], playing: &Playing) -> Result<Option<Node>> {
     let library = decoded(bytes)?;
     let texture = library.textures().next().expect("one was encoded");
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
@@ -99,11 +94,7 @@ pub fn play(
     voice.play(length, &mut synthesis);
     let mut reference = Reference::of(&texture, playing.seed);
     let mut deviation = Deviation::default();
-    for (n, &played) in synthesis
-        .iter()
-        .enumerate()
-        .take(warm_up + in_samples(REFERENCE_S))
-    {
+    for (n, &played) in synthesis.iter().enumerate().take(warm_up + in_samples(REFERENCE_S)) {
         // The reference plays the warm-up, too, because its state must have the same past as the filter's.
         let exact = reference.next_m_s2();
         if n >= warm_up {
@@ -113,9 +104,7 @@ pub fn play(
     let played = &synthesis[warm_up..];
     let errors = spectrum::band_errors_db(recording, played, rate_hz);
     let errors: Vec<f64> = errors.into_iter().flatten().collect();
-    let within = errors
-        .iter()
-        .filter(|error| error.abs() <= AMPLITUDE_JND_DB);
+    let within = errors.iter().filter(|error| error.abs() <= AMPLITUDE_JND_DB);
     Ok(Some(Node {
         cost: spectrum::spectral_cost(recording, played, rate_hz, playing.smoothing_hz),
         band_square_db: mean_square(&errors),

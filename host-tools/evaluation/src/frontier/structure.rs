@@ -58,8 +58,7 @@ impl<'a> Voice<'a> {
 
     /// Follows `motion` from now on. The level reaches that of `motion` after `samples` samples.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
-        self.filter
-            .follow(&self.texture, motion, self.left, samples);
+        self.filter.follow(&self.texture, motion, self.left, samples);
         self.left = samples;
     }
 

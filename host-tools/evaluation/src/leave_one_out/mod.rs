@@ -21,9 +21,7 @@ use crate::fit::conditioning::Conditioning;
 
 pub use play::Judged;
 pub use prepared::Prepared;
-pub use results::{
-    LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise,
-};
+pub use results::{LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise};
 
 /// Options of the test.
 #[derive(Clone, Copy, Debug)]

@@ -75,23 +75,17 @@ pub fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f6
     let texture = library.textures().next().expect("one was encoded");
     let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
     let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();
-    Ok(Some(samples.split_off(
-        (WARM_UP_S * f64::from(SAMPLE_RATE_HZ)) as usize,
-    )))
+    Ok(Some(
+        samples.split_off((WARM_UP_S * f64::from(SAMPLE_RATE_HZ)) as usize),
+    ))
 }
 
 /// Compares a synthesis with a recording, both in m/s² at the models' rate, at the frequencies of `range`. `None` if
 /// there is nothing to compare.
-pub(super) fn judge(
-    recorded: &[f64],
-    synthesised: &[f64],
-    range: &ScoringRange,
-    options: &Options,
-) -> Option<Judged> {
+pub(super) fn judge(recorded: &[f64], synthesised: &[f64], range: &ScoringRange, options: &Options) -> Option<Judged> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     // Both spectra have segments of one length, so that the window's leakage is the same in both.
-    let of_blocks =
-        |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
+    let of_blocks = |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
     let (a, b) = (of_blocks(recorded), of_blocks(synthesised));
     let (low_hz, high_hz) = range.distance_hz();
     Some(Judged {

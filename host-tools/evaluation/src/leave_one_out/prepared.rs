@@ -64,8 +64,7 @@ impl<'a> Prepared<'a> {
             grid: texture.grid,
         };
         let textures = fit.textures.into_iter().map(prepared).collect();
-        let mut trials: Vec<Recorded<'_>> =
-            recordings.into_iter().flat_map(|own| own.trials).collect();
+        let mut trials: Vec<Recorded<'_>> = recordings.into_iter().flat_map(|own| own.trials).collect();
         // Recordings were read texture by texture. Targets find them by their places in the set.
         trials.sort_by_key(|own| own.number);
         let ranges = trials.iter().map(scoring_range).collect();
@@ -130,8 +129,7 @@ impl PreparedTexture {
     /// Returns the place of a trial's node, if it is an inner node.
     fn place(&self, trial: &Trial) -> Option<(usize, usize)> {
         let (speed, force) = self.at(trial)?;
-        let is_inner =
-            |axis: &[f32], index: usize| axis.len() <= 2 || (index > 0 && index + 1 < axis.len());
+        let is_inner = |axis: &[f32], index: usize| axis.len() <= 2 || (index > 0 && index + 1 < axis.len());
         let along_speed = is_inner(&self.grid.speeds_mm_s, speed);
         let along_force = is_inner(&self.grid.forces_n, force);
         (along_speed && along_force && self.sounds((speed, force))).then_some((speed, force))
@@ -163,12 +161,7 @@ impl PreparedTexture {
     }
 
     /// Returns the nodes before and after `at` on an axis, if neither is silent.
-    fn pair(
-        &self,
-        at: usize,
-        axis: &[f32],
-        place: impl Fn(usize) -> (usize, usize),
-    ) -> Option<[Neighbour<'_>; 2]> {
+    fn pair(&self, at: usize, axis: &[f32], place: impl Fn(usize) -> (usize, usize)) -> Option<[Neighbour<'_>; 2]> {
         let (before, after) = (at.checked_sub(1)?, at + 1);
         if after >= axis.len() || !self.sounds(place(before)) || !self.sounds(place(after)) {
             return None;

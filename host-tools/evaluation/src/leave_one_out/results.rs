@@ -104,15 +104,12 @@ impl LeaveOneOut {
     /// Returns the paper's Table I together with the same test here.
     pub fn table(&self) -> Table {
         let textures = self.textures();
-        let cell =
-            |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
+        let cell = |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
         let mut rows = Vec::new();
         if let Some((by_texture, all)) = self.papers_figures() {
             let mut row = vec!["the paper's figures, real recordings".to_owned()];
             let columns = by_texture.into_iter().chain([Some(all)]);
-            row.extend(columns.map(|column| {
-                column.map_or(String::new(), |c| cell(c.mean_cost, c.cost_deviation))
-            }));
+            row.extend(columns.map(|column| column.map_or(String::new(), |c| cell(c.mean_cost, c.cost_deviation))));
             row.push(format!("{:.1e}", all.excitation_error));
             rows.push(row);
         }
@@ -120,9 +117,7 @@ impl LeaveOneOut {
             let Some(all) = summarise(self, row, None) else {
                 continue;
             };
-            let own = textures
-                .iter()
-                .filter_map(|name| summarise(self, row, Some(name)));
+            let own = textures.iter().filter_map(|name| summarise(self, row, Some(name)));
             let of_textures = own.chain([all.clone()]);
             let mut cells = vec![row.name()];
             cells.extend(of_textures.map(|own| cell(own.mean_cost, own.cost_deviation)));
@@ -140,11 +135,7 @@ impl LeaveOneOut {
         let within = format!("within {AMPLITUDE_JND_DB} dB, %");
         headings.extend(["all", "σ² error, (m/s²)²", "not playable"]);
         headings.extend(["|band|, dB", &within, "LSD, dB"]);
-        Table::new(
-            "Table I of the paper, and the same test here",
-            headings,
-            rows,
-        )
+        Table::new("Table I of the paper, and the same test here", headings, rows)
     }
 
     /// The paper's figures for each of [`Self::textures`] that is simulated and has the name of one of the paper's, and
@@ -155,8 +146,7 @@ impl LeaveOneOut {
             // A user's own recordings may have the same names, and are of other surfaces.
             known.copied().filter(|_| self.simulated)
         };
-        let by_texture: Vec<Option<PaperColumn>> =
-            self.textures().into_iter().map(column).collect();
+        let by_texture: Vec<Option<PaperColumn>> = self.textures().into_iter().map(column).collect();
         let shown: Vec<PaperColumn> = by_texture.iter().flatten().copied().collect();
         let mean_of = |of: fn(&PaperColumn) -> f64| mean(shown.iter().map(of));
         let all = PaperColumn {
@@ -190,12 +180,7 @@ pub const PAPER_TABLE_I: [PaperColumn; 4] = [
     paper("denim", 0.36, 0.09, 2.2e-4),
 ];
 
-const fn paper(
-    texture: &'static str,
-    mean_cost: f64,
-    cost_deviation: f64,
-    excitation_error: f64,
-) -> PaperColumn {
+const fn paper(texture: &'static str, mean_cost: f64, cost_deviation: f64, excitation_error: f64) -> PaperColumn {
     PaperColumn {
         texture,
         mean_cost,
@@ -245,8 +230,7 @@ pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option
     let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
     // Those of all predictions: otherwise a method whose predictions cannot be played would gain by that.
     let bands: usize = nodes.iter().map(|node| node.bands).sum();
-    let mean_of =
-        |of: fn(&Outcome) -> Option<f64>| mean(played().filter_map(|outcome| of(outcome)));
+    let mean_of = |of: fn(&Outcome) -> Option<f64>| mean(played().filter_map(|outcome| of(outcome)));
     Some(Summary {
         nodes: outcomes.len(),
         unplayable: outcomes.len() - played().count(),

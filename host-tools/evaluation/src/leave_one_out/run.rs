@@ -118,9 +118,7 @@ impl<'p, 's> Removal<'p, 's> {
         }
         Ok(self.voices[at].1.as_ref().map(|voice| {
             let power = match row {
-                Row::Interpolated(method) => method
-                    .level
-                    .power(&self.neighbours, &voice.model.reflection),
+                Row::Interpolated(method) => method.level.power(&self.neighbours, &voice.model.reflection),
                 _ => voice.model.output_power,
             };
             (at, power)
@@ -139,8 +137,7 @@ impl<'p, 's> Removal<'p, 's> {
         let own = self.texture().model(self.target.place);
         // The variance of the excitation is the power of the output times Π(1 - k²).
         let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {
-            power * error_share(&voice.model.reflection)
-                - own.output_power * error_share(&own.reflection)
+            power * error_share(&voice.model.reflection) - own.output_power * error_share(&own.reflection)
         });
         Ok(Outcome {
             is_playable: judged.is_some(),

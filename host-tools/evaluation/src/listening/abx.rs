@@ -49,11 +49,7 @@ pub(super) fn trials(
             times[*surface] += 1;
             times_of_all[*surface] += 1;
             let [one, other] = pair.kinds();
-            let (a, b) = if (x == one) == is_a {
-                (one, other)
-            } else {
-                (other, one)
-            };
+            let (a, b) = if (x == one) == is_a { (one, other) } else { (other, one) };
             trials.push(Trial {
                 pair,
                 a,
@@ -106,11 +102,7 @@ mod tests {
     }
 
     /// Whether each of `count` values of `property` is as frequent in `trials` as the others, give or take one.
-    fn is_even<T: Hash + Eq>(
-        trials: &[&Trial],
-        count: usize,
-        property: impl Fn(&Trial) -> T,
-    ) -> bool {
+    fn is_even<T: Hash + Eq>(trials: &[&Trial], count: usize, property: impl Fn(&Trial) -> T) -> bool {
         let mut times: HashMap<T, usize> = HashMap::new();
         for trial in trials {
             *times.entry(property(trial)).or_default() += 1;
@@ -177,18 +169,12 @@ mod tests {
     /// Neither the number of a trial nor the trial before it tells the answer, and no answer belongs to a surface.
     #[test]
     fn no_place_in_the_order_and_no_surface_tells_the_answer() {
-        let tests: Vec<Vec<Trial>> = (0..400)
-            .map(|seed| planned(seed, &Pair::USUAL, 12, 4).0)
-            .collect();
+        let tests: Vec<Vec<Trial>> = (0..400).map(|seed| planned(seed, &Pair::USUAL, 12, 4).0).collect();
         let is_a = |trial: &Trial| trial.x == trial.a;
         let share = |of: &[bool]| of.iter().filter(|is| **is).count() as f64 / of.len() as f64;
         for place in 0..36 {
             let at: Vec<bool> = tests.iter().map(|test| is_a(&test[place])).collect();
-            assert!(
-                (share(&at) - 0.5).abs() < 0.1,
-                "trial {place}: {}",
-                share(&at)
-            );
+            assert!((share(&at) - 0.5).abs() < 0.1, "trial {place}: {}", share(&at));
         }
         let same = |test: &Vec<Trial>| {
             let two = test.windows(2).map(|two| is_a(&two[0]) == is_a(&two[1]));
@@ -196,19 +182,11 @@ mod tests {
         };
         let repeated: Vec<bool> = tests.iter().flat_map(same).collect();
         // 18 of each in 36 trials repeat in 17 of 35.
-        assert!(
-            (share(&repeated) - 17.0 / 35.0).abs() < 0.02,
-            "{}",
-            share(&repeated)
-        );
+        assert!((share(&repeated) - 17.0 / 35.0).abs() < 0.02, "{}", share(&repeated));
         for surface in 0..4 {
             let is_own = |t: &&Trial| t.surface == format!("felt, {surface} mm/s, 1 N");
             let own: Vec<bool> = tests.iter().flatten().filter(is_own).map(is_a).collect();
-            assert!(
-                (share(&own) - 0.5).abs() < 0.05,
-                "{surface}: {}",
-                share(&own)
-            );
+            assert!((share(&own) - 0.5).abs() < 0.05, "{surface}: {}", share(&own));
             let of_one = |test: &Vec<Trial>| {
                 let own: Vec<bool> = test.iter().filter(is_own).map(is_a).collect();
                 own.iter().all(|is| *is == own[0])

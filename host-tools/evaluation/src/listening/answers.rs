@@ -101,10 +101,7 @@ impl Answers {
         let mut rows: Vec<Answered> = Vec::new();
         let mut seen = BTreeSet::new();
         let mut lines = table.rows_below_header()?;
-        while let Some(line) = lines
-            .next_row()
-            .map_err(|failure| not_saved(path, failure))?
-        {
+        while let Some(line) = lines.next_row().map_err(|failure| not_saved(path, failure))? {
             // Earlier pages asked about A, B and X only, and named no design.
             let design = design.map_or("abx", |column| line.text(column));
             if design.is_empty() {
@@ -136,12 +133,7 @@ impl Answers {
         for path in paths {
             let file = Self::read(path)?;
             // Two listeners who gave the same answers differ in their times.
-            let own = |file: &Self| {
-                file.rows
-                    .iter()
-                    .map(|row| row.own.clone())
-                    .collect::<Vec<_>>()
-            };
+            let own = |file: &Self| file.rows.iter().map(|row| row.own.clone()).collect::<Vec<_>>();
             if let Some(other) = files.iter().find(|other| own(other) == own(&file)) {
                 let other = other.path.display();
                 let problem = format!("has the answers of {other}; give each listener's file once");
@@ -157,8 +149,7 @@ impl Answers {
         self.rows.iter().map(|row| {
             let own = row.own.iter().map(|(name, field)| (*name, field));
             let further = row.further.iter();
-            own.chain(further.map(|(name, field)| (name.as_str(), field)))
-                .collect()
+            own.chain(further.map(|(name, field)| (name.as_str(), field))).collect()
         })
     }
 }
@@ -217,9 +208,7 @@ impl Answered {
     fn of(design: &str, header: &Header<'_>, line: &Row<'_, '_>) -> Result<Self> {
         let Some(columns) = columns_of(design) else {
             let design = bounded("design", design).map_err(|problem| line.error(problem))?;
-            return Err(line.error(format!(
-                "the design is '{design}', which no page has; {FROM_A_PAGE}"
-            )));
+            return Err(line.error(format!("the design is '{design}', which no page has; {FROM_A_PAGE}")));
         };
         let mut own = vec![("design", Field::Text(design.to_owned()))];
         let mut known = vec![header.column("design")?];
@@ -227,15 +216,12 @@ impl Answered {
             let column = header.needed(name, FROM_A_PAGE)?;
             let text = line.text(column);
             let field = match form {
-                Form::Text => {
-                    Field::Text(bounded(name, text).map_err(|problem| line.error(problem))?)
-                }
+                Form::Text => Field::Text(bounded(name, text).map_err(|problem| line.error(problem))?),
                 Form::Number => Field::Number(line.finite(column, name)?),
-                Form::Count => Field::Count(text.parse().map_err(|_| {
-                    line.error(format!(
-                        "{name} is '{text}', which is no count; {FROM_A_PAGE}"
-                    ))
-                })?),
+                Form::Count => Field::Count(
+                    text.parse()
+                        .map_err(|_| line.error(format!("{name} is '{text}', which is no count; {FROM_A_PAGE}")))?,
+                ),
             };
             own.push((name, field));
             known.push(Some(column));
@@ -315,9 +301,7 @@ fn bounded(name: &str, text: &str) -> std::result::Result<String, String> {
 /// Adds the remedy to the error of a line that no page saved.
 fn not_saved(path: &Path, failure: Error) -> Error {
     match failure {
-        Error::Line { line, problem, .. } => {
-            Error::line(path, line, format!("{problem}; {FROM_A_PAGE}"))
-        }
+        Error::Line { line, problem, .. } => Error::line(path, line, format!("{problem}; {FROM_A_PAGE}")),
         other => other,
     }
 }
@@ -341,8 +325,7 @@ pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
         }
     }
     let mut pairs: Vec<&str> = Vec::new();
-    for (file, row) in (files.iter()).flat_map(|file| file.rows.iter().map(move |row| (file, row)))
-    {
+    for (file, row) in (files.iter()).flat_map(|file| file.rows.iter().map(move |row| (file, row))) {
         let pair = row.text("pair");
         if pairs.contains(&pair) {
             continue;
@@ -392,8 +375,7 @@ mod tests {
     use super::*;
     use test_helpers::holds;
 
-    const HEADER: &str =
-        "listener,trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin\n";
+    const HEADER: &str = "listener,trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin\n";
 
     fn file(folder: &Path, name: &str, rows: &[String]) -> PathBuf {
         let path = folder.join(name);
@@ -402,9 +384,7 @@ mod tests {
     }
 
     fn row(trial: u32, pair: &str, x: &str, answer: &str, correct: u8) -> String {
-        format!(
-            "1,{trial},{pair},recording,gaussian,{x},{answer},{correct},0,2.5,\"felt, 1 N\",p1,recorded\n"
-        )
+        format!("1,{trial},{pair},recording,gaussian,{x},{answer},{correct},0,2.5,\"felt, 1 N\",p1,recorded\n")
     }
 
     #[test]
@@ -440,16 +420,9 @@ mod tests {
     fn names_and_pairs_that_no_page_saves_are_refused_in_a_line_of_bounded_length() {
         let folder = tempfile::tempdir().unwrap();
         let long = "p".repeat(1_000_000);
-        let path = file(
-            folder.path(),
-            "long.csv",
-            &[row(1, &long, "recording", "A", 1)],
-        );
+        let path = file(folder.path(), "long.csv", &[row(1, &long, "recording", "A", 1)]);
         let refused = Answers::read(&path).unwrap_err().to_string();
-        holds(
-            &refused,
-            &["line 2", "pair has 1000000 bytes", "at most 256"],
-        );
+        holds(&refused, &["line 2", "pair has 1000000 bytes", "at most 256"]);
         assert!(refused.len() < 1000, "{}", refused.len());
         let rows = |count: usize| -> Vec<String> {
             let row = |n: usize| row(n as u32, &format!("pair {n}"), "recording", "A", 1);
@@ -479,10 +452,7 @@ mod tests {
         let other = format!("design,{HEADER}triangle,{}", good());
         let path = folder.path().join("other.csv");
         std::fs::write(&path, other).unwrap();
-        holds(
-            &Answers::read(&path).unwrap_err(),
-            &["line 2", "'triangle'"],
-        );
+        holds(&Answers::read(&path).unwrap_err(), &["line 2", "'triangle'"]);
         let empty = file(folder.path(), "empty.csv", &[]);
         holds(&Answers::read(&empty).unwrap_err(), &["no answers"]);
     }
@@ -521,12 +491,7 @@ mod tests {
         let rows: Vec<_> = ratings.rows().collect();
         assert!(rows[0].contains(&("rating", &Field::Number(62.5))));
         assert!(rows[0].contains(&("surface", &Field::Text("felt".into()))));
-        let words = [
-            "similarity.csv",
-            "'similarity'",
-            "'abx'",
-            "analyse_listening.py",
-        ];
+        let words = ["similarity.csv", "'similarity'", "'abx'", "analyse_listening.py"];
         holds(&score(&[ratings]).unwrap_err(), &words);
         let names = "part,step,strength,unit,a,b,x,answer,correct,reversal";
         let step = "level,17,8,dB,reference,changed,changed";

@@ -51,12 +51,7 @@ impl Heard {
     ///
     /// All synthetic kinds are played with one seed. In the same window they have the same noise, by which a listener
     /// could recognise X. So no two excerpts are from the same window of the recording, or of the syntheses.
-    pub fn drawn<const N: usize>(
-        &self,
-        kinds: [Kind; N],
-        sounds: &mut Sounds,
-        generator: &mut Pcg64,
-    ) -> [usize; N] {
+    pub fn drawn<const N: usize>(&self, kinds: [Kind; N], sounds: &mut Sounds, generator: &mut Pcg64) -> [usize; N] {
         let mut taken = Vec::new();
         kinds.map(|kind| {
             let source = |excerpt: &Excerpt| (kind == Kind::Recording, excerpt.window);
@@ -140,8 +135,7 @@ fn levelled(part: &[f64]) -> Option<Vec<f64>> {
     };
     let sample = |(n, x): (usize, &f64)| (x - mean) * gain * weight(n);
     // The gain of silence is infinite.
-    gain.is_finite()
-        .then(|| part.iter().enumerate().map(sample).collect())
+    gain.is_finite().then(|| part.iter().enumerate().map(sample).collect())
 }
 
 #[cfg(test)]
@@ -196,10 +190,7 @@ mod tests {
         for signal in [loud, soft] {
             let found = excerpts(&[&signal], 5000);
             assert_eq!(found.len(), 2);
-            for Excerpt {
-                samples: excerpt, ..
-            } in found
-            {
+            for Excerpt { samples: excerpt, .. } in found {
                 let middle = &excerpt[100..4900];
                 let rms = crate::dsp::sums::rms(middle);
                 assert!((rms - 1.0).abs() < 0.01, "{rms}");

@@ -46,18 +46,10 @@ impl Kind {
 
 impl Pair {
     /// The pairs of one library.
-    pub const USUAL: [Self; 3] = [
-        Self::RecordingFitted,
-        Self::RecordingGaussian,
-        Self::GaussianFitted,
-    ];
+    pub const USUAL: [Self; 3] = [Self::RecordingFitted, Self::RecordingGaussian, Self::GaussianFitted];
 
     /// The pairs of two libraries.
-    pub const WITH_BEFORE: [Self; 3] = [
-        Self::RecordingFitted,
-        Self::RecordingBefore,
-        Self::BeforeFitted,
-    ];
+    pub const WITH_BEFORE: [Self; 3] = [Self::RecordingFitted, Self::RecordingBefore, Self::BeforeFitted];
 
     /// Returns the requested pairs, each once, or the usual ones if none is requested. `has_before` says whether
     /// another library is compared, too.

@@ -7,9 +7,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::abx::{Trial, trials};
-use super::excerpts::{
-    Excerpt, Heard, SHORTEST_EXCERPT_S, Sounds, WINDOWS, able, excerpts, samples,
-};
+use super::excerpts::{Excerpt, Heard, SHORTEST_EXCERPT_S, Sounds, WINDOWS, able, excerpts, samples};
 use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
@@ -138,9 +136,10 @@ impl Plan {
             Task::Staircase(_) => "has it",
             Task::Abx { .. } | Task::Similarity(_) => "plays anything but Gaussian noise",
         };
-        let left_out = self.left_out.iter().map(|name| {
-            format!("{name}: left out, because no texture that is heard {reason}{remedy}")
-        });
+        let left_out = self
+            .left_out
+            .iter()
+            .map(|name| format!("{name}: left out, because no texture that is heard {reason}{remedy}"));
         let without = self.without.iter().map(|(name, surfaces)| {
             format!(
                 "{name}: without surfaces that are silent or play only Gaussian noise ({}){remedy}",
@@ -150,9 +149,7 @@ impl Plan {
         let mut notes: Vec<String> = left_out.chain(without).collect();
         if !self.too_short.is_empty() {
             let surfaces = listed("", &self.too_short);
-            notes.push(format!(
-                "left out, because too little is held out: {surfaces}"
-            ));
+            notes.push(format!("left out, because too little is held out: {surfaces}"));
         }
         if self.excerpt_s.0 < excerpt_s - 0.01 {
             notes.push(format!(
@@ -210,10 +207,7 @@ pub fn plan<'a>(
         without: Vec::new(),
         generator,
     };
-    if judges
-        .iter()
-        .any(|judge| judge.kind() == JudgeKind::Nothing)
-    {
+    if judges.iter().any(|judge| judge.kind() == JudgeKind::Nothing) {
         return Err(Error::Request(
             "nothing is known to be held out, because beside the library there is no record of what it was fitted to; \
              fit it again, which writes the record, or give --takes"
@@ -262,8 +256,7 @@ fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<Vec<usize>> {
             own.shuffle(generator);
             let mut surfaces: Vec<Vec<usize>> = Vec::new();
             for index in own {
-                let is_of =
-                    |takes: &&mut Vec<usize>| is_same(&set.trials[takes[0]], &set.trials[index]);
+                let is_of = |takes: &&mut Vec<usize>| is_same(&set.trials[takes[0]], &set.trials[index]);
                 match surfaces.iter_mut().find(is_of) {
                     Some(takes) => takes.push(index),
                     None => surfaces.push(vec![index]),
@@ -318,8 +311,7 @@ impl Planner<'_> {
             }
         }
         let is_able = |pair: &Pair| !able(&heard, pair.kinds()).is_empty();
-        let (pairs, others): (Vec<Pair>, Vec<Pair>) =
-            options.pairs.iter().partition(|p| is_able(p));
+        let (pairs, others): (Vec<Pair>, Vec<Pair>) = options.pairs.iter().partition(|p| is_able(p));
         if pairs.is_empty() {
             return Err(Error::Request(format!(
                 "there is nothing to compare: no recording holds two excerpts of {SHORTEST_EXCERPT_S} s that were not \
@@ -331,8 +323,7 @@ impl Planner<'_> {
             let is_missing = |takes: &&Vec<Heard>| !takes.iter().any(|take| take.has(pair.kinds()));
             let missing = heard.iter().filter(is_missing);
             let names: Vec<String> = missing.map(|takes| takes[0].surface.clone()).collect();
-            self.without
-                .extend((!names.is_empty()).then(|| (pair.name(), names)));
+            self.without.extend((!names.is_empty()).then(|| (pair.name(), names)));
         }
         let (sounds, generator) = (&mut self.sounds, &mut self.generator);
         if options.design == Design::Similarity {

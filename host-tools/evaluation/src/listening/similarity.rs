@@ -49,9 +49,7 @@ pub(super) fn ratings(
     generator: &mut Pcg64,
 ) -> Ratings {
     let conditions = conditions(pairs);
-    let coins: Vec<bool> = (conditions.iter())
-        .map(|_| generator.random_bool(0.5))
-        .collect();
+    let coins: Vec<bool> = (conditions.iter()).map(|_| generator.random_bool(0.5)).collect();
     let mut trials = Vec::new();
     for block in 0..blocks {
         for (&kinds, coin) in conditions.iter().zip(&coins) {

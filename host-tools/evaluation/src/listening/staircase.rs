@@ -137,9 +137,8 @@ impl Strands {
 
     /// Returns the signal at `strength` of `part`, before its level is set. At 0 it is the reference.
     fn at(&self, part: Part, strength: f64) -> Vec<f64> {
-        let mixed = |a: &[f64], of_a: f64, b: &[f64], of_b: f64| {
-            (a.iter().zip(b).map(|(a, b)| of_a * a + of_b * b)).collect()
-        };
+        let mixed =
+            |a: &[f64], of_a: f64, b: &[f64], of_b: f64| (a.iter().zip(b).map(|(a, b)| of_a * a + of_b * b)).collect();
         match part {
             Part::Level => self.fitted.clone(),
             Part::Codebook => {
@@ -225,11 +224,7 @@ mod tests {
     /// Noise of two kinds, and a line at 500 Hz of the power of the first.
     fn strands() -> Strands {
         let mut generator = Pcg64::seed_from_u64(8);
-        let mut noise = || {
-            (0..9000)
-                .map(|_| generator.random_range(-1.0..1.0))
-                .collect()
-        };
+        let mut noise = || (0..9000).map(|_| generator.random_range(-1.0..1.0)).collect();
         let [gaussian, without_lines]: [Vec<f64>; 2] = [noise(), noise()];
         let line = |n: usize| (n as f64 * 0.2 * std::f64::consts::PI).sin() * (2f64 / 3.0).sqrt();
         Strands {
@@ -266,15 +261,7 @@ mod tests {
             let found = share(&mixed, &strands.without_lines);
             assert!((found - strength).abs() < 0.03, "{strength}: {found}");
             let (own, all) = (&strands.without_lines, strands.at(Part::Lines, strength));
-            let line = |whole: &[f64]| {
-                mean_square(
-                    &whole
-                        .iter()
-                        .zip(own)
-                        .map(|(a, b)| a - b)
-                        .collect::<Vec<_>>(),
-                )
-            };
+            let line = |whole: &[f64]| mean_square(&whole.iter().zip(own).map(|(a, b)| a - b).collect::<Vec<_>>());
             let found = line(&all) / line(&strands.fitted);
             assert!((found - strength).abs() < 1e-9, "{strength}: {found}");
         }
@@ -297,16 +284,8 @@ mod tests {
                 for (one, other) in track.reference.iter().zip(changed) {
                     assert_ne!(one, other);
                     let louder = decibels(mean_square(&all[*other]) / mean_square(&all[*one]));
-                    let expected = if track.part == Part::Level {
-                        *strength
-                    } else {
-                        0.0
-                    };
-                    assert!(
-                        (louder - expected).abs() < 0.2,
-                        "{}: {louder}",
-                        track.part.name()
-                    );
+                    let expected = if track.part == Part::Level { *strength } else { 0.0 };
+                    assert!((louder - expected).abs() < 0.2, "{}: {louder}", track.part.name());
                 }
             }
             for coin in &track.coins {
@@ -321,9 +300,6 @@ mod tests {
             has_lines: false,
             ..strands
         };
-        assert_eq!(
-            track(Part::Lines, &plain, 0.5, 9, &mut sounds, &mut generator),
-            None
-        );
+        assert_eq!(track(Part::Lines, &plain, 0.5, 9, &mut sounds, &mut generator), None);
     }
 }

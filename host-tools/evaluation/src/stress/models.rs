@@ -39,11 +39,7 @@ pub(super) fn largest_difference_db(nodes: &[(&NamedModel, f64)], texture: &Text
         let stored = Shape::new(step_up(&reflection), error_share(&reflection));
         fitted.largest_difference_db(&stored)
     };
-    nodes
-        .iter()
-        .zip(texture.nodes())
-        .map(node)
-        .fold(0.0, f64::max)
+    nodes.iter().zip(texture.nodes()).map(node).fold(0.0, f64::max)
 }
 
 /// A power spectrum: share / |A|².

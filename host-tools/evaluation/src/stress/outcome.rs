@@ -59,10 +59,7 @@ impl Outcome {
         let level = self.level_db.unwrap_or(0.0);
         unless(level.abs() <= LEVEL_DB, format!("level {level:+.2} dB"));
         let snr = self.snr_db.unwrap_or(f64::INFINITY);
-        unless(
-            snr >= snr_limit_db(self.pole_radius),
-            format!("SNR {snr:.0} dB"),
-        );
+        unless(snr >= snr_limit_db(self.pole_radius), format!("SNR {snr:.0} dB"));
         let mean = self.mean_standard_errors;
         unless(mean <= MEAN_STANDARD_ERRORS, format!("mean {mean:.1} SE"));
         let spectrum = self.spectrum_db;

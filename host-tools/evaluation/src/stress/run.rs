@@ -50,10 +50,7 @@ pub(crate) fn lattice(texture: &Texture<'_>) -> Box<dyn Filter> {
 
 /// Plays one case with the filters that `new_filter` creates for its texture, at rest each time. Returns `None` if it
 /// creates none.
-pub fn play_with(
-    case: &Case,
-    new_filter: impl Fn(&Texture<'_>) -> Option<Box<dyn Filter>>,
-) -> Result<Option<Outcome>> {
+pub fn play_with(case: &Case, new_filter: impl Fn(&Texture<'_>) -> Option<Box<dyn Filter>>) -> Result<Option<Outcome>> {
     let mut outcome = Outcome {
         case: case.name.clone(),
         pole_radius: case.pole_radius(),
@@ -88,12 +85,7 @@ pub fn play_with(
 }
 
 /// Drives a case's samples and measures them.
-fn drive(
-    case: &Case,
-    texture: &Texture<'_>,
-    player: &mut Player<'_, dyn Filter>,
-    outcome: &mut Outcome,
-) {
+fn drive(case: &Case, texture: &Texture<'_>, player: &mut Player<'_, dyn Filter>, outcome: &mut Outcome) {
     let mut reference = FloatLattice::new(texture.max_order());
     let mut gain = 0.0;
     let (mut snr, mut level) = (Deviation::default(), Deviation::default());

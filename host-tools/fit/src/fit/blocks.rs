@@ -159,10 +159,7 @@ mod tests {
     fn a_recording_of_the_papers_length_has_two_blocks_of_half_a_second_per_part() {
         let blocks = Blocks::of(10_000);
         assert_eq!(blocks.fitted().collect::<Vec<_>>(), [0..2500, 5000..7500]);
-        assert_eq!(
-            blocks.judged().collect::<Vec<_>>(),
-            [2500..5000, 7500..10_000]
-        );
+        assert_eq!(blocks.judged().collect::<Vec<_>>(), [2500..5000, 7500..10_000]);
         let (fitted, judged) = (0..1500, 1500..3000);
         assert_eq!(Blocks::of(3000).fitted().next(), Some(fitted));
         assert_eq!(Blocks::of(3000).judged().next(), Some(judged));

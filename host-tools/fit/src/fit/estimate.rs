@@ -68,12 +68,7 @@ pub(super) struct Estimate {
 
 /// Estimates the autocorrelation of `signal` at `rate_hz`, whose recording holds the band `known`; `plain` is its
 /// spectrum. Outside that band the spectrum is filled in with what costs a model the fewest coefficients.
-pub(super) fn estimate(
-    rate_hz: u32,
-    signal: &[f64],
-    plain: PaddedSpectrum,
-    known: KnownBand,
-) -> Estimate {
+pub(super) fn estimate(rate_hz: u32, signal: &[f64], plain: PaddedSpectrum, known: KnownBand) -> Estimate {
     let rate_hz = f64::from(rate_hz);
     let tapered = PaddedSpectrum::tapered(signal, plain.max_lag());
     let leaks = |bands: &Bands, density: &[f64], power: f64| {
@@ -106,12 +101,7 @@ pub(super) fn estimate(
 
 /// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean over the parts,
 /// weighted by their lengths.
-pub(super) fn estimate_of(
-    rate_hz: u32,
-    parts: &[&[f64]],
-    max_lag: usize,
-    known: KnownBand,
-) -> Estimate {
+pub(super) fn estimate_of(rate_hz: u32, parts: &[&[f64]], max_lag: usize, known: KnownBand) -> Estimate {
     let samples: usize = parts.iter().map(|part| part.len()).sum();
     let of_part = |part: &&[f64]| {
         let weight = part.len() as f64 / samples.max(1) as f64;
@@ -121,16 +111,10 @@ pub(super) fn estimate_of(
         )
     };
     let estimates: Vec<(f64, Estimate)> = parts.iter().map(of_part).collect();
-    let lags = estimates
-        .iter()
-        .map(|(weight, estimate)| (*weight, &estimate.lags[..]));
+    let lags = estimates.iter().map(|(weight, estimate)| (*weight, &estimate.lags[..]));
     Estimate {
         lags: pooled_lags(lags),
-        bands: Bands::mean(
-            estimates
-                .iter()
-                .map(|(weight, estimate)| (*weight, &estimate.bands)),
-        ),
+        bands: Bands::mean(estimates.iter().map(|(weight, estimate)| (*weight, &estimate.bands))),
     }
 }
 
@@ -279,11 +263,7 @@ impl Bands {
         (0..COUNT).filter_map(move |band| {
             let (low, high) = edges_hz(band);
             let degrees = (high - low) * duration_s;
-            let least = if band < FELT {
-                LEAST_DEGREES
-            } else {
-                felt_degrees
-            };
+            let least = if band < FELT { LEAST_DEGREES } else { felt_degrees };
             let known = degrees >= least && self.powers[band] > AUDIBLE_SHARE * strongest;
             let level_db = 10.0 * (other.powers[band] / self.powers[band]).log10();
             let level = BandLevel {
@@ -329,8 +309,8 @@ impl Bands {
         let mut too_low = 0;
         while too_low < enough {
             let order = usize::midpoint(too_low, enough);
-            let are_held = (levels(order).iter().zip(&wanted))
-                .all(|((own, free), (wanted, _))| own <= &wanted.max(*free));
+            let are_held =
+                (levels(order).iter().zip(&wanted)).all(|((own, free), (wanted, _))| own <= &wanted.max(*free));
             if are_held {
                 enough = order;
             } else {
@@ -342,19 +322,12 @@ impl Bands {
 
     /// Returns the band of `model` that is furthest from this recording's. Only those count that are more than
     /// `limit_db` plus two standard deviations of the recording's own level away.
-    pub(super) fn missed_by(
-        &self,
-        model: &Model,
-        samples: usize,
-        limit_db: f64,
-    ) -> Option<BandLevel> {
+    pub(super) fn missed_by(&self, model: &Model, samples: usize, limit_db: f64) -> Option<BandLevel> {
         let at = |bins: usize| {
             let bands = Self::of_model(model, bins, self.rate_hz);
             let missed = self
                 .levels_db(&bands, samples, LEAST_DEGREES)
-                .filter(|(level, deviation_db)| {
-                    level.level_db.abs() > limit_db + 2.0 * deviation_db
-                })
+                .filter(|(level, deviation_db)| level.level_db.abs() > limit_db + 2.0 * deviation_db)
                 .map(|(level, _)| level);
             missed.max_by(|a, b| a.level_db.abs().total_cmp(&b.level_db.abs()))
         };
@@ -376,10 +349,7 @@ fn edges_hz(band: usize) -> (f64, f64) {
     static EDGES_HZ: LazyLock<[(f64, f64); COUNT]> = LazyLock::new(|| {
         std::array::from_fn(|band| {
             let centre = LOWEST + band as f64;
-            (
-                10f64.powf((centre - 0.5) / 10.0),
-                10f64.powf((centre + 0.5) / 10.0),
-            )
+            (10f64.powf((centre - 0.5) / 10.0), 10f64.powf((centre + 0.5) / 10.0))
         })
     });
     EDGES_HZ[band]

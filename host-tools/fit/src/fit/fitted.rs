@@ -47,20 +47,11 @@ pub struct FittedTexture {
 impl FittedTexture {
     /// Fits the models of one texture to its recordings, with Gaussian excitation of steady level. `reports` says which
     /// recordings are used.
-    pub(super) fn of(
-        recordings: &Recordings<'_>,
-        reports: &[TrialReport],
-        options: &Options,
-    ) -> Result<Self> {
+    pub(super) fn of(recordings: &Recordings<'_>, reports: &[TrialReport], options: &Options) -> Result<Self> {
         let all = &recordings.trials;
-        let name = all
-            .first()
-            .map_or_else(String::new, |own| own.trial.texture.clone());
+        let name = all.first().map_or_else(String::new, |own| own.trial.texture.clone());
         // Trials at rest or without contact, at which the stylus is silent whatever was recorded.
-        let idle = all
-            .iter()
-            .filter(|own| !own.trial.is_in_motion_and_contact())
-            .count();
+        let idle = all.iter().filter(|own| !own.trial.is_in_motion_and_contact()).count();
         let members = all.iter().map(|own| Member {
             trial: own.trial,
             analysis: &own.analysis,
@@ -95,13 +86,7 @@ impl FittedTexture {
 
     /// Adds the excitation of the models, in at most `room` bytes. Calls `progress` for each of the `takes` that is
     /// done.
-    fn excite(
-        &mut self,
-        takes: Vec<Take<'_>>,
-        room: usize,
-        source: &Source<'_>,
-        progress: &(impl Fn() + Sync),
-    ) {
+    fn excite(&mut self, takes: Vec<Take<'_>>, room: usize, source: &Source<'_>, progress: &(impl Fn() + Sync)) {
         let choice = Choice {
             name: &self.name,
             axes: Axes {
@@ -116,14 +101,7 @@ impl FittedTexture {
             report,
             notes,
             excess,
-        } = excitation::of(
-            choice,
-            &self.nodes,
-            takes,
-            source.reports,
-            source.part,
-            progress,
-        );
+        } = excitation::of(choice, &self.nodes, takes, source.reports, source.part, progress);
         // The lines among the parts were found before, and stay.
         self.grid.parts.excitation = parts.excitation;
         self.grid.parts.modulation = parts.modulation;
@@ -139,11 +117,7 @@ impl FittedTexture {
             // An excess is a ratio of amplitudes, the level a power.
             self.scale(self.grid.index(speed, force), excess.powi(-2));
         }
-        let Some(most_db) = excess
-            .iter()
-            .map(|(_, e)| 20.0 * e.log10())
-            .reduce(f64::max)
-        else {
+        let Some(most_db) = excess.iter().map(|(_, e)| 20.0 * e.log10()).reduce(f64::max) else {
             return;
         };
         let text = format!(
@@ -221,8 +195,7 @@ impl<'s> Source<'s> {
     pub fn takes(&self, texture: &FittedTexture) -> Result<Vec<Take<'s>>> {
         let is_cleaned = self.options.floor == FloorChoice::Subtract;
         if is_cleaned || !texture.lines.lines.is_empty() {
-            let recordings =
-                Recordings::read(self.set, &texture.members, self.options, self.part, &|_| ())?;
+            let recordings = Recordings::read(self.set, &texture.members, self.options, self.part, &|_| ())?;
             // Recordings that were just read hold all of their signals.
             return Ok(recordings.into_takes().unwrap_or_default());
         }
@@ -231,11 +204,7 @@ impl<'s> Source<'s> {
         in_order(&used, |&number| {
             let (trial, verdicts) = (&self.set.trials[number], &self.reports[number].verdicts);
             let signal = signal_of_judged(trial, verdicts, self.options.conditioning)?;
-            Ok(Take {
-                number,
-                trial,
-                signal,
-            })
+            Ok(Take { number, trial, signal })
         })
     }
 }
@@ -355,10 +324,7 @@ mod tests {
             is_listed: true,
         };
         let failure = fit(&set, &Options::default(), |_| ()).unwrap_err();
-        holds(
-            &failure.to_string(),
-            &["at 120 mm/s", ": scale: an RMS of 4"],
-        );
+        holds(&failure.to_string(), &["at 120 mm/s", ": scale: an RMS of 4"]);
     }
 
     #[test]
@@ -371,11 +337,7 @@ mod tests {
             Trial::of(file, "surface", speed_mm_s, force_n)
         };
         let set = RecordingSet {
-            trials: vec![
-                trial(80.0, 1.0, 1.0),
-                trial(80.0, 0.0, 0.0),
-                trial(120.0, 1.0, 0.0),
-            ],
+            trials: vec![trial(80.0, 1.0, 1.0), trial(80.0, 0.0, 0.0), trial(120.0, 1.0, 0.0)],
             is_listed: true,
         };
         let options = Options {

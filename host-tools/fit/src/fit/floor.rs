@@ -49,13 +49,7 @@ impl Floor {
 
     /// Returns the noise's fraction of the power of `samples`, a recording at a speed that was reduced to one axis by
     /// `view`. Subtracts the noise from the samples if `is_taken_off`.
-    pub fn apply(
-        &self,
-        samples: &mut Vec<f64>,
-        speed_mm_s: f64,
-        view: &View,
-        is_taken_off: bool,
-    ) -> FloorShares {
+    pub fn apply(&self, samples: &mut Vec<f64>, speed_mm_s: f64, view: &View, is_taken_off: bool) -> FloorShares {
         let shortest = self.takes.iter().map(NoiseTake::samples).min().unwrap_or(0);
         let segment = shortest.min(samples.len()) / SEGMENT_SHARE;
         let segment = segment.min(longest_segment(self.rate_hz));
@@ -70,9 +64,7 @@ impl Floor {
 
     /// Returns the noise at a speed, reduced to one axis by `view`.
     fn at(&self, speed_mm_s: f64, view: &View, segment: usize) -> PowerSpectrum {
-        let slower = self
-            .takes
-            .partition_point(|take| take.speed_mm_s < speed_mm_s);
+        let slower = self.takes.partition_point(|take| take.speed_mm_s < speed_mm_s);
         let last = self.takes.len() - 1;
         let [below, above] = [slower.saturating_sub(1), slower.min(last)];
         let [low, high] = [below, above].map(|index| self.takes[index].speed_mm_s);
@@ -106,12 +98,7 @@ impl Floor {
 impl NoiseTake {
     /// Returns the noise in `trial`, whose `axes` are given. The recordings of the `texture` have this number of
     /// `channels`.
-    pub fn of(
-        trial: &Trial,
-        axes: Vec<Vec<f64>>,
-        texture: &str,
-        channels: Option<usize>,
-    ) -> Result<Self> {
+    pub fn of(trial: &Trial, axes: Vec<Vec<f64>>, texture: &str, channels: Option<usize>) -> Result<Self> {
         if let Some(channels) = channels.filter(|&channels| channels != axes.len()) {
             let problem = format!(
                 "has {}, and the recordings of '{texture}' have {channels}: record the rig's noise by the same sensor, \
@@ -146,12 +133,7 @@ fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
 
 /// Reads the rig's noise from the recordings at `path`. They must be of the same sensor as the texture, with the same
 /// number of `channels`. A missing scale or sample rate is taken from the texture's trial `like`.
-pub(super) fn named(
-    path: &Path,
-    like: &Trial,
-    channels: Option<usize>,
-    options: &Options,
-) -> Result<Vec<NoiseTake>> {
+pub(super) fn named(path: &Path, like: &Trial, channels: Option<usize>, options: &Options) -> Result<Vec<NoiseTake>> {
     let mut set = RecordingSet::open(&[path.to_owned()])?;
     for trial in &mut set.trials {
         trial.scale_m_s2 = trial.scale_m_s2.or(like.scale_m_s2);
@@ -173,17 +155,13 @@ pub struct FloorAtSpeed {
 }
 
 /// Returns the fractions at each speed, from the speeds, mm/s, and fractions of the recordings of a texture.
-pub fn by_speed<'a>(
-    recordings: impl IntoIterator<Item = (f64, &'a FloorShares)>,
-) -> Vec<FloorAtSpeed> {
+pub fn by_speed<'a>(recordings: impl IntoIterator<Item = (f64, &'a FloorShares)>) -> Vec<FloorAtSpeed> {
     let mut all: Vec<(f64, &FloorShares)> = recordings.into_iter().collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let at_speed = all.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq());
     let mean = |own: &[(f64, &FloorShares)]| FloorAtSpeed {
         speed_mm_s: own[0].0,
-        shares: std::array::from_fn(|band| {
-            own.iter().map(|(_, shares)| shares[band]).sum::<f32>() / own.len() as f32
-        }),
+        shares: std::array::from_fn(|band| own.iter().map(|(_, shares)| shares[band]).sum::<f32>() / own.len() as f32),
     };
     at_speed.map(mean).collect()
 }
@@ -227,17 +205,10 @@ mod tests {
     }
 
     #[test]
-    fn between_two_speeds_the_level_is_linear_in_the_logarithm_of_the_speed_and_beyond_the_nearest()
-    {
+    fn between_two_speeds_the_level_is_linear_in_the_logarithm_of_the_speed_and_beyond_the_nearest() {
         let rig = floor(&[(50.0, 0.1), (200.0, 0.4)]);
         let unit = rms(&floor(&[(50.0, 1.0)]), 50.0);
-        for (speed, expected) in [
-            (10.0, 0.1),
-            (50.0, 0.1),
-            (100.0, 0.2),
-            (200.0, 0.4),
-            (900.0, 0.4),
-        ] {
+        for (speed, expected) in [(10.0, 0.1), (50.0, 0.1), (100.0, 0.2), (200.0, 0.4), (900.0, 0.4)] {
             near(rms(&rig, speed) / unit, expected, 1e-9);
         }
     }

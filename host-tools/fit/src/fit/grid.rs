@@ -88,10 +88,7 @@ pub(super) fn assemble(
         let force = place(&forces_n, member.trial.force_n);
         cells[speed * forces_n.len() + force].push(member);
     }
-    let measured: Vec<Option<Measured>> = cells
-        .par_iter()
-        .map(|cell| measured_model(cell, options))
-        .collect();
+    let measured: Vec<Option<Measured>> = cells.par_iter().map(|cell| measured_model(cell, options)).collect();
     let miss = |(index, node): (usize, &Option<Measured>)| {
         Some(Miss {
             speed_mm_s: speeds_mm_s[index / forces_n.len()],
@@ -104,9 +101,7 @@ pub(super) fn assemble(
     let loud = loud.collect();
     let models = measured.into_iter().map(|node| Some(node?.model));
     let filler = Filler::of(speeds_mm_s.len(), forces_n.len(), models.collect());
-    let models: Vec<Model> = (0..filler.known.len())
-        .map(|index| filler.model(index))
-        .collect();
+    let models: Vec<Model> = (0..filler.known.len()).map(|index| filler.model(index)).collect();
     let mut grid = Grid {
         speeds_mm_s,
         forces_n,
@@ -166,8 +161,7 @@ pub(super) fn place(axis: &[f32], value: f64) -> usize {
 
 /// Returns the model of all trials of a node; `None` if there is no trial.
 fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
-    let doubtful =
-        |member: &Member<'_>| !member.analysis.is_silent() && !member.report.verdicts.is_empty();
+    let doubtful = |member: &Member<'_>| !member.analysis.is_silent() && !member.report.verdicts.is_empty();
     // Silence is a finding, too, but leaves no doubt about the node.
     let mut flags = NodeFlags::NONE;
     if cell.iter().any(doubtful) {
@@ -257,11 +251,7 @@ impl Filler {
     /// Returns the filler of a grid with these numbers of speeds and forces, and its measured models, all forces of the
     /// first speed first.
     fn of(speeds: usize, forces: usize, known: Vec<Option<Model>>) -> Self {
-        let mut own = Self {
-            speeds,
-            forces,
-            known,
-        };
+        let mut own = Self { speeds, forces, known };
         // Towards a silent node the spectral shape of its surroundings stays the same; only the level falls to zero.
         let shaped = |(index, model): (usize, &Option<Model>)| {
             let mut model = model.clone()?;
@@ -313,12 +303,7 @@ impl Filler {
     }
 
     /// Returns the nearest measured nodes on both sides of `at` on a line of `length` nodes.
-    fn bracket(
-        &self,
-        at: usize,
-        length: usize,
-        index: impl Fn(usize) -> usize,
-    ) -> Option<Bracket<'_>> {
+    fn bracket(&self, at: usize, length: usize, index: impl Fn(usize) -> usize) -> Option<Bracket<'_>> {
         let known = |position: usize| self.known[index(position)].as_ref();
         let before = (0..at).rev().find_map(|p| Some((at - p, known(p)?)))?;
         let after = (at + 1..length).find_map(|p| Some((p - at, known(p)?)))?;
@@ -366,11 +351,7 @@ mod tests {
 
     #[test]
     fn a_hole_between_two_nodes_is_their_mean_and_says_so() {
-        let filler = Filler::of(
-            3,
-            1,
-            vec![Some(model(0.1, 1.0)), None, Some(model(0.5, 4.0))],
-        );
+        let filler = Filler::of(3, 1, vec![Some(model(0.1, 1.0)), None, Some(model(0.5, 4.0))]);
         let filled = filler.model(1);
         let expected = f64::midpoint(0.1f64.asin(), 0.5f64.asin()).sin();
         assert!((filled.reflection[0] - expected).abs() < 1e-12);
@@ -380,11 +361,7 @@ mod tests {
 
     #[test]
     fn beyond_the_last_node_the_nearest_is_taken_over_and_says_so() {
-        let filler = Filler::of(
-            1,
-            3,
-            vec![Some(model(0.1, 1.0)), Some(model(0.5, 4.0)), None],
-        );
+        let filler = Filler::of(1, 3, vec![Some(model(0.1, 1.0)), Some(model(0.5, 4.0)), None]);
         let filled = filler.model(2);
         assert!((filled.reflection[0] - 0.5).abs() < 1e-12);
         assert_eq!(filled.flags, NodeFlags::EXTRAPOLATED);

@@ -130,9 +130,7 @@ pub fn read<'s>(
 /// were read with `options`, or with an order at least as high.
 pub fn models(set: &RecordingSet, recordings: &[Recordings<'_>], options: &Options) -> Result<Fit> {
     let trials = reports::reports(recordings, options)?;
-    let textures = recordings
-        .iter()
-        .map(|own| FittedTexture::of(own, &trials, options));
+    let textures = recordings.iter().map(|own| FittedTexture::of(own, &trials, options));
     Ok(Fit {
         textures: textures.collect::<Result<_>>()?,
         notes: notes::of_set(set, &trials, options),

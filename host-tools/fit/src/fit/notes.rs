@@ -14,9 +14,7 @@ use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{
-    GRAVITY_M_S2, GRAVITY_TOLERANCE, Integers, RecordingSet, Trial, grid_by_gaps, list_command,
-};
+use crate::recording::{GRAVITY_M_S2, GRAVITY_TOLERANCE, Integers, RecordingSet, Trial, grid_by_gaps, list_command};
 use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::{Grid, is_recorded};
@@ -72,9 +70,9 @@ pub(super) fn of(
         note("lower order", nodes as f64, text)
     });
     let is_gravity = |mean_m_s2: f64| (mean_m_s2 / GRAVITY_M_S2 - 1.0).abs() <= GRAVITY_TOLERANCE;
-    let with_mean = trials.iter().filter(|trial| {
-        trial.mean_m_s2 > LARGE_MEAN * trial.rms_m_s2 && !is_gravity(trial.mean_m_s2)
-    });
+    let with_mean = trials
+        .iter()
+        .filter(|trial| trial.mean_m_s2 > LARGE_MEAN * trial.rms_m_s2 && !is_gravity(trial.mean_m_s2));
     let means = with_mean.clone().map(|trial| trial.mean_m_s2);
     let largest = means.fold(0.0, f64::max);
     let removed = (largest > 0.0).then(|| {
@@ -106,14 +104,9 @@ type Noted = (&'static str, f64, String);
 /// Returns a note on slow motion, whether it was filtered out or not.
 fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
     let is_filtered = |trial: &&&TrialReport| trial.high_pass_hz.is_some();
-    let is_advised = |trial: &&&TrialReport| {
-        HighPass::Auto.cut_hz(trial.slow_share).is_some() || is_filtered(trial)
-    };
+    let is_advised = |trial: &&&TrialReport| HighPass::Auto.cut_hz(trial.slow_share).is_some() || is_filtered(trial);
     let moved: Vec<_> = trials.iter().filter(is_advised).collect();
-    let share = moved
-        .iter()
-        .map(|trial| trial.slow_share)
-        .reduce(f64::max)?;
+    let share = moved.iter().map(|trial| trial.slow_share).reduce(f64::max)?;
     let turn_deg = moved.iter().map(|t| t.axis_turn_deg).fold(0.0, f64::max);
     let what = format!(
         ": up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, and turns the main axis by up \
@@ -126,10 +119,7 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
     } else {
         String::new()
     };
-    let cut_hz = moved
-        .iter()
-        .filter_map(|trial| trial.high_pass_hz)
-        .reduce(f64::max);
+    let cut_hz = moved.iter().filter_map(|trial| trial.high_pass_hz).reduce(f64::max);
     let text = match cut_hz {
         Some(cut_hz) => {
             let low = lowest_hz(cut_hz);
@@ -137,18 +127,12 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
                 "{} high-passed at {cut_hz} Hz{what}. Below {low:.0} Hz nothing is judged; --high-pass \
                  none keeps that motion",
                 counted(
-                    moved
-                        .iter()
-                        .filter(|trial| trial.high_pass_hz.is_some())
-                        .count(),
+                    moved.iter().filter(|trial| trial.high_pass_hz.is_some()).count(),
                     "trial"
                 )
             )
         }
-        None => format!(
-            "{} fitted with slow motion{what}",
-            counted(moved.len(), "trial")
-        ),
+        None => format!("{} fitted with slow motion{what}", counted(moved.len(), "trial")),
     };
     Some(("slow motion", share, text))
 }
@@ -181,8 +165,7 @@ fn rigs_noise(trials: &[&TrialReport], options: &Options) -> Option<Noted> {
 fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
     let short = members.iter().filter_map(|member| {
         // What triage cut was recorded, too: the file did not end early.
-        let held_s = member.analysis.samples as f64 / f64::from(options.sample_rate_hz)
-            + member.report.cut_s;
+        let held_s = member.analysis.samples as f64 / f64::from(options.sample_rate_hz) + member.report.cut_s;
         let asked_s = member.trial.duration_s?;
         let lack_s = asked_s - held_s;
         (lack_s > LACK_S.max(LACK_SHARE * asked_s)).then_some((lack_s, held_s, asked_s, member))
@@ -303,11 +286,7 @@ const LARGE_SPEED_MM_S: f64 = 2000.0;
 const SMALL_SPEED_MM_S: f64 = 1.0;
 
 /// Returns the notes on `set`, whose trials have these `reports`.
-pub(super) fn of_set(
-    set: &RecordingSet,
-    reports: &[TrialReport],
-    options: &Options,
-) -> Vec<Warning> {
+pub(super) fn of_set(set: &RecordingSet, reports: &[TrialReport], options: &Options) -> Vec<Warning> {
     let mut notes = Vec::new();
     if options.sample_rate_hz != SAMPLE_RATE_HZ {
         let text = format!(
@@ -321,11 +300,7 @@ pub(super) fn of_set(
     notes.extend(missing_scales(reports));
     notes.extend(unlisted_speeds(set).map(|text| Warning::of_set("unlisted", text)));
     let motions = doubtful_motions(&set.trials);
-    notes.extend(
-        motions
-            .into_iter()
-            .map(|(kind, text)| Warning::of_set(kind, text)),
-    );
+    notes.extend(motions.into_iter().map(|(kind, text)| Warning::of_set(kind, text)));
     notes
 }
 
@@ -335,11 +310,7 @@ fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
     if set.is_listed {
         return None;
     }
-    let names: Vec<&str> = set
-        .trials
-        .iter()
-        .map(|trial| trial.texture.as_str())
-        .collect();
+    let names: Vec<&str> = set.trials.iter().map(|trial| trial.texture.as_str()).collect();
     let pattern = one_number(&names)?;
     let first = &set.trials[0];
     let folder = first.file.parent().unwrap_or(Path::new(""));
@@ -387,9 +358,7 @@ fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
         ),
     ];
     let of_kind = |(kind, what, example)| {
-        let own = reports
-            .iter()
-            .filter(|report| report.integers == Some(kind));
+        let own = reports.iter().filter(|report| report.integers == Some(kind));
         let levels: Vec<f64> = own.map(|report| report.rms_m_s2).collect();
         let least = levels.iter().copied().reduce(f64::min)?;
         let largest = levels.iter().copied().fold(0.0, f64::max);
@@ -417,15 +386,13 @@ fn doubtful_motions(trials: &[Trial]) -> Vec<(&'static str, String)> {
     let (speed, force) = (largest(|t| t.speed_mm_s), largest(|t| t.force_n));
     let mut notes = Vec::new();
     if speed > LARGE_SPEED_MM_S {
-        let text = format!(
-            "speeds reach {speed} mm/s, and hands and drums stay below {LARGE_SPEED_MM_S}: check speed_mm_s"
-        );
+        let text =
+            format!("speeds reach {speed} mm/s, and hands and drums stay below {LARGE_SPEED_MM_S}: check speed_mm_s");
         notes.push(("fast", text));
     }
     // A set without motion has no speed whose unit could be wrong.
     if speed > 0.0 && speed < SMALL_SPEED_MM_S {
-        let text =
-            format!("no speed is above {speed} mm/s: are they in m/s? give speed_mm_s in mm/s");
+        let text = format!("no speed is above {speed} mm/s: are they in m/s? give speed_mm_s in mm/s");
         notes.push(("slow", text));
     }
     if force > LARGE_FORCE_N {

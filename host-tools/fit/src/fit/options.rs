@@ -157,9 +157,7 @@ pub struct Options {
 pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
     PlayRate::of(rate_hz).ok_or_else(|| {
         let rates = PlayRate::ALL.map(|rate| rate.hz().to_string()).join(" or ");
-        Error::Request(format!(
-            "a sample rate of {rate_hz} Hz: a stylus plays {rates}"
-        ))
+        Error::Request(format!("a sample rate of {rate_hz} Hz: a stylus plays {rates}"))
     })
 }
 
@@ -177,14 +175,8 @@ impl Options {
         play_rate(rate_hz)?;
         // `auto` is not refused but gives way; see `at_their_rate`.
         let asked = [
-            (
-                "--excitation residual",
-                self.excitation == ExcitationChoice::Residual,
-            ),
-            (
-                "--modulation track",
-                self.modulation == ModulationChoice::Track,
-            ),
+            ("--excitation residual", self.excitation == ExcitationChoice::Residual),
+            ("--modulation track", self.modulation == ModulationChoice::Track),
         ];
         match asked.into_iter().find(|&(_, is_asked)| is_asked) {
             None => Ok(()),

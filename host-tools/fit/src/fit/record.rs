@@ -134,12 +134,7 @@ impl FitRecord {
     }
 
     /// Like [`FitRecord::of`], but takes the hashes of the recordings' bytes, in the order of the set.
-    pub fn with_contents(
-        set: &RecordingSet,
-        options: &Options,
-        bytes: &[u8],
-        contents: &[u64],
-    ) -> Self {
+    pub fn with_contents(set: &RecordingSet, options: &Options, bytes: &[u8], contents: &[u64]) -> Self {
         let trials = set.trials.iter().zip(contents);
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -213,8 +208,7 @@ impl FitRecord {
     /// unit of times or a statement on even times gets those that the user gave for the fit.
     pub fn as_fitted(&self, mut set: RecordingSet) -> Result<RecordingSet> {
         let told = self.trials.iter().filter(|own| own.was_told());
-        let told: HashMap<&str, &FittedTrial> =
-            told.map(|own| (own.content.as_str(), own)).collect();
+        let told: HashMap<&str, &FittedTrial> = told.map(|own| (own.content.as_str(), own)).collect();
         if !told.is_empty() {
             // Hashing reads all files, so it is only done if the fit was told something.
             let contents = in_order(&set.trials, content_of)?;
@@ -410,11 +404,7 @@ mod tests {
     #[test]
     fn samples_in_memory_are_known_by_content_and_part_too() {
         let held = |samples: Vec<f64>, start_s| Trial {
-            held: Some(
-                HeldSamples::new(5000.0, vec![samples], false)
-                    .unwrap()
-                    .into(),
-            ),
+            held: Some(HeldSamples::new(5000.0, vec![samples], false).unwrap().into()),
             ..trial("in memory".into(), start_s, Some(0.5))
         };
         let samples: Vec<f64> = (0..5000).map(f64::from).collect();

@@ -122,49 +122,34 @@ impl<'s> Recordings<'s> {
             Axes::Texture(view) => Some(view.channels()),
             Axes::Noise(_) => None,
         });
-        let takes =
-            if let (Some(path), Some(first)) = (&options.floor_recording, self.trials.first()) {
-                named(path, first.trial, channels, options)?
-            } else {
-                let own = self.trials.iter().zip(axes);
-                let take = |(own, axes): (&Recorded<'_>, &mut Axes)| match axes {
-                    Axes::Noise(axes) if !own.analysis.is_dropped(options) => {
-                        let axes = std::mem::take(axes);
-                        Some(NoiseTake::of(own.trial, axes, &own.trial.texture, channels))
-                    }
-                    _ => None,
-                };
-                own.filter_map(take).collect::<Result<_>>()?
+        let takes = if let (Some(path), Some(first)) = (&options.floor_recording, self.trials.first()) {
+            named(path, first.trial, channels, options)?
+        } else {
+            let own = self.trials.iter().zip(axes);
+            let take = |(own, axes): (&Recorded<'_>, &mut Axes)| match axes {
+                Axes::Noise(axes) if !own.analysis.is_dropped(options) => {
+                    let axes = std::mem::take(axes);
+                    Some(NoiseTake::of(own.trial, axes, &own.trial.texture, channels))
+                }
+                _ => None,
             };
+            own.filter_map(take).collect::<Result<_>>()?
+        };
         Ok(Floor::of(takes, options.sample_rate_hz))
     }
 
     /// Subtracts the texture's lines from the signals, and estimates lags and bands again. The power stays that of the
     /// signal with its lines.
     fn separate_lines(&mut self, options: &Options, part: Part) {
-        let speeds_mm_s: Vec<f64> = self
-            .trials
-            .iter()
-            .map(|own| own.trial.line_speed_mm_s())
-            .collect();
-        let ranges: Vec<Vec<Range<usize>>> = self
-            .trials
-            .iter()
-            .map(|own| part.of(own.samples().len()))
-            .collect();
+        let speeds_mm_s: Vec<f64> = self.trials.iter().map(|own| own.trial.line_speed_mm_s()).collect();
+        let ranges: Vec<Vec<Range<usize>>> = self.trials.iter().map(|own| part.of(own.samples().len())).collect();
         // A trial that is not searched passes no samples, and keeps its own.
         let sought = |own: &mut Recorded<'_>| match &mut own.signal {
-            Some(signal) if can_have_lines(own.trial, &own.analysis, options) => {
-                std::mem::take(&mut signal.samples)
-            }
+            Some(signal) if can_have_lines(own.trial, &own.analysis, options) => std::mem::take(&mut signal.samples),
             _ => Vec::new(),
         };
         let signals: Vec<Vec<f64>> = self.trials.iter_mut().map(sought).collect();
-        let Separated {
-            findings,
-            shares,
-            rest,
-        } = separate(&speeds_mm_s, signals, &ranges);
+        let Separated { findings, shares, rest } = separate(&speeds_mm_s, signals, &ranges);
         self.findings = findings;
         let work = self.trials.par_iter_mut().zip(rest).zip(shares);
         work.for_each(|((own, rest), share)| {
@@ -184,10 +169,7 @@ impl<'s> Recordings<'s> {
 
     /// Returns the number of bytes of the samples that are held.
     pub(super) fn held_bytes(&self) -> usize {
-        self.trials
-            .iter()
-            .map(|own| size_of_val(own.samples()))
-            .sum()
+        self.trials.iter().map(|own| size_of_val(own.samples())).sum()
     }
 
     /// Frees the signals.

@@ -59,10 +59,7 @@ pub struct TrialReport {
 ///
 /// # Errors
 /// With [`Options::strict`] the first trial with a verdict, or of integers without a scale.
-pub(super) fn reports(
-    recordings: &[Recordings<'_>],
-    options: &Options,
-) -> Result<Vec<TrialReport>> {
+pub(super) fn reports(recordings: &[Recordings<'_>], options: &Options) -> Result<Vec<TrialReport>> {
     let mut recorded: Vec<&Recorded> = recordings.iter().flat_map(|own| &own.trials).collect();
     // In the order of the list, because a copy is reported with its original's number in it.
     recorded.sort_by_key(|own| own.number);
@@ -93,11 +90,7 @@ pub(super) fn reports(
     let reports: Vec<TrialReport> = reports.collect();
     let pairs = recorded.iter().zip(&reports);
     let mut doubtful = pairs.filter_map(|(own, report)| {
-        let unscaled = || {
-            report
-                .integers
-                .map(|_| "integers without a scale: give --scale".into())
-        };
+        let unscaled = || report.integers.map(|_| "integers without a scale: give --scale".into());
         let first = report.verdicts.first().map(ToString::to_string);
         Some((own, first.or_else(unscaled)?))
     });

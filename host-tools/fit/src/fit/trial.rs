@@ -75,9 +75,7 @@ pub struct Analysis {
 impl Analysis {
     /// Returns whether triage found the trial silent.
     pub fn is_silent(&self) -> bool {
-        self.verdicts
-            .iter()
-            .any(|verdict| verdict.kind() == Kind::Silent)
+        self.verdicts.iter().any(|verdict| verdict.kind() == Kind::Silent)
     }
 
     /// Returns the surface's band that the recording holds, for models at `rate_hz`.
@@ -87,8 +85,7 @@ impl Analysis {
 
     /// Returns whether the trial has a verdict that `options` drop.
     pub(super) fn is_dropped(&self, options: &Options) -> bool {
-        let is_dropped =
-            |verdict: &Verdict| options.drop.iter().any(|dropped| dropped == verdict.name());
+        let is_dropped = |verdict: &Verdict| options.drop.iter().any(|dropped| dropped == verdict.name());
         self.verdicts.iter().any(is_dropped)
     }
 }
@@ -117,12 +114,7 @@ fn triaged(trial: &Trial, conditioning: Conditioning) -> Result<Triaged> {
 }
 
 /// Keeps what `verdicts` do not cut, and filters it. `slow_share` is the fraction of slow motion in the whole trial.
-fn without_cuts(
-    mut samples: Samples,
-    slow_share: f64,
-    verdicts: Vec<Verdict>,
-    conditioning: Conditioning,
-) -> Triaged {
+fn without_cuts(mut samples: Samples, slow_share: f64, verdicts: Vec<Verdict>, conditioning: Conditioning) -> Triaged {
     let length = |samples: &Samples| samples.axes.first().map_or(0, Vec::len);
     let before = length(&samples);
     let parts = triage::usable(&verdicts, before);
@@ -171,12 +163,7 @@ fn without_cuts(
 
 /// Returns `axes` at `rate_hz`, each of their `parts` filtered separately, so that nothing that is cut out rings into
 /// them.
-fn filtered(
-    mut axes: Vec<Vec<f64>>,
-    parts: &[Range<usize>],
-    rate_hz: f64,
-    cut_hz: f64,
-) -> Vec<Vec<f64>> {
+fn filtered(mut axes: Vec<Vec<f64>>, parts: &[Range<usize>], rate_hz: f64, cut_hz: f64) -> Vec<Vec<f64>> {
     for axis in &mut axes {
         for part in parts {
             high_pass(&mut axis[part.clone()], rate_hz, cut_hz);
@@ -187,12 +174,7 @@ fn filtered(
 
 /// Returns the axes of `trial` at `rate_hz`, a multiple of 5 kHz, without the stretches that triage removed (it judges
 /// at 5 kHz), and high-passed at `cut_hz` if that is given.
-fn kept_at(
-    trial: &Trial,
-    rate_hz: u32,
-    parts: &[Range<usize>],
-    cut_hz: Option<f64>,
-) -> Result<Vec<Vec<f64>>> {
+fn kept_at(trial: &Trial, rate_hz: u32, parts: &[Range<usize>], cut_hz: Option<f64>) -> Result<Vec<Vec<f64>>> {
     let samples = recording::read_at(trial, rate_hz)?;
     if samples.source_rate_hz < f64::from(rate_hz) {
         let problem = format!(
@@ -240,11 +222,7 @@ pub fn whole_signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal>
 }
 
 /// Like [`signal`], but without running triage; `verdicts` are what it found on this trial before.
-pub(super) fn signal_of_judged(
-    trial: &Trial,
-    verdicts: &[Verdict],
-    conditioning: Conditioning,
-) -> Result<Signal> {
+pub(super) fn signal_of_judged(trial: &Trial, verdicts: &[Verdict], conditioning: Conditioning) -> Result<Signal> {
     let samples = recording::read(trial)?;
     let slow_share = samples.slow_share();
     let triaged = without_cuts(samples, slow_share, verdicts.to_vec(), conditioning);
@@ -297,11 +275,7 @@ pub(super) fn read_axes(trial: &Trial, options: &Options) -> Result<Vec<Vec<f64>
 }
 
 /// Like [`analyse`], but also returns the axes, with their means removed, m/s².
-pub(super) fn analyse_axes(
-    trial: &Trial,
-    options: &Options,
-    part: Part,
-) -> Result<(Analysis, Signal, Vec<Vec<f64>>)> {
+pub(super) fn analyse_axes(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis, Signal, Vec<Vec<f64>>)> {
     let (reduction, max_lag) = (options.conditioning.reduction, options.order.highest());
     let mut triaged = triaged(trial, options.conditioning)?;
     let Reduced {

@@ -2,8 +2,7 @@
 
 use model_format::scene::limits::{MAX_REGIONS, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{
-    Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
-    StickSlip, Surface, Tap,
+    Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem, StickSlip, Surface, Tap,
 };
 use model_format::{Library, Provenance};
 use stylus_kernel::scene::Plan;
@@ -27,8 +26,7 @@ pub struct CompiledScene {
 impl CompiledScene {
     /// Returns the stages that the kernel runs.
     pub fn plan<'a>(&self, library: &Library<'a>) -> Result<Plan<'a>> {
-        Plan::new(&self.scene, library)
-            .map_err(|error| Error::Request(format!("scene '{}': {error}", self.scene.name)))
+        Plan::new(&self.scene, library).map_err(|error| Error::Request(format!("scene '{}': {error}", self.scene.name)))
     }
 
     /// Returns the provenance of the scene in `library`: simulated if any of its textures is simulated.
@@ -71,13 +69,8 @@ impl SceneFile {
             },
             equaliser,
         };
-        scene
-            .validate(library)
-            .map_err(|error| self.located(&error, &order))?;
-        Ok(CompiledScene {
-            scene,
-            surface_names,
-        })
+        scene.validate(library).map_err(|error| self.located(&error, &order))?;
+        Ok(CompiledScene { scene, surface_names })
     }
 
     /// Returns the constant motion. The sign of its speed is ignored, and a negative force means no contact, as in
@@ -138,11 +131,7 @@ impl SceneFile {
         Ok(names)
     }
 
-    fn surfaces(
-        &self,
-        place: &Field,
-        library: &Library<'_>,
-    ) -> Result<heapless::Vec<Surface, MAX_SURFACES>> {
+    fn surfaces(&self, place: &Field, library: &Library<'_>) -> Result<heapless::Vec<Surface, MAX_SURFACES>> {
         let mut surfaces = heapless::Vec::new();
         for (index, surface) in self.description.surfaces.iter().enumerate() {
             let place = place.item(index);
@@ -155,23 +144,13 @@ impl SceneFile {
         Ok(surfaces)
     }
 
-    fn surface(
-        &self,
-        place: &Field,
-        surface: &SurfaceDescription,
-        library: &Library<'_>,
-    ) -> Result<Surface> {
+    fn surface(&self, place: &Field, surface: &SurfaceDescription, library: &Library<'_>) -> Result<Surface> {
         let texture = surface.texture.as_deref().map(|name| {
-            let found = library
-                .textures()
-                .position(|texture| texture.name() == name);
+            let found = library.textures().position(|texture| texture.name() == name);
             // A library has at most 256 textures, so the index fits into a byte.
             found.map(|index| index as u8).ok_or_else(|| {
                 let known: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
-                let problem = format!(
-                    "the library has no texture '{name}'; it has {}",
-                    listed(name, &known)
-                );
+                let problem = format!("the library has no texture '{name}'; it has {}", listed(name, &known));
                 self.error(&place.key("texture"), problem)
             })
         });
@@ -207,9 +186,7 @@ impl SceneFile {
         let mut regions = heapless::Vec::new();
         for &index in &order {
             let (region, place) = (&described[index], place.item(index));
-            let surface = surface_names
-                .iter()
-                .position(|name| *name == region.surface);
+            let surface = surface_names.iter().position(|name| *name == region.surface);
             let Some(surface) = surface else {
                 let problem = format!(
                     "the scene has no surface '{}'; it has {}",
@@ -277,9 +254,7 @@ impl SceneFile {
         } = error.problem
         {
             let line = line_of(&self.text, &region(before));
-            let problem = format!(
-                "it begins at {start_mm} mm, before the region in line {line} ends at {end_mm} mm"
-            );
+            let problem = format!("it begins at {start_mm} mm, before the region in line {line} ends at {end_mm} mm");
             return self.error(&place, problem);
         }
         self.error(&place, error.problem)
@@ -348,9 +323,6 @@ mod tests {
         let text = "name = 'two'\n[[surface]]\nname = 'surface 2'\n[[surface]]\ngain = 0.5\n";
         let scene = SceneFile::from_toml(Path::new("two.toml"), text).unwrap();
         let failure = scene.surface_names().unwrap_err().to_string();
-        test_helpers::holds(
-            &failure,
-            &["4", "surface[2]: surface 1 is called 'surface 2'"],
-        );
+        test_helpers::holds(&failure, &["4", "surface[2]: surface 1 is called 'surface 2'"]);
     }
 }

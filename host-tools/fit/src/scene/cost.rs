@@ -55,12 +55,7 @@ pub struct StageCost {
 
 impl CostReport {
     /// Returns the cost of `scene`, whose surfaces have these `names`, against `budget` instructions per tick.
-    pub fn new(
-        scene: &Scene,
-        names: &[String],
-        library: &Library<'_>,
-        budget: u32,
-    ) -> Result<Self> {
+    pub fn new(scene: &Scene, names: &[String], library: &Library<'_>, budget: u32) -> Result<Self> {
         let budget = budget_per_sample(budget, scene.sample_rate_hz);
         let worst = worst_case(scene, library)?;
         // The first term is the base of the sample's path, which also runs in silence.
@@ -116,10 +111,7 @@ impl CostReport {
 
 impl Situation {
     fn new(when: &str, terms: &[Term], names: &[String]) -> Self {
-        let arithmetic: Vec<StageCost> = terms
-            .iter()
-            .map(|&term| StageCost::new(term, names))
-            .collect();
+        let arithmetic: Vec<StageCost> = terms.iter().map(|&term| StageCost::new(term, names)).collect();
         Self {
             when: when.to_owned(),
             instructions: arithmetic.iter().map(|line| line.instructions).sum(),
@@ -170,29 +162,20 @@ impl std::fmt::Display for StageCost {
 }
 
 fn worst_case(scene: &Scene, library: &Library<'_>) -> Result<Cost> {
-    let plan = Plan::new(scene, library)
-        .map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))?;
+    let plan = Plan::new(scene, library).map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))?;
     Ok(plan.worst_case())
 }
 
 /// Returns the terms of the stages that run on `surface`, number `index` of `scene`. They equal those of a scene with
 /// only this surface, without the fade, which runs only while scenes are exchanged.
-fn terms_on(
-    scene: &Scene,
-    surface: Surface,
-    index: usize,
-    taps: bool,
-    library: &Library<'_>,
-) -> Result<Vec<Term>> {
+fn terms_on(scene: &Scene, surface: Surface, index: usize, taps: bool, library: &Library<'_>) -> Result<Vec<Term>> {
     let mut alone = Scene::of_surface(scene.name.clone(), scene.sample_rate_hz, surface);
     alone.equaliser.clone_from(&scene.equaliser);
     let cost = worst_case(&alone, library)?;
     let terms = cost.terms().iter().copied();
     let here = |mut term: Term| {
         // In the scene with only this surface, the surface has the number 0.
-        if let Item::Voice { surface, .. } | Item::StickSlip { surface } | Item::Lines { surface } =
-            &mut term.item
-        {
+        if let Item::Voice { surface, .. } | Item::StickSlip { surface } | Item::Lines { surface } = &mut term.item {
             *surface = index as u8;
         }
         term
@@ -226,15 +209,9 @@ impl SceneSummary {
         let names = surface_names(scene, library);
         let report = CostReport::new(scene, &names, library, cost::BUDGET)?;
         let effects = [
-            (
-                "transitions",
-                scene.transition_mm > 0.0 && scene.regions.len() > 1,
-            ),
+            ("transitions", scene.transition_mm > 0.0 && scene.regions.len() > 1),
             ("taps", scene.surfaces.iter().any(|s| s.tap.is_some())),
-            (
-                "stick-slip",
-                scene.surfaces.iter().any(|s| s.stick_slip.is_some()),
-            ),
+            ("stick-slip", scene.surfaces.iter().any(|s| s.stick_slip.is_some())),
             ("equaliser", !scene.equaliser.is_empty()),
         ];
         Ok(Self {

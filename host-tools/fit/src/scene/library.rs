@@ -13,10 +13,7 @@ use crate::support::nearest::{listed, nearly};
 
 /// Encodes `library` with `scenes` added. They replace scenes of the same name; all others stay the same.
 pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
-    let textures: Vec<TextureSpec> = library
-        .textures()
-        .map(|texture| texture_spec(&texture))
-        .collect();
+    let textures: Vec<TextureSpec> = library.textures().map(|texture| texture_spec(&texture)).collect();
     let is_replaced = |old: &Scene| scenes.iter().any(|new| new.name == old.name);
     let mut all: Vec<Scene> = library.scenes().filter(|old| !is_replaced(old)).collect();
     all.extend_from_slice(scenes);
@@ -29,10 +26,7 @@ pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
 /// # Errors
 /// Two textures or two scenes of one name; more than a library can hold.
 pub fn joined(libraries: &[(&Path, Library<'_>)]) -> Result<Vec<u8>> {
-    let count = libraries
-        .iter()
-        .map(|(_, library)| library.len())
-        .sum::<usize>();
+    let count = libraries.iter().map(|(_, library)| library.len()).sum::<usize>();
     if count > MAX_TEXTURES {
         return Err(Error::Request(format!(
             "the libraries have {count} textures, and one library holds {MAX_TEXTURES}: join fewer"
@@ -40,35 +34,23 @@ pub fn joined(libraries: &[(&Path, Library<'_>)]) -> Result<Vec<u8>> {
     }
     let (mut textures, mut scenes, mut owners) = (Vec::new(), Vec::new(), HashMap::new());
     for (path, library) in libraries {
-        let mut claim = |kind: &'static str, name: &str, remedy: &str| match owners
-            .insert((kind, name.to_owned()), *path)
-        {
-            None => Ok(()),
-            Some(other) => Err(Error::file(
-                path,
-                format!("has a {kind} '{name}', like {}: {remedy}", other.display()),
-            )),
-        };
+        let mut claim =
+            |kind: &'static str, name: &str, remedy: &str| match owners.insert((kind, name.to_owned()), *path) {
+                None => Ok(()),
+                Some(other) => Err(Error::file(
+                    path,
+                    format!("has a {kind} '{name}', like {}: {remedy}", other.display()),
+                )),
+            };
         // Fewer than `MAX_TEXTURES`, which a scene's index of a texture counts.
         let before = textures.len() as u8;
         for texture in library.textures() {
-            claim(
-                "texture",
-                texture.name(),
-                "fit one of them with another name",
-            )?;
+            claim("texture", texture.name(), "fit one of them with another name")?;
             textures.push(texture_spec(&texture));
         }
         for mut scene in library.scenes() {
-            claim(
-                "scene",
-                &scene.name,
-                "compile one of them with another name",
-            )?;
-            let used = scene
-                .surfaces
-                .iter_mut()
-                .filter_map(|surface| surface.texture.as_mut());
+            claim("scene", &scene.name, "compile one of them with another name")?;
+            let used = scene.surfaces.iter_mut().filter_map(|surface| surface.texture.as_mut());
             used.for_each(|texture| *texture += before);
             scenes.push(scene);
         }
@@ -129,15 +111,8 @@ pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
 ///
 /// # Errors
 /// A library without this scene (the error lists its scenes); a library with several scenes if no name is given.
-pub fn scene_named(
-    library: &Library<'_>,
-    name: Option<&str>,
-    path: &Path,
-) -> Result<CompiledScene> {
-    let names: Vec<String> = library
-        .scenes()
-        .map(|scene| scene.name.as_str().to_owned())
-        .collect();
+pub fn scene_named(library: &Library<'_>, name: Option<&str>, path: &Path) -> Result<CompiledScene> {
+    let names: Vec<String> = library.scenes().map(|scene| scene.name.as_str().to_owned()).collect();
     let found = match name {
         Some(name) => library.scene(name),
         None if names.len() == 1 => library.scenes().next(),
@@ -156,10 +131,7 @@ pub fn scene_named(
                     texture.unwrap_or_default()
                 )
             }
-            (None, _) => format!(
-                "has several scenes; name one with --scene: {}",
-                names.join(", ")
-            ),
+            (None, _) => format!("has several scenes; name one with --scene: {}", names.join(", ")),
         };
         return Err(Error::file(path, problem));
     };

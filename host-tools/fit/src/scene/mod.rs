@@ -64,7 +64,7 @@ pub mod tap;
 pub use compile::CompiledScene;
 pub use cost::{CostReport, SceneSummary, Situation, StageCost};
 pub use description::{
-    ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SceneFile,
-    SectionDescription, SurfaceDescription,
+    ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SceneFile, SectionDescription,
+    SurfaceDescription,
 };
 pub use library::{joined, parts, scene_named, surface_names, texture_spec, with_scenes};

@@ -97,9 +97,7 @@ impl Method {
 impl Level {
     /// Returns the output's power, (m/s²)², of the filter `reflection` that is predicted from `neighbours`.
     pub fn power(self, neighbours: &[Neighbour<'_>], reflection: &[f64]) -> f64 {
-        let mean = |of: &dyn Fn(&Model) -> f64| -> f64 {
-            neighbours.iter().map(|n| n.weight * of(n.model)).sum()
-        };
+        let mean = |of: &dyn Fn(&Model) -> f64| -> f64 { neighbours.iter().map(|n| n.weight * of(n.model)).sum() };
         match self {
             Self::Excitation => {
                 // σ² is the share Π(1 - k²) of the output's power.

@@ -10,12 +10,7 @@ use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
 /// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
-pub(crate) fn spec_of(
-    name: &str,
-    provenance: Provenance,
-    grid: &Grid,
-    nodes: Vec<NodeSpec>,
-) -> TextureSpec {
+pub(crate) fn spec_of(name: &str, provenance: Provenance, grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {
     TextureSpec {
         name: name.to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
@@ -30,22 +25,13 @@ pub(crate) fn spec_of(
 
 /// Returns the library's entry for texture `name`, with the nodes of `grid` quantised.
 pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
-    Ok(spec_of(
-        name,
-        provenance,
-        grid,
-        quantise::nodes(name, grid)?,
-    ))
+    Ok(spec_of(name, provenance, grid, quantise::nodes(name, grid)?))
 }
 
 /// Returns the stored nodes of `grid`, whose models are at `sample_rate_hz`. θ takes the fewest bytes that preserve
 /// every node's spectrum.
 pub(crate) fn stored_nodes(name: &str, grid: &Grid, sample_rate_hz: u32) -> Result<Vec<NodeSpec>> {
-    Ok(theta::store(
-        grid,
-        quantise::nodes(name, grid)?,
-        sample_rate_hz,
-    ))
+    Ok(theta::store(grid, quantise::nodes(name, grid)?, sample_rate_hz))
 }
 
 /// Returns the bytes of a library with one texture, to judge a model. They never go to a file.

@@ -1,8 +1,7 @@
 //! Quantisation of a floating-point model to the codes that a library stores.
 
 use model_format::{
-    CodeSpec, Coefficients, FINE_THETA_STEP_RAD, LevelLaw, NodeFlags, NodeSpec,
-    THETA_FRACTION_BITS, Texture, limits,
+    CodeSpec, Coefficients, FINE_THETA_STEP_RAD, LevelLaw, NodeFlags, NodeSpec, THETA_FRACTION_BITS, Texture, limits,
 };
 use stylus_kernel::grid::{GridPoint, ONE};
 
@@ -241,10 +240,7 @@ mod tests {
                     shift_hz: (played.1 - exact.1).abs(),
                 }
             };
-            lines_hz
-                .iter()
-                .map(error)
-                .fold(LineErrors::default(), LineErrors::max)
+            lines_hz.iter().map(error).fold(LineErrors::default(), LineErrors::max)
         })
     }
 
@@ -295,10 +291,7 @@ mod tests {
                     let ratio = density(&a, share, exact.1) / exact.0;
                     let in_place_db = (10.0 * ratio.log10()).abs();
                     let bound_db = 1.01 * LARGEST_ERROR.line_db;
-                    assert!(
-                        in_place_db <= bound_db,
-                        "{radius}, {line_hz} Hz: {in_place_db} dB"
-                    );
+                    assert!(in_place_db <= bound_db, "{radius}, {line_hz} Hz: {in_place_db} dB");
                 }
                 let thetas: Vec<i32> = codes.thetas().collect();
                 let coarse = stored_reflection(&CodeSpec::compact_lattice(&thetas, 0));
@@ -313,8 +306,7 @@ mod tests {
     /// Returns the reflection coefficients of lines that decay by `radius` per sample, over a floor.
     fn lines_over_a_floor(radius: f64, lines_hz: &[f64], order: usize) -> Vec<f64> {
         let lag = |lag: usize| {
-            let angle =
-                std::f64::consts::TAU * lag as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
+            let angle = std::f64::consts::TAU * lag as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
             let lines = lines_hz.iter().map(|hz| (angle * hz).cos());
             let mean = lines.sum::<f64>() / lines_hz.len() as f64;
             radius.powi(lag as i32) * mean + if lag == 0 { 1e-6 } else { 0.0 }

@@ -1,8 +1,8 @@
 //! Summary of a texture: its grid, its orders and its nodes.
 
 use model_format::{
-    CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, LEVEL_FRACTION_BITS, ModulationSpec,
-    NodeFlags, PartKind, Tail, TailSpec, Texture, Wander, level_amplitude,
+    CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, LEVEL_FRACTION_BITS, ModulationSpec, NodeFlags, PartKind, Tail,
+    TailSpec, Texture, Wander, level_amplitude,
 };
 use serde::Serialize;
 
@@ -157,9 +157,7 @@ impl TextureSummary {
                 orders[orders.len() - 1],
             ],
             rms_m_s2: [
-                loud()
-                    .fold(f32::INFINITY, f32::min)
-                    .min(loud().fold(0.0, f32::max)),
+                loud().fold(f32::INFINITY, f32::min).min(loud().fold(0.0, f32::max)),
                 loud().fold(0.0, f32::max),
             ],
             silent_nodes: count(NodeFlags::SILENT),
@@ -168,10 +166,7 @@ impl TextureSummary {
             level_law: texture.level_law().to_string(),
             fade_law: texture.fade_law().to_string(),
             fine_stages: texture.fine_stages(),
-            tail_stages: tails(texture)
-                .map(|tail| tail.codes.len())
-                .max()
-                .unwrap_or(0),
+            tail_stages: tails(texture).map(|tail| tail.codes.len()).max().unwrap_or(0),
             tail_range_rad: tail_range_rad(texture),
             coefficient_bytes: texture.coefficient_bytes(),
             parts: texture
@@ -212,18 +207,11 @@ fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
     let rate_hz = f64::from(texture.sample_rate_hz());
     let excitation: Option<ExcitationSpec> = texture.excitation().map(Into::into);
     let of = |part: &ExcitationSpec| -> Vec<CodebookSummary> {
-        let nodes = |number: usize| {
-            part.of_nodes
-                .iter()
-                .filter(move |&&n| usize::from(n) == number)
-        };
+        let nodes = |number: usize| part.of_nodes.iter().filter(move |&&n| usize::from(n) == number);
         let codebooks = part.codebooks.iter().enumerate();
         let summary = |(index, codebook): (usize, &CodebookSpec)| CodebookSummary {
             // Codes in blocks are fewer than their samples, which only the decoded texture counts.
-            seconds: texture
-                .excitation()
-                .map_or(0, |own| own.codebooks()[index].samples()) as f64
-                / rate_hz,
+            seconds: texture.excitation().map_or(0, |own| own.codebooks()[index].samples()) as f64 / rate_hz,
             peak: codebook.peak,
             nodes: nodes(index + 1).count(),
         };

@@ -44,8 +44,7 @@ pub fn store(grid: &Grid, nodes: Vec<NodeSpec>, sample_rate_hz: u32) -> Vec<Node
         return nodes;
     }
     let both = nodes.iter().zip(compacted);
-    both.map(|(node, (codes, _))| with_codes(node, codes))
-        .collect()
+    both.map(|(node, (codes, _))| with_codes(node, codes)).collect()
 }
 
 /// Returns whether an error, if there is one, is within its bounds.

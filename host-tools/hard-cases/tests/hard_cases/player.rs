@@ -1,8 +1,6 @@
 //! The player and its filter, compared with the product's synthesis and with wider integers.
 
-use model_format::{
-    CodeSpec, Library, MillimetresPerSecond, Newton, NodeSpec, TextureSpec, encode,
-};
+use model_format::{CodeSpec, Library, MillimetresPerSecond, Newton, NodeSpec, TextureSpec, encode};
 use proptest::prelude::*;
 use stylus_hard_cases::{Filter, Lattice, any_at_end, energy, fixtures};
 use stylus_kernel::arithmetic::Portable;

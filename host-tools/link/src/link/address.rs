@@ -50,8 +50,7 @@ impl LinkAddress {
         match (self, other) {
             (Self::Tcp { host, port }, Self::Tcp { host: its, port: p })
             | (Self::UsbVirtual { host, port }, Self::UsbVirtual { host: its, port: p }) => {
-                port == p
-                    && (host == its || (is_of_this_computer(host) && is_of_this_computer(its)))
+                port == p && (host == its || (is_of_this_computer(host) && is_of_this_computer(its)))
             }
             _ => self == other,
         }
@@ -91,9 +90,7 @@ impl FromStr for LinkAddress {
 fn host_and_port(target: &str) -> Option<(String, u16)> {
     // The port follows the last colon, because an IPv6 address has colons of its own.
     let (host, port) = target.rsplit_once(':')?;
-    let bare = host
-        .strip_prefix('[')
-        .and_then(|rest| rest.strip_suffix(']'));
+    let bare = host.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     // Without brackets the last part of an IPv6 address would be taken for the port.
     if host.is_empty() || (bare.is_none() && host.contains(':')) {
         return None;
@@ -113,9 +110,7 @@ impl fmt::Display for LinkAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Usb { serial: None } => f.write_str("usb"),
-            Self::Usb {
-                serial: Some(serial),
-            } => write!(f, "usb:{serial}"),
+            Self::Usb { serial: Some(serial) } => write!(f, "usb:{serial}"),
             Self::Serial { path } => write!(f, "serial:{}", path.display()),
             Self::Tcp { host, port } => write_tcp(f, "tcp", host, *port),
             Self::UsbVirtual { host, port } => write_tcp(f, "usb-virtual", host, *port),

@@ -159,9 +159,7 @@ fn ask<'a>(
     longest: Duration,
     identity: &(impl Fn(&LinkAddress) -> Identity + Clone + Send + 'static),
 ) {
-    let mut asked: Vec<&mut Attached> = found
-        .filter(|attached| attached.kind != Kind::OtherSerial)
-        .collect();
+    let mut asked: Vec<&mut Attached> = found.filter(|attached| attached.kind != Kind::OtherSerial).collect();
     let (sender, answers) = mpsc::channel();
     for (index, attached) in asked.iter_mut().enumerate() {
         let late = format!(
@@ -177,8 +175,7 @@ fn ask<'a>(
     }
     drop(sender);
     let begin = Instant::now();
-    while let Ok((index, identity)) = answers.recv_timeout(longest.saturating_sub(begin.elapsed()))
-    {
+    while let Ok((index, identity)) = answers.recv_timeout(longest.saturating_sub(begin.elapsed())) {
         asked[index].identity = identity;
     }
 }
@@ -221,17 +218,13 @@ fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
     }
     if styluses.is_empty() {
         // A program that has a probe's port may well have a stylus there. Opening the port names that program.
-        let in_use = found
-            .iter()
-            .filter(|one| matches!(one.identity, Identity::InUse(_)));
+        let in_use = found.iter().filter(|one| matches!(one.identity, Identity::InUse(_)));
         styluses.extend(in_use);
     }
     let links = |found: &[&Attached]| found.iter().map(|one| one.link.to_string()).collect();
     match styluses[..] {
         [] => {
-            let silent = found
-                .iter()
-                .filter(|one| matches!(one.identity, Identity::Unknown(_)));
+            let silent = found.iter().filter(|one| matches!(one.identity, Identity::Unknown(_)));
             Err(LinkError::NoDevice {
                 silent: silent.map(|one| one.link.to_string()).collect(),
             })
@@ -352,20 +345,10 @@ mod tests {
             let _ = ended.lock().map(|ended| ended.recv());
             known()
         };
-        let silent = |n: usize| {
-            one(
-                &format!("tcp:127.0.0.1:{n}"),
-                Kind::Virtual,
-                Identity::NotAsked,
-            )
-        };
+        let silent = |n: usize| one(&format!("tcp:127.0.0.1:{n}"), Kind::Virtual, Identity::NotAsked);
         let mut found: Vec<Attached> = (1..9).map(silent).collect();
         found.push(one("serial:/dev/ttyACM0", Kind::Serial, Identity::NotAsked));
-        found.push(one(
-            "serial:/dev/ttyUSB0",
-            Kind::OtherSerial,
-            Identity::NotAsked,
-        ));
+        found.push(one("serial:/dev/ttyUSB0", Kind::OtherSerial, Identity::NotAsked));
         // The device that answers is asked last. On a busy computer its answer may be too late, but not always.
         let mut answers = || {
             ask(found.iter_mut(), Duration::from_secs(1), &identity);
@@ -374,10 +357,7 @@ mod tests {
         assert!((0..100).any(|_| answers()));
         assert_eq!(found[9].identity, Identity::NotAsked);
         for late in &found[..8] {
-            holds(
-                &Row::from(late).state,
-                &["no answer within 1 s", "try again"],
-            );
+            holds(&Row::from(late).state, &["no answer within 1 s", "try again"]);
         }
         drop(end);
     }

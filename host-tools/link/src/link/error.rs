@@ -3,9 +3,8 @@
 use std::time::Duration;
 
 use model_format::link::{
-    ActivateError, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError,
-    SelfTestError, SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError,
-    UploadError,
+    ActivateError, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError, SelfTestError,
+    SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError, UploadError,
 };
 use postcard_rpc::standard_icd::WireError;
 
@@ -104,9 +103,7 @@ pub enum LinkError {
         /// The device's error.
         error: WireError,
     },
-    #[error(
-        "{link}: the answer to the {request} request cannot be decoded: restart the device, then try again"
-    )]
+    #[error("{link}: the answer to the {request} request cannot be decoded: restart the device, then try again")]
     Answer {
         link: String,
         /// Name of the request.
@@ -192,11 +189,7 @@ impl LinkError {
     pub fn is_passing(&self) -> bool {
         matches!(
             self,
-            Self::NoAnswer { .. }
-                | Self::Stalled { .. }
-                | Self::Lost { .. }
-                | Self::Frame { .. }
-                | Self::Answer { .. }
+            Self::NoAnswer { .. } | Self::Stalled { .. } | Self::Lost { .. } | Self::Frame { .. } | Self::Answer { .. }
         )
     }
 }
@@ -230,8 +223,7 @@ impl From<LinkError> for crate::support::error::Error {
 
 fn beside(others: &[String]) -> String {
     if others.is_empty() {
-        "its own USB port or its probe's serial port: `stylus devices` lists what --link takes"
-            .to_owned()
+        "its own USB port or its probe's serial port: `stylus devices` lists what --link takes".to_owned()
     } else {
         format!("--link {}", others.join(" or --link "))
     }
@@ -261,9 +253,6 @@ pub(in crate::link) fn longer(timeout: Duration) -> String {
 }
 
 fn links(serials: &[String]) -> String {
-    let links: Vec<String> = serials
-        .iter()
-        .map(|serial| format!("usb:{serial}"))
-        .collect();
+    let links: Vec<String> = serials.iter().map(|serial| format!("usb:{serial}")).collect();
     links.join(" or ")
 }

@@ -15,9 +15,7 @@ pub(super) fn of_ports(ports: &[SocketAddr]) -> Option<String> {
     let tables = ["/proc/net/tcp", "/proc/net/tcp6"].map(std::fs::read_to_string);
     let tables = tables.iter().flatten();
     let sockets = tables.flat_map(|table| table.lines().filter_map(|row| socket_to(ports, row)));
-    let files: Vec<PathBuf> = sockets
-        .map(|inode| format!("socket:[{inode}]").into())
-        .collect();
+    let files: Vec<PathBuf> = sockets.map(|inode| format!("socket:[{inode}]").into()).collect();
     processes_with(&files)
 }
 
@@ -70,8 +68,7 @@ fn in_words(process: u32) -> String {
     let line = String::from_utf8_lossy(&line);
     let mut words = line.split('\0');
     let program = Path::new(words.next().unwrap_or_default());
-    let program =
-        (program.file_name()).map_or_else(Default::default, |name| name.to_string_lossy());
+    let program = (program.file_name()).map_or_else(Default::default, |name| name.to_string_lossy());
     let command = match &*program {
         // The first argument that is no general option, such as `-q`.
         "stylus" => words.find(|word| !word.starts_with('-')),

@@ -64,10 +64,7 @@ impl Limit {
         if !self.link.is_of_an_emulator() {
             return true;
         }
-        let is_its = |link: &String| {
-            link.parse()
-                .is_ok_and(|its| self.link.is_of_same_port(&its))
-        };
+        let is_its = |link: &String| link.parse().is_ok_and(|its| self.link.is_of_same_port(&its));
         let Some(own) = (announced().into_iter()).find(|one| one.links.iter().any(is_its)) else {
             return true;
         };
@@ -175,10 +172,7 @@ mod tests {
 
     #[test]
     fn nothing_is_read_while_the_real_time_runs() {
-        let mut limit = Limit::new(
-            &"tcp:127.0.0.1:4000".parse().unwrap(),
-            Duration::from_hours(1),
-        );
+        let mut limit = Limit::new(&"tcp:127.0.0.1:4000".parse().unwrap(), Duration::from_hours(1));
         assert!(!limit.has_passed_by(|| panic!("nobody asks")));
     }
 }

@@ -12,9 +12,7 @@ use super::{LinkAddress, usb};
 const ST_LINK_VENDOR_ID: u16 = 0x0483;
 
 /// USB product ids of the ST-LINK probes with a serial port: V2-1, V3 and their variants.
-const ST_LINK_PRODUCT_IDS: [u16; 8] = [
-    0x374a, 0x374b, 0x374e, 0x374f, 0x3752, 0x3753, 0x3754, 0x3757,
-];
+const ST_LINK_PRODUCT_IDS: [u16; 8] = [0x374a, 0x374b, 0x374e, 0x374f, 0x3752, 0x3753, 0x3754, 0x3757];
 
 /// Returns the links on USB.
 pub(super) async fn on_usb() -> Result<Vec<LinkAddress>> {

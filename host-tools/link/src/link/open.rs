@@ -80,11 +80,7 @@ pub(super) async fn explained(failure: LinkError, address: &LinkAddress) -> Link
         LinkError::Busy { link, holder, .. } => {
             let others = beside(address).await;
             let others = others.iter().map(ToString::to_string).collect();
-            LinkError::Busy {
-                link,
-                holder,
-                others,
-            }
+            LinkError::Busy { link, holder, others }
         }
         failure => failure,
     }
@@ -93,14 +89,7 @@ pub(super) async fn explained(failure: LinkError, address: &LinkAddress) -> Link
 /// Returns a client with sequence numbers of two bytes, so that a late answer cannot be mistaken for the answer to a
 /// later request.
 fn client(sender: impl WireTx, receiver: impl WireRx) -> Client {
-    Client::new_with_wire(
-        sender,
-        receiver,
-        Spawn,
-        VarSeqKind::Seq2,
-        ERROR_PATH,
-        OUTGOING_FRAMES,
-    )
+    Client::new_with_wire(sender, receiver, Spawn, VarSeqKind::Seq2, ERROR_PATH, OUTGOING_FRAMES)
 }
 
 async fn transfers(
@@ -164,9 +153,7 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
         .open_native_async()
         .map_err(|failure| match failure.kind() {
             // Windows denies access to a port that another program has open.
-            tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => {
-                LinkError::busy(link, None)
-            }
+            tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => LinkError::busy(link, None),
             tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) => LinkError::Permission {
                 link,
                 remedy: SERIAL_REMEDY,
@@ -178,9 +165,7 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
             },
             // The crate reports `NoDevice` for a port that another program has open exclusively or has locked. Root may
             // open an exclusive port, but not lock it a second time.
-            tokio_serial::ErrorKind::NoDevice if path.exists() => {
-                LinkError::busy(link, holder::of_file(path))
-            }
+            tokio_serial::ErrorKind::NoDevice if path.exists() => LinkError::busy(link, holder::of_file(path)),
             _ => LinkError::Open {
                 link,
                 reason: format!("{failure}: is it a serial port?"),

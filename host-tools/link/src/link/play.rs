@@ -6,9 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use model_format::link::{
-    Activity, KEEP_ALIVE_MS, MotionSample, MotionSource, MuteReason, MuteReasons, Status,
-};
+use model_format::link::{Activity, KEEP_ALIVE_MS, MotionSample, MotionSource, MuteReason, MuteReasons, Status};
 
 use super::Device;
 use super::error::Result;
@@ -136,9 +134,7 @@ impl<'a> Driver<'a> {
             }
         }
         // While motions are skipped, keep-alives show the device that this program still runs.
-        if self.last_sent.elapsed() >= Duration::from_millis(KEEP_ALIVE_MS.into())
-            || motion.is_none()
-        {
+        if self.last_sent.elapsed() >= Duration::from_millis(KEEP_ALIVE_MS.into()) || motion.is_none() {
             self.device.keep_alive()?;
             self.driven.keep_alives += 1;
             self.last_sent = Instant::now();

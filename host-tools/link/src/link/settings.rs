@@ -1,8 +1,8 @@
 //! Settings with their values, ranges and origins, as a program shows them.
 
 use model_format::link::{
-    BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_PIN_MEAN_SQUARE, Setting, SettingChange, SettingSet,
-    Settings, SettingsChange, SettingsState,
+    BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_PIN_MEAN_SQUARE, Setting, SettingChange, SettingSet, Settings, SettingsChange,
+    SettingsState,
 };
 use serde::Serialize;
 use stylus_app::safety::Config;
@@ -88,9 +88,9 @@ pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
         .iter()
         .map(|[name, value]| {
             let setting = named(name)?;
-            let value = value.parse().map_err(|_| {
-                Error::Request(format!("{name} of '{value}': its value must be a number"))
-            })?;
+            let value = value
+                .parse()
+                .map_err(|_| Error::Request(format!("{name} of '{value}': its value must be a number")))?;
             Ok(SettingChange { setting, value })
         })
         .collect()
@@ -103,10 +103,7 @@ pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
 pub fn named(name: &str) -> Result<Setting> {
     Setting::named(name).ok_or_else(|| {
         let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();
-        Error::Request(format!(
-            "no setting '{name}'; there are {}",
-            listed(name, &names)
-        ))
+        Error::Request(format!("no setting '{name}'; there are {}", listed(name, &names)))
     })
 }
 
@@ -133,9 +130,9 @@ impl<'a> Known<'a> {
             // A reset gives every setting its default, and these have none that is known to fit the hardware.
             SettingsChange::Reset => SettingSet::REQUIRED,
             SettingsChange::Set(changes) => {
-                let set = changes.iter().fold(SettingSet::NONE, |set, change| {
-                    set.with(change.setting, true)
-                });
+                let set = changes
+                    .iter()
+                    .fold(SettingSet::NONE, |set, change| set.with(change.setting, true));
                 self.unset.without(set)
             }
         };
@@ -173,11 +170,7 @@ pub fn consequences(before: Known<'_>, after: Known<'_>, changed: SettingSet) ->
         )
     };
     let mut lines: Vec<String> = changed.iter().map(line).collect();
-    lines.extend(
-        before
-            .in_force()
-            .map(|limits| format!("  before: {limits}")),
-    );
+    lines.extend(before.in_force().map(|limits| format!("  before: {limits}")));
     let limits = after.in_force();
     let limits = limits.unwrap_or_else(|| "nothing plays until what is not set is set".to_owned());
     lines.push(format!("  after:  {limits}"));
@@ -253,11 +246,7 @@ mod tests {
         let lines = consequences(known(&before), known(&after), changed);
         assert_eq!(lines[0], "  hard-limit: 0.5 -> 0.8 V");
         // 0.2 V RMS at a gain of 10 are 2 V, 0.5 W in 8 Ω; 0.5 V are 5 V, 3.1 W.
-        for told in [
-            "0.500 V peak and 0.200 V RMS",
-            "3.119 W peak",
-            "0.500 W held at 8 Ω",
-        ] {
+        for told in ["0.500 V peak and 0.200 V RMS", "3.119 W peak", "0.500 W held at 8 Ω"] {
             assert!(lines[1].contains(told), "{lines:?}");
         }
         // A switch has no unit.
@@ -276,20 +265,14 @@ mod tests {
     fn what_is_not_set_is_told_as_such_before_and_after() {
         let (settings, none) = (of_coil(&[]), Settings::default());
         let unset = SettingSet::REQUIRED;
-        let nothing = Known {
-            settings: &none,
-            unset,
-        };
+        let nothing = Known { settings: &none, unset };
         let lines = consequences(nothing, known(&settings), unset);
         assert!(lines[0].contains("not set -> "), "{lines:?}");
         assert!(!lines.iter().any(|line| line.contains("before")));
         // One value that is missing is enough for nothing to play, so placeholders give no limits.
         for setting in unset.iter() {
             let unset = SettingSet::NONE.with(setting, true);
-            let without = Known {
-                settings: &none,
-                unset,
-            };
+            let without = Known { settings: &none, unset };
             let lines = consequences(without, without, unset);
             assert_eq!(lines.len(), 2, "{lines:?}");
             assert!(lines[1].contains("nothing plays until"), "{lines:?}");

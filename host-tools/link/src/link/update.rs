@@ -5,8 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    EXCHANGE_MS, ImageHeader, MAX_IMAGE_BYTES, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase,
-    UpdateReport,
+    EXCHANGE_MS, ImageHeader, MAX_IMAGE_BYTES, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 use serde::Serialize;
 
@@ -151,12 +150,7 @@ fn check_exchanged(device: &Device, trial: &UpdateReport, wanted: &ImageHeader) 
     Ok(())
 }
 
-fn send(
-    device: &Device,
-    image: &[u8],
-    begin: &UpdateBegin,
-    mut progress: impl FnMut(u32),
-) -> Result<()> {
+fn send(device: &Device, image: &[u8], begin: &UpdateBegin, mut progress: impl FnMut(u32)) -> Result<()> {
     let at = device.update_begin(begin)?.next_offset;
     progress(at);
     device.upload_chunks(image, at, progress)

@@ -2,8 +2,7 @@
 
 use model_format::Library;
 use model_format::link::{
-    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, SlotInfo, SlotState, UploadBegin,
-    UploadError,
+    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, SlotInfo, SlotState, UploadBegin, UploadError,
 };
 
 use super::Device;
@@ -38,11 +37,7 @@ pub struct Uploaded {
 /// # Errors
 /// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device
 /// that then lists other textures.
-pub fn upload(
-    device: &mut Device,
-    library: &[u8],
-    progress: impl FnMut(usize),
-) -> Result<Uploaded> {
+pub fn upload(device: &mut Device, library: &[u8], progress: impl FnMut(usize)) -> Result<Uploaded> {
     upload_over(device, library, false, progress)
 }
 
@@ -136,11 +131,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn go_on(
-        &mut self,
-        device: &Device,
-        progress: &mut impl FnMut(usize),
-    ) -> Result<(SlotId, SlotInfo)> {
+    fn go_on(&mut self, device: &Device, progress: &mut impl FnMut(usize)) -> Result<(SlotId, SlotInfo)> {
         // A second upload of a committed library would erase the slot.
         if self.committing
             && let Some(done) = self.committed(device)?
@@ -181,17 +172,9 @@ impl Run<'_> {
 }
 
 /// Lists the slot's textures and compares them with those of the library that was sent.
-fn read_back(
-    device: &Device,
-    slot: SlotId,
-    info: &SlotInfo,
-    library: &[u8],
-) -> Result<Vec<String>> {
+fn read_back(device: &Device, slot: SlotId, info: &SlotInfo, library: &[u8]) -> Result<Vec<String>> {
     let listed = device.textures(slot)?;
-    let names: Vec<String> = listed
-        .iter()
-        .map(|texture| texture.name.to_string())
-        .collect();
+    let names: Vec<String> = listed.iter().map(|texture| texture.name.to_string()).collect();
     // A library that only the device can decode has no other list to compare with.
     let expected: Vec<String> = match Library::decode(library) {
         Ok(library) => library.textures().map(|t| t.name().to_owned()).collect(),

@@ -23,15 +23,9 @@ const PERMISSION_REMEDY: &str = "copy host-tools/70-stylus.rules to /etc/udev/ru
      --reload`, then plug the stylus in again";
 
 /// Opens the stylus with this serial number, or the only one.
-pub(super) async fn open(
-    serial: Option<&str>,
-    link: &str,
-) -> Result<(Endpoint<Bulk, Out>, Endpoint<Bulk, In>)> {
+pub(super) async fn open(serial: Option<&str>, link: &str) -> Result<(Endpoint<Bulk, Out>, Endpoint<Bulk, In>)> {
     let device = choose(attached(link).await?, serial)?;
-    let opened = device
-        .open()
-        .await
-        .map_err(|failure| refused(link, &failure))?;
+    let opened = device.open().await.map_err(|failure| refused(link, &failure))?;
     let interface = device
         .interfaces()
         .find(|interface| interface.class() == VENDOR_CLASS)
@@ -43,9 +37,7 @@ pub(super) async fn open(
     let address = |direction| {
         bulk_address(&interface, direction).ok_or_else(|| LinkError::Open {
             link: link.to_owned(),
-            reason:
-                "it has no bulk endpoints, so it is another device with the same USB id: unplug it"
-                    .to_owned(),
+            reason: "it has no bulk endpoints, so it is another device with the same USB id: unplug it".to_owned(),
         })
     };
     let output = interface
@@ -119,9 +111,9 @@ fn choose(mut styluses: Vec<DeviceInfo>, wanted: Option<&str>) -> Result<DeviceI
 
 fn bulk_address(interface: &Interface, direction: Direction) -> Option<u8> {
     let descriptor = interface.descriptor()?;
-    let endpoint = descriptor.endpoints().find(|endpoint| {
-        endpoint.transfer_type() == TransferType::Bulk && endpoint.direction() == direction
-    });
+    let endpoint = descriptor
+        .endpoints()
+        .find(|endpoint| endpoint.transfer_type() == TransferType::Bulk && endpoint.direction() == direction);
     endpoint.map(|endpoint| endpoint.address())
 }
 

@@ -10,8 +10,7 @@ use model_format::link::{DeviceInfo, PROTOCOL_VERSION, SCHEMA_HASH};
 const HOST_VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Remedy if the device is older.
-const RENEW_DEVICE: &str =
-    "the device's firmware is the older side: flash it from this version (cargo flash)";
+const RENEW_DEVICE: &str = "the device's firmware is the older side: flash it from this version (cargo flash)";
 /// Remedy if the host is older.
 const RENEW_HOST: &str = "this program is the older side: build it from the firmware's version";
 
@@ -76,15 +75,12 @@ impl fmt::Display for Mismatch {
                 (what, device.cmp(host))
             }
             Self::Schema { device, host } => {
-                let what = format!(
-                    "the messages of the device (firmware {device}) and of this program ({host}) differ"
-                );
+                let what =
+                    format!("the messages of the device (firmware {device}) and of this program ({host}) differ");
                 (what, numbers(device).cmp(&numbers(host)))
             }
             Self::LibraryFormat { device, host } => {
-                let what = format!(
-                    "the device plays libraries of format {device}, this program writes {host}"
-                );
+                let what = format!("the device plays libraries of format {device}, this program writes {host}");
                 (what, device.cmp(host))
             }
         };
@@ -101,7 +97,5 @@ impl fmt::Display for Mismatch {
 fn numbers(version: &str) -> Vec<u32> {
     // A suffix, such as a revision, says nothing about the order.
     let core = version.split(['-', '+', ' ']).next().unwrap_or_default();
-    core.split('.')
-        .map_while(|part| part.parse().ok())
-        .collect()
+    core.split('.').map_while(|part| part.parse().ok()).collect()
 }

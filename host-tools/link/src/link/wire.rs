@@ -78,10 +78,7 @@ impl<R: AsyncRead + Send + Unpin + 'static> WireRx for CobsRx<R> {
                 return Ok(frame);
             }
             let count = match self.reader.read(&mut buffer).await {
-                Ok(0) => Err(io::Error::new(
-                    io::ErrorKind::UnexpectedEof,
-                    "the other side closed it",
-                )),
+                Ok(0) => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the other side closed it")),
                 other => other,
             }
             .inspect_err(|failure| self.health.end(failure))?;

@@ -53,8 +53,7 @@ impl PlannedTrial {
     pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
         let table = CsvTable::read(path, TABLE)?;
         let header = table.header()?;
-        let expected =
-            "a list of trials to record has speed_mm_s, force_n, and texture if there are several";
+        let expected = "a list of trials to record has speed_mm_s, force_n, and texture if there are several";
         let speed = header.needed("speed_mm_s", expected)?;
         let force = header.needed("force_n", expected)?;
         let name = header.column("texture")?;
@@ -70,21 +69,16 @@ impl PlannedTrial {
                 let problem = format!("lists more than {MOST_TRIALS} trials: make several lists");
                 return Err(row.error(problem));
             }
-            let own = name
-                .map(|index| row.text(index))
-                .filter(|name| !name.is_empty());
+            let own = name.map(|index| row.text(index)).filter(|name| !name.is_empty());
             let Some(texture) = own.or(texture) else {
                 return Err(row.error("no texture: add a column 'texture', or give --texture"));
             };
             let sound = |index: usize, name: &str, fault: fn(f64) -> Option<String>| {
                 let value = row.finite(index, name)?;
-                let negative =
-                    (value < 0.0).then(|| "negative: a trial is at 0 or above".to_owned());
+                let negative = (value < 0.0).then(|| "negative: a trial is at 0 or above".to_owned());
                 negative
                     .or_else(|| fault(value))
-                    .map_or(Ok(value), |fault| {
-                        Err(row.error(format!("{name} is {fault}")))
-                    })
+                    .map_or(Ok(value), |fault| Err(row.error(format!("{name} is {fault}"))))
             };
             trials.push(Self {
                 texture: texture.to_owned(),
@@ -93,10 +87,7 @@ impl PlannedTrial {
             });
         }
         if trials.is_empty() {
-            return Err(Error::file(
-                path,
-                "lists nothing to record: add at least one line",
-            ));
+            return Err(Error::file(path, "lists nothing to record: add at least one line"));
         }
         Ok(trials)
     }
@@ -115,19 +106,14 @@ impl PlannedTrial {
             file_name::fault(name)
         };
         fault.map_or(Ok(()), |fault| {
-            let problem = format!(
-                "{name:?} cannot name a texture: it {fault}; use at most {MAX_NAME_BYTES} bytes"
-            );
+            let problem = format!("{name:?} cannot name a texture: it {fault}; use at most {MAX_NAME_BYTES} bytes");
             Err(Error::Request(problem))
         })
     }
 
     /// Path of the trial's file, relative to the set's folder, with `/` as separator.
     fn file(&self) -> String {
-        format!(
-            "{}/{}mm_s_{}N.wav",
-            self.texture, self.speed_mm_s, self.force_n
-        )
+        format!("{}/{}mm_s_{}N.wav", self.texture, self.speed_mm_s, self.force_n)
     }
 
     /// Identifies the trial within a set.
@@ -138,11 +124,7 @@ impl PlannedTrial {
 
 impl std::fmt::Display for PlannedTrial {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{}, {} mm/s, {} N",
-            self.texture, self.speed_mm_s, self.force_n
-        )
+        write!(f, "{}, {} mm/s, {} N", self.texture, self.speed_mm_s, self.force_n)
     }
 }
 
@@ -184,9 +166,7 @@ impl Folder {
         folder.lines = text.lines().map(str::to_owned).collect();
         let mut content = folder.lines.iter().filter(|line| is_content(line));
         if content.next().map(String::as_str) != Some(HEADER) {
-            let problem = format!(
-                "was not written by `stylus record`, whose columns are {HEADER}: name a new folder"
-            );
+            let problem = format!("was not written by `stylus record`, whose columns are {HEADER}: name a new folder");
             return Err(Error::file(&list, problem));
         }
         if content.next().is_some() {
@@ -241,8 +221,7 @@ impl Folder {
         let samples = capture.samples.iter();
         let samples = samples.flat_map(|sample| calibration.acceleration(sample));
         let samples = samples.map(|acceleration_m_s2| acceleration_m_s2 / scale_m_s2);
-        let wav = float_wav(3, capture.rate_hz, samples)
-            .map_err(|failure| Error::file(&file, failure.to_string()))?;
+        let wav = float_wav(3, capture.rate_hz, samples).map_err(|failure| Error::file(&file, failure.to_string()))?;
         atomic_file::write(&file, &wav)?;
         let line = row(&[
             &name,
@@ -271,12 +250,7 @@ impl Folder {
             scale_m_s2: Some(scale_m_s2),
             duration_s: Some(capture.samples.len() as f64 / f64::from(capture.rate_hz)),
             provenance,
-            ..Trial::of(
-                file,
-                planned.texture.clone(),
-                planned.speed_mm_s,
-                planned.force_n,
-            )
+            ..Trial::of(file, planned.texture.clone(), planned.speed_mm_s, planned.force_n)
         })
     }
 }
@@ -286,9 +260,7 @@ fn row(fields: &[&str]) -> csv::Result<String> {
         .terminator(csv::Terminator::Any(b'\n'))
         .from_writer(Vec::new());
     writer.write_record(fields)?;
-    let bytes = writer
-        .into_inner()
-        .map_err(csv::IntoInnerError::into_error)?;
+    let bytes = writer.into_inner().map_err(csv::IntoInnerError::into_error)?;
     let text = String::from_utf8(bytes).expect("the fields are text");
     Ok(text.trim_end_matches('\n').to_owned())
 }
@@ -302,9 +274,7 @@ fn first_field(line: &str) -> String {
         .has_headers(false)
         .from_reader(line.as_bytes());
     let first = reader.records().next().and_then(std::result::Result::ok);
-    first.map_or(String::new(), |record| {
-        record.get(0).unwrap_or("").to_owned()
-    })
+    first.map_or(String::new(), |record| record.get(0).unwrap_or("").to_owned())
 }
 
 /// Largest acceleration that an axis can show at an end of the converter's range, m/s².
@@ -384,15 +354,12 @@ mod tests {
         let mut set = Folder::open(folder.path()).unwrap();
         let (silk, felt) = (planned("silk, \"raw\"", 50.0), planned("felt", 50.0));
         for trial in [&silk, &felt] {
-            set.add(trial, &one, &calibration(), Provenance::Recorded)
-                .unwrap();
+            set.add(trial, &one, &calibration(), Provenance::Recorded).unwrap();
         }
         let mut again = Folder::open(folder.path()).unwrap();
         assert!(again.has(&silk) && again.has(&felt) && !again.has(&planned("felt", 51.0)));
         // Recording it again replaces the trial.
-        again
-            .add(&silk, &one, &calibration(), Provenance::Simulated)
-            .unwrap();
+        again.add(&silk, &one, &calibration(), Provenance::Simulated).unwrap();
         let listed = RecordingSet::open(&[folder.path().to_owned()]).unwrap();
         assert_eq!(listed.trials.len(), 2);
         assert_eq!(listed.trials[0].provenance, Provenance::Simulated);
@@ -406,23 +373,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut set = Folder::open(folder.path()).unwrap();
         assert!(
-            set.check_names(&[
-                planned("silk", 1.0),
-                planned("silk", 2.0),
-                planned("felt", 1.0)
-            ])
-            .is_ok()
+            set.check_names(&[planned("silk", 1.0), planned("silk", 2.0), planned("felt", 1.0)])
+                .is_ok()
         );
         let both = set.check_names(&[planned("silk", 1.0), planned("Silk", 2.0)]);
         assert!(both.unwrap_err().to_string().contains("case of letters"));
         let one = capture(&[[1, 2, 3]]);
-        set.add(
-            &planned("silk", 1.0),
-            &one,
-            &calibration(),
-            Provenance::Recorded,
-        )
-        .unwrap();
+        set.add(&planned("silk", 1.0), &one, &calibration(), Provenance::Recorded)
+            .unwrap();
         assert!(set.check_names(&[planned("SILK", 5.0)]).is_err());
     }
 

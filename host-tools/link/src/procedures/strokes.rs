@@ -58,11 +58,7 @@ pub fn record(
         heard(&samples, wanted, rate_hz);
     }
     let loss = stream.stop()?;
-    Ok(Strokes {
-        samples,
-        rate_hz,
-        loss,
-    })
+    Ok(Strokes { samples, rate_hz, loss })
 }
 
 impl Strokes {
@@ -80,10 +76,7 @@ impl Strokes {
         }
         (0..self.samples.len())
             .map(|n| {
-                let (first, end) = (
-                    n.saturating_sub(half),
-                    (n + half + 1).min(self.samples.len()),
-                );
+                let (first, end) = (n.saturating_sub(half), (n + half + 1).min(self.samples.len()));
                 let counts = (path[end] - path[first]) as f64;
                 // Only samples that arrived count, because the counts of lost ones are missing, too.
                 let seconds = (known[end] - known[first]).max(1) as f64 / f64::from(self.rate_hz);
@@ -144,9 +137,7 @@ mod tests {
             encoder_delta: i16::from(!n.is_multiple_of(10)),
         };
         Strokes {
-            samples: (0..1000)
-                .map(|n| (!lost.contains(&n)).then(|| sample(n)))
-                .collect(),
+            samples: (0..1000).map(|n| (!lost.contains(&n)).then(|| sample(n))).collect(),
             rate_hz: 5000,
             loss: Loss::default(),
         }

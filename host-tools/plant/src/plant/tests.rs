@@ -44,14 +44,10 @@ fn specimens() -> impl Iterator<Item = Parameters> {
 
 /// Energy in magnetic field, masses and springs, J.
 fn stored(plant: &Plant) -> f64 {
-    let Parameters {
-        coil, body, hand, ..
-    } = &plant.parameters;
+    let Parameters { coil, body, hand, .. } = &plant.parameters;
     let [_, current, body_speed, body_at, speed, at] = plant.states;
     let bent = |fault: &Fault| match *fault {
-        Fault::MovingResonance { doubles_at_m } => {
-            coil.stiffness_n_per_m * at.powi(4) / doubles_at_m.powi(2) / 4.0
-        }
+        Fault::MovingResonance { doubles_at_m } => coil.stiffness_n_per_m * at.powi(4) / doubles_at_m.powi(2) / 4.0,
         Fault::LooseMount {
             gap_m,
             stiffness_n_per_m,
@@ -198,8 +194,7 @@ fn extremes(parameters: &Parameters, volts: f64) -> (f64, f64, [f64; 3]) {
         largest.0 = largest.0.max(plant.tip_m_s2().abs());
         largest.1 = largest.1.max(plant.coil_watts());
         for axis in 0..3 {
-            let volts =
-                plant.accelerometer_volts()[axis] - parameters.accelerometer.rest_volts[axis];
+            let volts = plant.accelerometer_volts()[axis] - parameters.accelerometer.rest_volts[axis];
             largest.2[axis] = largest.2[axis].max(volts.abs());
         }
     }
@@ -333,10 +328,7 @@ fn every_specimen_stays_finite_under_the_loudest_noise() {
     for seed in 0..60 {
         let mut chance = Chance(seed);
         let mut parameters = preset(PRESETS[seed as usize % 2]).varied(seed);
-        parameters.faults = faults
-            .into_iter()
-            .filter(|_| chance.fraction() < 0.3)
-            .collect();
+        parameters.faults = faults.into_iter().filter(|_| chance.fraction() < 0.3).collect();
         let mut plant = Plant::new(&parameters, seed);
         for _ in 0..4_000 {
             plant.step(chance.within(1.65), true);

@@ -64,19 +64,11 @@ fn a_texture_of_another_rate_begins_after_the_tail_of_the_one_before() {
             let loudest = largest_step(&before).max(largest_step(&expected));
             let joint = [&before[before.len() - 1..], &after[..]].concat();
             let early = &joint[..joint.len() / 4];
-            assert!(
-                largest_step(early) <= 1.2 * loudest,
-                "{from} {output_rate_hz}"
-            );
+            assert!(largest_step(early) <= 1.2 * loudest, "{from} {output_rate_hz}");
             let lengths = expected.len() - output_rate_hz as usize / 500;
-            let found = after
-                .windows(lengths)
-                .any(|window| window == &expected[..lengths]);
+            let found = after.windows(lengths).any(|window| window == &expected[..lengths]);
             assert!(found, "{from} {output_rate_hz}");
-            assert!(
-                !is_silent(&after[after.len() / 2..]),
-                "{from} {output_rate_hz}"
-            );
+            assert!(!is_silent(&after[after.len() / 2..]), "{from} {output_rate_hz}");
         }
     }
 }
@@ -88,10 +80,7 @@ fn a_sudden_motion_makes_no_larger_step_than_the_motion_itself() {
         rubbed(&mover, &mut filler, 100, (20.0, 0.2));
         let change = rubbed(&mover, &mut filler, 10, (200.0, 2.0));
         let after = rubbed(&mover, &mut filler, 200, (200.0, 2.0));
-        assert!(
-            largest_step(&change) <= largest_step(&after),
-            "{output_rate_hz}"
-        );
+        assert!(largest_step(&change) <= largest_step(&after), "{output_rate_hz}");
     }
 }
 
@@ -109,19 +98,12 @@ fn a_gain_gives_volts_changes_over_a_block_and_is_clamped() {
     let volts = rubbed(&mover, &mut filler, 2, MOTION);
     for (index, (volts, acceleration)) in volts.iter().zip(&accelerations).enumerate() {
         let expected = (0.25 - 0.075 * (index + 1).min(10) as f32) * acceleration;
-        assert!(
-            (volts - expected).abs() <= 1e-5 * acceleration.abs(),
-            "{index}"
-        );
+        assert!((volts - expected).abs() <= 1e-5 * acceleration.abs(), "{index}");
     }
-    let peak = volts
-        .iter()
-        .fold(0.0f32, |peak, volts| peak.max(volts.abs()));
+    let peak = volts.iter().fold(0.0f32, |peak, volts| peak.max(volts.abs()));
     mover.set_gain(-0.5, peak / 8.0).expect("it is positive");
     let clamped = rubbed(&mover, &mut filler, 50, MOTION);
-    let largest = clamped
-        .iter()
-        .fold(0.0f32, |peak, volts| peak.max(volts.abs()));
+    let largest = clamped.iter().fold(0.0f32, |peak, volts| peak.max(volts.abs()));
     assert_eq!(largest, peak / 8.0);
 }
 
@@ -134,22 +116,10 @@ fn what_cannot_be_played_is_refused_with_its_remedy_and_what_plays_goes_on() {
         let refused = mover.choose(library, selection, Without::default(), 1);
         refused.expect_err("it is not there")
     };
-    let no_texture = ChoiceError::NoTexture {
-        index: 99,
-        count: 15,
-    };
-    assert_eq!(
-        choose(&LIBRARIES[0], Selection::Texture(99)),
-        Fault::Choice(no_texture)
-    );
-    assert!(matches!(
-        choose(&LIBRARIES[0], Selection::Scene(1)),
-        Fault::Choice(_)
-    ));
-    assert_eq!(
-        choose(&slow, Selection::Texture(0)),
-        Fault::SampleRate(2000)
-    );
+    let no_texture = ChoiceError::NoTexture { index: 99, count: 15 };
+    assert_eq!(choose(&LIBRARIES[0], Selection::Texture(99)), Fault::Choice(no_texture));
+    assert!(matches!(choose(&LIBRARIES[0], Selection::Scene(1)), Fault::Choice(_)));
+    assert_eq!(choose(&slow, Selection::Texture(0)), Fault::SampleRate(2000));
     for refused in [
         mover.rub(f64::NAN, 1.0),
         mover.rub(1.0, f64::INFINITY),
@@ -160,12 +130,7 @@ fn what_cannot_be_played_is_refused_with_its_remedy_and_what_plays_goes_on() {
         let text = refused.expect_err("it is not finite").to_string();
         assert!(text.contains("give"), "{text}");
     }
-    for (gain, limit) in [
-        (f32::NAN, 1.0),
-        (f32::INFINITY, 1.0),
-        (1.0, f32::NAN),
-        (1.0, -1.0),
-    ] {
+    for (gain, limit) in [(f32::NAN, 1.0), (f32::INFINITY, 1.0), (1.0, f32::NAN), (1.0, -1.0)] {
         assert_eq!(mover.set_gain(gain, limit), Err(Fault::Gain));
     }
     for rate_hz in [0, 4999, 7975, 8001, 192_025, u32::MAX] {

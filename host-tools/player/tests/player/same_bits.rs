@@ -28,11 +28,7 @@ fn motions() -> impl Strategy<Value = Vec<BlockMotion>> {
             ..motion
         };
         let told = |motion| {
-            if tells_contact {
-                motion
-            } else {
-                untold(motion)
-            }
+            if tells_contact { motion } else { untold(motion) }
         };
         blocks.map(told).collect()
     })

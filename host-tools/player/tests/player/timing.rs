@@ -25,9 +25,7 @@ fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
                     filler.fill(&mut samples);
                     samples
                 });
-                let peak = before
-                    .iter()
-                    .fold(0.0f32, |peak, sample| peak.max(sample.abs()));
+                let peak = before.iter().fold(0.0f32, |peak, sample| peak.max(sample.abs()));
                 let changed = |by: f32| {
                     let pairs = before.iter().zip(&after);
                     pairs
@@ -35,10 +33,7 @@ fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
                         .position(|difference| difference > by)
                 };
                 let first = changed(0.0).expect("it changes");
-                assert!(
-                    first <= rate_hz as usize / 500 + 1,
-                    "{rate_hz} {offset}: {first}"
-                );
+                assert!(first <= rate_hz as usize / 500 + 1, "{rate_hz} {offset}: {first}");
                 let felt = changed(0.1 * peak).expect("it changes");
                 assert!(
                     felt <= latency + rate_hz as usize / 500,
@@ -79,16 +74,10 @@ fn a_motion_that_is_not_told_again_is_held_for_50_ms_and_fades() {
         rubbed(&mover, &mut filler, 20, (100.0, 1.0));
         let mut samples = vec![0.0f32; rate_hz as usize / 5];
         filler.fill(&mut samples);
-        let last = samples
-            .iter()
-            .rposition(|sample| *sample != 0.0)
-            .expect("it is held");
+        let last = samples.iter().rposition(|sample| *sample != 0.0).expect("it is held");
         // The block of the last move, 24 more, and one that fades.
         let played_s = (last + 1) as f64 / f64::from(rate_hz) + 0.002;
-        assert!(
-            played_s > 0.05 && played_s < 0.0521,
-            "{rate_hz}: {played_s}"
-        );
+        assert!(played_s > 0.05 && played_s < 0.0521, "{rate_hz}: {played_s}");
         let again = rubbed(&mover, &mut filler, 20, (100.0, 1.0));
         assert!(again.iter().any(|sample| *sample != 0.0), "{rate_hz}");
     }

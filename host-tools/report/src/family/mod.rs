@@ -3,9 +3,7 @@
 
 use plotters::style::RGBColor;
 
-use super::plot::colours::{
-    BLUE, FADED, GREEN, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, hex, in_the_dark,
-};
+use super::plot::colours::{BLUE, FADED, GREEN, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, hex, in_the_dark};
 
 /// Colours of pages as CSS variables: name, colour on light ground, colour on dark ground.
 const PAGE: [(&str, &str, &str); 11] = [

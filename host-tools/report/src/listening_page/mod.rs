@@ -49,11 +49,7 @@ pub fn write(plan: &Plan, path: &Path) -> Result<usize> {
 }
 
 fn page(plan: &Plan) -> Result<String> {
-    let peak = plan
-        .sounds
-        .iter()
-        .flatten()
-        .fold(0.0f64, |a, x| a.max(x.abs()));
+    let peak = plan.sounds.iter().flatten().fold(0.0f64, |a, x| a.max(x.abs()));
     let encoded = plan.sounds.iter().map(|signal| {
         // `whole_sound` scales to 0.9 of the file's full scale.
         let wav = whole_sound(signal, peak * 0.9 / PEAK)?;
@@ -126,11 +122,7 @@ mod tests {
     use crate::html::assert_fetches_nothing;
 
     fn plan(surface: &str, simulated: bool) -> Plan {
-        let sound = |n: usize| {
-            (0..500)
-                .map(|i| (i as f64 * 0.01 * n as f64).sin())
-                .collect()
-        };
+        let sound = |n: usize| (0..500).map(|i| (i as f64 * 0.01 * n as f64).sin()).collect();
         Plan {
             task: Task::Abx {
                 trials: vec![Trial {

@@ -100,18 +100,12 @@ pub fn picture(
         root.present()?;
         Ok(panels)
     })();
-    let panels = outcome.map_err(|error| {
-        Error::Request(format!("the picture '{title}' cannot be drawn: {error}"))
-    })?;
+    let panels = outcome.map_err(|error| Error::Request(format!("the picture '{title}' cannot be drawn: {error}")))?;
     let mut series = panels.iter().flat_map(|panel| &panel.series);
     let is_map = series.any(|series| series.kind == Kind::Cells);
     // The rules for a map's shades are long, so other pictures go without them.
     let scale_style = is_map.then(dark_scale_style).unwrap_or_default();
-    let origin = if caption.simulated {
-        " (SIMULATED)"
-    } else {
-        ""
-    };
+    let origin = if caption.simulated { " (SIMULATED)" } else { "" };
     // plotters' drawing is nested in the picture's own element, because plotters gives its element neither a shown size
     // nor a name for readers who cannot see. Lettering that a page draws over the picture takes its font from here.
     let text = format!(
@@ -181,20 +175,10 @@ pub enum Mark {
 
 impl Mark {
     /// Draws the mark for a cell that extends from one corner to the other.
-    pub fn draw(
-        self,
-        area: &Area<'_>,
-        (left, top): (i32, i32),
-        (right, bottom): (i32, i32),
-    ) -> Drawn {
+    pub fn draw(self, area: &Area<'_>, (left, top): (i32, i32), (right, bottom): (i32, i32)) -> Drawn {
         // In the small cells of a large grid the middle must stay free too.
         let size = at(8).min((right - left) / 2).min((bottom - top) / 2);
-        let corner = [
-            (left, top),
-            (left + size, top),
-            (left, top + size),
-            (left, top),
-        ];
+        let corner = [(left, top), (left + size, top), (left, top + size), (left, top)];
         match self {
             Self::Corner => area.draw(&Polygon::new(corner, ON_PALE.filled()))?,
             Self::HollowCorner => {
@@ -289,12 +273,7 @@ impl<'a> Axis<'a> {
 
     /// Creates an axis in octaves: a name at 0, which stands for 2^`lowest`, one at 1, which stands for twice that, and
     /// so on.
-    pub fn of_octaves(
-        quantity: Quantity,
-        range: Range<f64>,
-        lowest: f64,
-        names: &'a [&'a str],
-    ) -> Self {
+    pub fn of_octaves(quantity: Quantity, range: Range<f64>, lowest: f64, names: &'a [&'a str]) -> Self {
         Self {
             ticks: Ticks::Octaves { lowest, names },
             ..Self::new(quantity, range, 0)
@@ -412,12 +391,7 @@ pub struct Plot<'a> {
 
 impl Plot<'_> {
     /// Draws a curve with ascending x, thinned to what can be seen, and keeps all its points as data.
-    pub fn curve(
-        &mut self,
-        name: &str,
-        points: impl Iterator<Item = (f64, f64)>,
-        stroke: Stroke,
-    ) -> Drawn {
+    pub fn curve(&mut self, name: &str, points: impl Iterator<Item = (f64, f64)>, stroke: Stroke) -> Drawn {
         let points: Vec<(f64, f64)> = points.collect();
         let series = Series::new(name, Kind::Line, stroke.colour, &points);
         self.panel.series.push(series);
@@ -440,11 +414,7 @@ impl Plot<'_> {
 /// Draws the axes of a chart that fills `area`, and starts the data of the panel called `name`.
 pub fn axes<'a>(area: &Area<'a>, name: &str, x: &Axis<'_>, y: &Axis<'_>) -> Drawn<Plot<'a>> {
     let bottom = if x.is_blank { 10 } else { 44 };
-    let x_label = if x.is_blank {
-        String::new()
-    } else {
-        x.quantity.label()
-    };
+    let x_label = if x.is_blank { String::new() } else { x.quantity.label() };
     let mut chart = ChartBuilder::on(area)
         .margin_top(px(8))
         .margin_right(px(22))
@@ -514,10 +484,7 @@ pub fn colour_bar(
         let y = |step: i32| bottom - (bottom - top) * step / STEPS;
         let share = (f64::from(step) + 0.5) / f64::from(STEPS);
         // Each cell overlaps the one below, so that no gap shows between them.
-        let cell = [
-            (at(4), y(step + 1)),
-            (at(20), (y(step) + at(2)).min(bottom)),
-        ];
+        let cell = [(at(4), y(step + 1)), (at(20), (y(step) + at(2)).min(bottom))];
         area.draw(&Rectangle::new(cell, colour(share).filled()))?;
     }
     for (share, value) in values {
@@ -536,11 +503,7 @@ pub fn range_with_zero(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     for value in values.into_iter().filter(|value| value.is_finite()) {
         (low, high) = (low.min(value), high.max(value));
     }
-    if low < high {
-        low * ROOM..high * ROOM
-    } else {
-        0.0..1.0
-    }
+    if low < high { low * ROOM..high * ROOM } else { 0.0..1.0 }
 }
 
 /// Returns the range symmetric about zero that includes all finite `values`, with a small margin; -1 to 1 if none
@@ -595,11 +558,7 @@ mod tests {
         assert!(svg.as_str().starts_with(opening), "{}", svg.as_str());
         assert!(svg.as_str().trim_end().ends_with("</svg>"));
         for tag in ["<svg", "</svg>"] {
-            assert_eq!(
-                svg.as_str().matches(tag).count(),
-                2,
-                "plotters' and the picture's own"
-            );
+            assert_eq!(svg.as_str().matches(tag).count(), 2, "plotters' and the picture's own");
         }
     }
 }

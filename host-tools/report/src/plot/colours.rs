@@ -62,11 +62,7 @@ pub fn pale(RGBColor(r, g, b): RGBColor) -> RGBColor {
 fn dim(RGBColor(r, g, b): RGBColor) -> RGBColor {
     let RGBColor(ground_r, ground_g, ground_b) = DARK_GROUND;
     let darker = |c: u8, ground: u8| ground + c.saturating_sub(ground) / 3;
-    RGBColor(
-        darker(r, ground_r),
-        darker(g, ground_g),
-        darker(b, ground_b),
-    )
+    RGBColor(darker(r, ground_r), darker(g, ground_g), darker(b, ground_b))
 }
 
 /// Number of colours of a map's scale.
@@ -75,11 +71,7 @@ pub const SHADES: usize = 49;
 /// Returns a colour of a map's scale, from pale at zero to dark at the largest value. Passing through the palette's
 /// blue makes the scale perceptually even.
 pub fn shade(step: usize) -> RGBColor {
-    const STOPS: [RGBColor; 3] = [
-        RGBColor(247, 247, 247),
-        RGBColor(91, 163, 207),
-        RGBColor(8, 48, 107),
-    ];
+    const STOPS: [RGBColor; 3] = [RGBColor(247, 247, 247), RGBColor(91, 163, 207), RGBColor(8, 48, 107)];
     between(&STOPS, step as f64 / (SHADES - 1) as f64)
 }
 
@@ -169,10 +161,7 @@ mod tests {
         let white = WHITE;
         for series in SERIES.into_iter().chain([FADED]) {
             assert!(contrast(series, white) >= 3.0, "{series:?}");
-            assert!(
-                contrast(in_the_dark(series), DARK_GROUND) >= 3.0,
-                "{series:?}"
-            );
+            assert!(contrast(in_the_dark(series), DARK_GROUND) >= 3.0, "{series:?}");
         }
         for ground in SERIES.map(pale).into_iter().chain([white, PALE]) {
             assert!(contrast(INK, ground) >= 4.5, "{ground:?}");
@@ -191,10 +180,7 @@ mod tests {
     fn a_scale_begins_near_the_ground_in_light_and_in_dark() {
         for (ground, step) in [(WHITE, 0), (DARK_GROUND, SHADES - 1)] {
             assert!(contrast(shade(step), ground) < 1.7, "{ground:?}");
-            assert!(
-                contrast(shade(SHADES - 1 - step), ground) > 10.0,
-                "{ground:?}"
-            );
+            assert!(contrast(shade(SHADES - 1 - step), ground) > 10.0, "{ground:?}");
         }
         for step in 0..SHADES {
             let (light, dark) = (hex(shade(step)), hex(shade(SHADES - 1 - step)));

@@ -6,8 +6,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, chart, line,
-    range_with_zero, text, text_width,
+    Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, chart, line, range_with_zero, text,
+    text_width,
 };
 use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
@@ -55,12 +55,7 @@ pub fn front_chart(
         own.next().map_or(INK, |(_, colour)| colour)
     };
     let [series, fronts] = [series, fronts].map(|all| drawable(all, in_octaves));
-    let all = || {
-        series
-            .iter()
-            .chain(&fronts)
-            .flat_map(|series| &series.points)
-    };
+    let all = || series.iter().chain(&fronts).flat_map(|series| &series.points);
     let octave = |x: f64| if in_octaves { x.log2() } else { x };
     let places = || all().map(|point| octave(point.x));
     let lowest = places().reduce(f64::min).unwrap_or(0.0);
@@ -104,9 +99,7 @@ pub fn front_chart(
 
 /// Returns the series of `all` that have drawable points, with only these points.
 fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
-    let is_drawn = |point: &&FrontPoint| {
-        point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0)
-    };
+    let is_drawn = |point: &&FrontPoint| point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0);
     let kept = all.iter().map(|series| FrontSeries {
         points: series.points.iter().filter(is_drawn).cloned().collect(),
         ..series.clone()
@@ -192,18 +185,15 @@ pub fn spectra(
     // With the same number of bins, amplitudes can be compared bin by bin, as for C.
     let len = recorded.len().min(synthesised.len());
     let end_hz = HIGHEST_HZ.min(rate_hz / 2.0);
-    let curves = [
-        (recorded, BLUE, "recorded"),
-        (synthesised, VERMILION, "synthesised"),
-    ]
-    .map(|(signal, colour, name)| {
-        let scale = (2.0 / (len.max(1) as f64 * rate_hz)).sqrt();
-        let amplitude = smoothed_amplitude(&signal[..len], rate_hz, smoothing_width_hz);
-        let bins = amplitude.into_iter().enumerate();
-        let points = bins.map(|(bin, x)| (bin as f64 * rate_hz / len as f64, scale * x));
-        let points: Vec<(f64, f64)> = points.take_while(|point| point.0 <= end_hz).collect();
-        (points, colour, name)
-    });
+    let curves =
+        [(recorded, BLUE, "recorded"), (synthesised, VERMILION, "synthesised")].map(|(signal, colour, name)| {
+            let scale = (2.0 / (len.max(1) as f64 * rate_hz)).sqrt();
+            let amplitude = smoothed_amplitude(&signal[..len], rate_hz, smoothing_width_hz);
+            let bins = amplitude.into_iter().enumerate();
+            let points = bins.map(|(bin, x)| (bin as f64 * rate_hz / len as f64, scale * x));
+            let points: Vec<(f64, f64)> = points.take_while(|point| point.0 <= end_hz).collect();
+            (points, colour, name)
+        });
     let values = curves.iter().flat_map(|(points, ..)| points);
     let x = Axis::new(FREQUENCY, 0.0..end_hz, 11);
     let y = Axis::new(
@@ -239,11 +229,7 @@ pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 64.0;
 /// The axes cannot be laid out, because the peak is not positive and finite.
 pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
     let x = Axis::new(TIME_MS, -100.0..0.0, 6);
-    empty(
-        caption,
-        &x,
-        &Axis::new(ACCELERATION, -peak_m_s2..peak_m_s2, 7),
-    )
+    empty(caption, &x, &Axis::new(ACCELERATION, -peak_m_s2..peak_m_s2, 7))
 }
 
 /// Draws empty axes for the power density from 20 Hz to 1 kHz, over octaves, between two levels in dB re 1 (m/s²)²/Hz.

@@ -233,12 +233,7 @@ impl Series {
     }
 
     /// Creates the cells of a map. The values are column by column.
-    pub fn cells(
-        quantity: Quantity,
-        (columns, rows): (usize, usize),
-        values: Vec<f64>,
-        notes: Vec<String>,
-    ) -> Self {
+    pub fn cells(quantity: Quantity, (columns, rows): (usize, usize), values: Vec<f64>, notes: Vec<String>) -> Self {
         let places = (0..columns * rows).map(|n| ((n / rows) as f64, (n % rows) as f64));
         let (x, y) = places.unzip();
         Self {
@@ -281,11 +276,7 @@ impl Series {
                 values: short(&third.values),
                 ..third.clone()
             }),
-            notes: if has_notes {
-                self.notes.clone()
-            } else {
-                Vec::new()
-            },
+            notes: if has_notes { self.notes.clone() } else { Vec::new() },
             ..self.clone()
         }
     }
@@ -311,10 +302,7 @@ pub fn overlay(panels: &[Panel]) -> String {
             );
         }
         // Unfilled elements receive no pointer events unless this attribute says so.
-        let _ = writeln!(
-            svg,
-            "<rect {place} fill=\"none\" pointer-events=\"all\"/>\n</g>"
-        );
+        let _ = writeln!(svg, "<rect {place} fill=\"none\" pointer-events=\"all\"/>\n</g>");
     }
     svg
 }
@@ -336,9 +324,7 @@ fn short(value: f64) -> f64 {
 /// groups, and the lowest and the highest of each group are kept. Points that are not finite are left out.
 pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     const MAX_POINTS: usize = 1500;
-    let points: Vec<(f64, f64)> = points
-        .filter(|(x, y)| x.is_finite() && y.is_finite())
-        .collect();
+    let points: Vec<(f64, f64)> = points.filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
     if points.len() <= MAX_POINTS {
         return points;
     }

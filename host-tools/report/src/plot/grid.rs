@@ -5,8 +5,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Area, BAR, Drawn, INK, Mark, ON_PALE, PALE, Swatch, TEXT, at, centred, colour_bar,
-    draw_upwards, grid_value, legend, picture, text_width,
+    Area, BAR, Drawn, INK, Mark, ON_PALE, PALE, Swatch, TEXT, at, centred, colour_bar, draw_upwards, grid_value,
+    legend, picture, text_width,
 };
 use super::colours::{SHADES, shade};
 use super::curves::NARROW;
@@ -49,11 +49,7 @@ const DECIMALS: usize = 1;
 
 /// Flags with their marks and meanings.
 const MARKS: [(NodeFlags, Mark, &str); 3] = [
-    (
-        NodeFlags::INTERPOLATED,
-        Mark::Corner,
-        "interpolated, not recorded",
-    ),
+    (NodeFlags::INTERPOLATED, Mark::Corner, "interpolated, not recorded"),
     (
         NodeFlags::EXTRAPOLATED,
         Mark::HollowCorner,
@@ -80,9 +76,7 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
     let marks = MARKS.into_iter();
     let marks = marks.filter(|(flag, ..)| map.cells.iter().any(|cell| cell.flags.contains(*flag)));
     let marks: Vec<_> = marks.collect();
-    let entries = marks
-        .iter()
-        .map(|&(_, mark, name)| (Swatch::Mark(mark), name));
+    let entries = marks.iter().map(|&(_, mark, name)| (Swatch::Mark(mark), name));
     let entries: Vec<_> = entries.collect();
     // Rows are high enough for a number, as far as the height fits a page.
     let height = (130 + 30 * rows as u32).clamp(280, 640);
@@ -228,8 +222,7 @@ impl Layout {
 
     fn draw_axes(&self, area: &Area<'_>, map: &GridMap<'_>) -> Drawn {
         // Labels are some cells apart, so that no label touches the next.
-        let apart =
-            |needed: i32, cell: i32| (needed.max(1) as usize).div_ceil(cell.max(1) as usize);
+        let apart = |needed: i32, cell: i32| (needed.max(1) as usize).div_ceil(cell.max(1) as usize);
         let small = centred(TEXT, INK);
         let labels: Vec<String> = map.speeds_mm_s.iter().map(|v| grid_value(*v)).collect();
         let widest = labels.iter().map(|label| text_width(label, TEXT)).max();
@@ -347,11 +340,7 @@ mod tests {
         let of = |flags| {
             let marked = GridCell { flags, ..cell(2.0) };
             let svg = drawn(&[20.0, 40.0], &[0.2], &[cell(1.0), marked], scale).unwrap();
-            svg.as_str()
-                .split("<g class=\"axes\"")
-                .next()
-                .unwrap()
-                .to_owned()
+            svg.as_str().split("<g class=\"axes\"").next().unwrap().to_owned()
         };
         for (flag, _, name) in MARKS {
             assert!(!of(NodeFlags::NONE).contains(name));

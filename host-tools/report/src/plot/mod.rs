@@ -20,9 +20,7 @@ use std::path::Path;
 use crate::support::atomic_file;
 use crate::support::error::Result;
 
-pub(crate) use curves::{
-    FrontPoint, FrontSeries, front_chart, spectra, spectrum_axes, waveform_axes,
-};
+pub(crate) use curves::{FrontPoint, FrontSeries, front_chart, spectra, spectrum_axes, waveform_axes};
 pub use figure::Panel;
 pub(crate) use figure::{COST, Quantity};
 pub(crate) use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};

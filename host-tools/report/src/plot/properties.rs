@@ -23,11 +23,7 @@ const ODD: [f64; 6] = [0.0, f64::NAN, f64::INFINITY, 1e300, -1e300, 3.0];
 
 fn map(speeds: usize, forces: usize, value: impl Fn(usize) -> Option<f64>) -> Svg {
     let axis = |count: usize, step: f64| (1..=count).map(move |n| step * n as f64);
-    let flags = [
-        NodeFlags::NONE,
-        NodeFlags::INTERPOLATED,
-        NodeFlags::DOUBTFUL,
-    ];
+    let flags = [NodeFlags::NONE, NodeFlags::INTERPOLATED, NodeFlags::DOUBTFUL];
     let cells: Vec<GridCell> = (0..speeds * forces)
         .map(|n| GridCell {
             value: value(n),
@@ -72,15 +68,9 @@ pub fn pictures() -> Vec<(&'static str, Svg)> {
     let (one, two) = (signal(0.0), signal(1.0));
     let signals = [("recording", &one[..]), ("synthesis: Gaussian", &two[..])];
     vec![
-        (
-            "map",
-            map(15, 7, |n| (n % 11 != 0).then_some(n as f64 + 0.01)),
-        ),
+        ("map", map(15, 7, |n| (n % 11 != 0).then_some(n as f64 + 0.01))),
         ("front", front(true, |n| 6.0 / f64::from(1 + n))),
-        (
-            "spectra",
-            spectra(&CAPTION, (&one, &two), 5000.0, 20.0).unwrap(),
-        ),
+        ("spectra", spectra(&CAPTION, (&one, &two), 5000.0, 20.0).unwrap()),
         ("waveforms", waveforms(&CAPTION, &signals, 5000.0).unwrap()),
         (
             "spectrograms",
@@ -98,10 +88,7 @@ fn odd_pictures() -> Vec<(&'static str, Svg)> {
     ];
     let zeros = vec![0.0; 5000];
     for signal in [&[][..], &[1.0], &zeros, &ODD] {
-        all.push((
-            "odd waves",
-            waveforms(&CAPTION, &[("one", signal)], 5000.0).unwrap(),
-        ));
+        all.push(("odd waves", waveforms(&CAPTION, &[("one", signal)], 5000.0).unwrap()));
         all.push((
             "odd spectra",
             spectra(&CAPTION, (signal, signal), 5000.0, 20.0).unwrap(),
@@ -153,11 +140,7 @@ fn texts(svg: &Svg) -> Vec<Text> {
             right: x + width / 2,
             bottom: y + height / 2,
         };
-        Text {
-            words,
-            frame,
-            runs_up,
-        }
+        Text { words, frame, runs_up }
     };
     let all = elements.map(text);
     all.filter(|text| !text.words.is_empty()).collect()
@@ -176,10 +159,7 @@ fn no_text_stands_on_curves_or_levels_and_levels_fill_their_axes() {
             for text in texts(&svg) {
                 assert!(!meet(text.frame, panel.frame), "{name}: '{}'", text.words);
             }
-            if let Some(figure::Bitmap {
-                x: [first, step], ..
-            }) = panel.bitmap
-            {
+            if let Some(figure::Bitmap { x: [first, step], .. }) = panel.bitmap {
                 assert!((first - 0.5 * step - panel.x.from).abs() < 1e-9, "{name}");
             }
         }
@@ -208,10 +188,7 @@ fn every_axis_and_every_bar_has_a_quantity_with_its_unit() {
             let thirds = panel.series.iter().filter_map(|series| series.z.as_ref());
             let axes = [panel.x.quantity, panel.y.quantity];
             for own in axes.into_iter().chain(thirds.map(|third| third.quantity)) {
-                assert!(
-                    !own.name.is_empty() && !own.unit.is_empty(),
-                    "{name}: {own:?}"
-                );
+                assert!(!own.name.is_empty() && !own.unit.is_empty(), "{name}: {own:?}");
                 let written = |wanted: &str| texts(&svg).iter().any(|text| text.words == wanted);
                 let is_in_two = written(&format!("{},", own.name)) && written(own.unit);
                 assert!(written(&own.label()) || is_in_two, "{name}: {own:?}");
@@ -259,12 +236,10 @@ fn every_axis_of_values_has_three_numbers_at_least() {
             // Of panels one below the other, only the lowest has numbers.
             let column = panels.iter().filter(|other| other.frame.left == left);
             let lowest = column.map(|other| other.frame.bottom).max().unwrap();
-            let along = places
+            let along = places.iter().filter(|(x, y)| (left..=right).contains(x) && *y > lowest);
+            let beside = places
                 .iter()
-                .filter(|(x, y)| (left..=right).contains(x) && *y > lowest);
-            let beside = places.iter().filter(|(x, y)| {
-                (left - canvas::at(canvas::LEFT)..left).contains(x) && (top..=bottom).contains(y)
-            });
+                .filter(|(x, y)| (left - canvas::at(canvas::LEFT)..left).contains(x) && (top..=bottom).contains(y));
             let counts = [along.count(), beside.count()];
             assert!(counts.iter().all(|count| *count >= 3), "{name}: {counts:?}");
         }
@@ -308,10 +283,7 @@ fn pictures_of_anything_stay_small_and_within_their_frames_and_say_where_they_ar
         let height = height.split('"').next().unwrap();
         let within = |value: &str, most: &str| {
             let value: i64 = value.parse().unwrap_or_else(|_| panic!("{name}: {value}"));
-            assert!(
-                (0..=most.parse().unwrap()).contains(&value),
-                "{name}: {value}"
-            );
+            assert!((0..=most.parse().unwrap()).contains(&value), "{name}: {value}");
         };
         for element in content.split('<') {
             for attribute in element.split("=\"").collect::<Vec<_>>().windows(2) {

@@ -16,20 +16,10 @@ pub struct Curve<'a> {
 }
 
 /// Draws levels from 10 Hz to 1 kHz over octaves, with dashed lines at ± `within_db` over `band_hz`.
-pub fn responses(
-    caption: &Caption<'_>,
-    curves: &[Curve<'_>],
-    band_hz: [f64; 2],
-    within_db: f64,
-) -> Result<Svg> {
+pub fn responses(caption: &Caption<'_>, curves: &[Curve<'_>], band_hz: [f64; 2], within_db: f64) -> Result<Svg> {
     let lowest = FIRST_OCTAVE_HZ.log2();
     let octave = |hz: f64| hz.log2() - lowest;
-    let levels = || {
-        curves
-            .iter()
-            .flat_map(|curve| curve.points)
-            .map(|point| point.1)
-    };
+    let levels = || curves.iter().flat_map(|curve| curve.points).map(|point| point.1);
     // The range is at least twice the band, so that the band's lines are not the picture's edges.
     let low = levels().fold(-2.0 * within_db, f64::min).floor() - 1.0;
     let high = levels().fold(2.0 * within_db, f64::max).ceil() + 1.0;
@@ -63,16 +53,8 @@ mod tests {
     #[test]
     fn every_curve_is_drawn_however_many_there_are() {
         let points = [(20.0, 1.0), (400.0, -1.0)];
-        let names: Vec<String> = (0..2 * SERIES.len())
-            .map(|n| format!("curve {n}"))
-            .collect();
-        let curves: Vec<Curve<'_>> = names
-            .iter()
-            .map(|name| Curve {
-                name,
-                points: &points,
-            })
-            .collect();
+        let names: Vec<String> = (0..2 * SERIES.len()).map(|n| format!("curve {n}")).collect();
+        let curves: Vec<Curve<'_>> = names.iter().map(|name| Curve { name, points: &points }).collect();
         let caption = Caption::new("Responses", false);
         let picture = responses(&caption, &curves, [20.0, 400.0], 2.0).unwrap();
         let series = &picture.panels()[0].series;

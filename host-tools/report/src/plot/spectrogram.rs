@@ -169,9 +169,7 @@ fn palette() -> impl Iterator<Item = RGBColor> {
 /// (m/s²)²/Hz.
 fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>> {
     let Windows {
-        len: window,
-        rate_hz,
-        ..
+        len: window, rate_hz, ..
     } = windows;
     let weights: Vec<f64> = (0..window)
         .map(|n| 0.5 - 0.5 * (TAU * (n as f64 + 0.5) / window as f64).cos())
@@ -200,8 +198,7 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
 
 /// Draws the bar that shows which level each colour of a spectrogram stands for.
 fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
-    let values =
-        [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));
+    let values = [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));
     colour_bar(area, ends, colour, &values, POWER_DENSITY)
 }
 
@@ -279,11 +276,7 @@ mod tests {
         let swell = |n: usize| 1.0 + (TAU * 4.0 * n as f64 / 5000.0).sin();
         let swelling = noise.iter().enumerate().map(|(n, x)| swell(n) * x);
         let swelling: Vec<f64> = swelling.collect();
-        assert!(
-            [&noise, &swelling]
-                .iter()
-                .all(|signal| window_s(signal) == LONG_S)
-        );
+        assert!([&noise, &swelling].iter().all(|signal| window_s(signal) == LONG_S));
         let gain = |n: usize| if n % 500 < 10 { 1.0 } else { 0.01 };
         let clicks: Vec<f64> = noise.iter().enumerate().map(|(n, x)| gain(n) * x).collect();
         let windows = Windows::of(clicks.len(), 5000.0, window_s(&clicks));

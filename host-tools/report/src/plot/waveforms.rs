@@ -1,8 +1,7 @@
 //! Waveforms of several signals, one below the other, with their envelopes.
 
 use super::canvas::{
-    Axis, HEADING, INK, LEFT, SERIES, Stroke, Swatch, TEXT, at, axes, legend, picture,
-    range_around_zero, text,
+    Axis, HEADING, INK, LEFT, SERIES, Stroke, Swatch, TEXT, at, axes, legend, picture, range_around_zero, text,
 };
 use super::figure::{ACCELERATION, TIME_MS, TIME_S};
 use super::{Caption, Svg};

@@ -118,9 +118,9 @@ impl Thinning {
             .textures()
             .map(|texture| (texture.speed_axis().len(), texture.force_axis().len()))
             .collect();
-        let counts = grids.iter().fold((1, 1), |most, grid| {
-            (most.0.max(grid.0), most.1.max(grid.1))
-        });
+        let counts = grids
+            .iter()
+            .fold((1, 1), |most, grid| (most.0.max(grid.0), most.1.max(grid.1)));
         let heard = |texture: model_format::Texture<'_>| {
             let nodes = texture.nodes().filter(|node| is_recorded(node.flags));
             nodes.count()
@@ -174,9 +174,7 @@ impl Thinning {
     pub fn in_words(&self, clips: usize) -> String {
         let of_axis = [(self.every.0, "speed"), (self.every.1, "force")];
         let thinned = of_axis.iter().filter(|(every, _)| *every > 1);
-        let thinned: Vec<String> = thinned
-            .map(|(every, axis)| format!("one {axis} in {every}"))
-            .collect();
+        let thinned: Vec<String> = thinned.map(|(every, axis)| format!("one {axis} in {every}")).collect();
         let places = if thinned.is_empty() {
             "every recorded node has one".to_owned()
         } else {

@@ -120,14 +120,9 @@ impl NodesData {
         let levels = texture
             .nodes()
             .map(|node| significant(f64::from(node.output_power).sqrt()));
-        let costs: Vec<Option<f64>> = (recorded.iter())
-            .map(|node| node.cost.map(significant))
-            .collect();
+        let costs: Vec<Option<f64>> = (recorded.iter()).map(|node| node.cost.map(significant)).collect();
         Self {
-            orders: texture
-                .nodes()
-                .map(|node| node.coefficients.order())
-                .collect(),
+            orders: texture.nodes().map(|node| node.coefficients.order()).collect(),
             rms_m_s2: levels.collect(),
             flags: texture.nodes().map(|node| node.flags.bits()).collect(),
             costs: costs.iter().any(Option::is_some).then_some(costs),
@@ -139,9 +134,7 @@ impl Data {
     /// Collects the data of `inputs`, and calls `progress` after each texture.
     pub fn of(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<Self> {
         let library = inputs.library;
-        let thinning = inputs
-            .recordings
-            .map(|recordings| Thinning::of(library, &recordings));
+        let thinning = inputs.recordings.map(|recordings| Thinning::of(library, &recordings));
         let mut textures = Vec::new();
         let mut clips = Vec::new();
         for (index, texture) in library.textures().enumerate() {
@@ -225,9 +218,7 @@ impl TextureData {
             .map(|&(speed, force)| model_spectrum(&texture.node(speed, force), rate_hz))
             .collect();
         let recorded = places.par_iter().map(|&place| match found {
-            Some((recordings, thinning)) => {
-                recorded_at(index, texture, place, &recordings, thinning)
-            }
+            Some((recordings, thinning)) => recorded_at(index, texture, place, &recordings, thinning),
             None => Ok(Recorded::default()),
         });
         let recorded = recorded.collect::<Result<Vec<_>>>()?;
@@ -239,14 +230,10 @@ impl TextureData {
         let top_db = (STEPS_PER_DB * highest_db).ceil() / STEPS_PER_DB;
         let recorded_base64 = any_recorded.then(|| {
             let silence = Spectrum::silence();
-            let of_node =
-                |node: &Recorded| node.spectrum.as_ref().unwrap_or(&silence).codes(top_db);
+            let of_node = |node: &Recorded| node.spectrum.as_ref().unwrap_or(&silence).codes(top_db);
             STANDARD.encode(recorded.iter().flat_map(of_node).collect::<Vec<u8>>())
         });
-        let model_codes: Vec<u8> = models
-            .iter()
-            .flat_map(|model| model.codes(top_db))
-            .collect();
+        let model_codes: Vec<u8> = models.iter().flat_map(|model| model.codes(top_db)).collect();
         let nodes = NodesData::of(texture, &recorded);
         clips.extend(recorded.into_iter().filter_map(|node| node.clip));
         let powers = texture.nodes().map(|node| f64::from(node.output_power));
@@ -320,10 +307,9 @@ fn part_bytes(texture: &Texture<'_>) -> usize {
 fn scene_data(scene: &Scene) -> Value {
     let constant = match scene.motion {
         MotionOfScene::Followed => Value::Null,
-        MotionOfScene::Constant {
-            speed_mm_s,
-            force_n,
-        } => json!({ "speed_mm_s": as_written(speed_mm_s), "force_n": as_written(force_n) }),
+        MotionOfScene::Constant { speed_mm_s, force_n } => {
+            json!({ "speed_mm_s": as_written(speed_mm_s), "force_n": as_written(force_n) })
+        }
     };
     let surfaces = scene.surfaces.iter().map(|surface| {
         let tap_hz = surface.tap.map(|tap| as_written(tap.frequency_hz));

@@ -128,12 +128,7 @@ fn spectra_have_the_level_of_what_is_played() {
     for (code, level) in model.codes(top_db).iter().zip(model.levels_db().flatten()) {
         assert!((top_db - f64::from(*code) / 2.0 - level).abs() <= 0.2501);
     }
-    assert!(
-        Spectrum::silence()
-            .codes(0.0)
-            .iter()
-            .all(|&code| code == 255)
-    );
+    assert!(Spectrum::silence().codes(0.0).iter().all(|&code| code == 255));
     let density = PowerSpectrum::welch(&signal, 5000.0);
     let edge = (0.5f64 / 12.0).exp2();
     let centres: Vec<f64> = band_centres_hz().collect();
@@ -166,11 +161,6 @@ fn a_page_without_recordings_maps_levels_and_says_that_there_are_none() {
     assert_eq!(of_texture["nodes"]["rms_m_s2"][1], 3.0);
     assert_eq!(written.clips, 0);
     assert_eq!(data["clips"].as_array().unwrap().len(), 0);
-    assert!(
-        data["clip_note"]
-            .as_str()
-            .unwrap()
-            .contains("No recordings")
-    );
+    assert!(data["clip_note"].as_str().unwrap().contains("No recordings"));
     assert!(text.contains("id=\"map-level\""));
 }

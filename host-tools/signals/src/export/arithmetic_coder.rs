@@ -42,11 +42,7 @@ impl Coder {
         let range = self.high - self.low;
         // Both symbols keep a part of the range, otherwise an improbable one could not be written.
         let split = self.low + (range * share / TOP).clamp(1, range - 1);
-        (self.low, self.high) = if symbol {
-            (split, self.high)
-        } else {
-            (self.low, split)
-        };
+        (self.low, self.high) = if symbol { (split, self.high) } else { (self.low, split) };
         *zeros += u32::from(!symbol);
         *all += 1;
         self.widen();

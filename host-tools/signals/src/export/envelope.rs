@@ -76,11 +76,11 @@ impl Envelope {
 
     /// Returns the `.haptic` file, version 1.0.0.
     pub fn haptic(&self, full_scale_m_s2: f64, description: &str) -> Value {
-        let amplitude = self.0.iter().map(|point| {
-            json!({"time": point.time_s, "amplitude": point.amplitude_m_s2 / full_scale_m_s2})
-        });
-        let frequency =
-            (self.0.iter()).map(|point| json!({"time": point.time_s, "frequency": point.place()}));
+        let amplitude = self
+            .0
+            .iter()
+            .map(|point| json!({"time": point.time_s, "amplitude": point.amplitude_m_s2 / full_scale_m_s2}));
+        let frequency = (self.0.iter()).map(|point| json!({"time": point.time_s, "frequency": point.place()}));
         json!({
             "version": {"major": 1, "minor": 0, "patch": 0},
             "metadata": {"editor": "stylus", "description": description},
@@ -121,8 +121,7 @@ impl Envelope {
         begins.map(move |first| {
             let points = &self.0[first..self.0.len().min(first + SEGMENTS + 1)];
             let begin_s = points[0].time_s;
-            let control =
-                |point: &Point| json!({"Time": point.time_s - begin_s, "ParameterValue": value(point)});
+            let control = |point: &Point| json!({"Time": point.time_s - begin_s, "ParameterValue": value(point)});
             json!({"ParameterCurve": {
                 "ParameterID": name, "Time": begin_s,
                 "ParameterCurveControlPoints": points.iter().map(control).collect::<Vec<_>>(),

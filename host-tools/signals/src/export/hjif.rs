@@ -95,8 +95,7 @@ mod tests {
     fn no_block_within_one_has_a_coefficient_above_the_largest_scale() {
         let mut most = [0.0; BLOCK];
         for place in 0..BLOCK {
-            let mut impulse =
-                std::array::from_fn::<_, BLOCK, _>(|n| f64::from(u8::from(n == place)));
+            let mut impulse = std::array::from_fn::<_, BLOCK, _>(|n| f64::from(u8::from(n == place)));
             wavelet::transform(&mut impulse);
             most = std::array::from_fn(|n| most[n] + impulse[n].abs());
         }

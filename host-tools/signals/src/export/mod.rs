@@ -81,9 +81,7 @@ impl Export {
         let mut warnings = Vec::from_iter(loss(&samples, rate_hz, &envelope, format));
         let count = rendered.saturations;
         if count > 0 {
-            warnings.push(format!(
-                "the synthesis was at full scale in {count} samples"
-            ));
+            warnings.push(format!("the synthesis was at full scale in {count} samples"));
         }
         // The conversion may raise peaks, so the largest sample is sought after it.
         if format == Format::Hjif {
@@ -131,12 +129,7 @@ impl Export {
 }
 
 /// Renders `seconds` of `texture` along `motion`, with a progress bar.
-fn rendered(
-    texture: Texture<'_>,
-    motion: &MotionPath,
-    seconds: f64,
-    seed: u64,
-) -> Result<Rendered> {
+fn rendered(texture: Texture<'_>, motion: &MotionPath, seconds: f64, seed: u64) -> Result<Rendered> {
     let rendering = Rendering::new(texture, motion, seconds, seed)?;
     let bar = progress::bar(rendering.len() as u64, "rendering");
     let rendered = rendering.rendered(|samples| bar.wrap_iter(samples).collect());
@@ -172,9 +165,7 @@ fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Op
         Format::Hjif if rate_hz > 2.0 * limit_hz => {
             let [lost, all] = [limit_hz, 0.0].map(|from| spectrum.power_between(from, rate_hz));
             let lost = decibels(lost, all);
-            Some(format!(
-                "hjif holds nothing above {limit_hz} Hz: {lost} of the power"
-            ))
+            Some(format!("hjif holds nothing above {limit_hz} Hz: {lost} of the power"))
         }
         Format::Hjif | Format::Wav => None,
     }

@@ -185,10 +185,7 @@ fn decibels(part: f64, whole: f64) -> f64 {
 fn a_decoder_of_mpeg_haptics_has_the_third_octaves_and_the_samples_that_the_stylus_plays() {
     for rate_hz in [5000, 10_000] {
         let (played, file, warned) = exported(rate_hz, &constant(80.0, 0.7), Format::Hjif);
-        assert_eq!(
-            warned.contains("nothing above 4000 Hz: -"),
-            rate_hz == 10_000
-        );
+        assert_eq!(warned.contains("nothing above 4000 Hz: -"), rate_hz == 10_000);
         let decoded: Vec<f64> = of_mpeg(&file).iter().map(|value| 40.0 * value).collect();
         let expected = band_powers(&played, f64::from(rate_hz));
         let found = band_powers(&decoded, 8000.0);

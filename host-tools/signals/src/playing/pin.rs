@@ -17,8 +17,7 @@ pub const RATE_HZ: u32 = PIN_RATE_HZ;
 /// Returns the default settings with `changes`, each of which is a setting's name and its value.
 pub fn settings<'a>(changes: impl IntoIterator<Item = (&'a str, f32)>) -> Result<Settings> {
     let change = |settings: Settings, (name, value)| {
-        let setting = Setting::named(name)
-            .ok_or_else(|| Error::Request(format!("there is no setting '{name}'")))?;
+        let setting = Setting::named(name).ok_or_else(|| Error::Request(format!("there is no setting '{name}'")))?;
         let changed = settings.with(SettingChange { setting, value });
         changed.map_err(|refused| Error::Request(refused.to_string()))
     };
@@ -124,11 +123,7 @@ pub struct PinSummary {
 
 /// Writes what a stylus with `settings` puts out for `rendering` as a WAV file: 32-bit floating point, in volts
 /// relative to mid-scale, [`RATE_HZ`] codes per second.
-pub fn render_pin_wav(
-    rendering: &mut Rendering<'_>,
-    settings: &Settings,
-    path: &Path,
-) -> Result<PinSummary> {
+pub fn render_pin_wav(rendering: &mut Rendering<'_>, settings: &Settings, path: &Path) -> Result<PinSummary> {
     render_codes(rendering, settings, path, |Volt(volt)| volt)
 }
 
@@ -162,11 +157,7 @@ fn render_codes(
     })?;
     let mut pin = Pin::new(rendering.by_ref(), rate, settings);
     // By reference, because the counters are read afterwards.
-    let codes = write_floats_wav(
-        path,
-        RATE_HZ,
-        pin.by_ref().map(|code| shown(above_mid_scale(code))),
-    )?;
+    let codes = write_floats_wav(path, RATE_HZ, pin.by_ref().map(|code| shown(above_mid_scale(code))))?;
     let limited = pin.limited();
     Ok(PinSummary {
         codes,
@@ -223,11 +214,7 @@ mod tests {
         let pairs = samples.as_chunks::<2>().0.iter();
         let expected = pairs.flat_map(|&pair| state.process_pair(&config, pair, false));
         assert!(expected.eq(codes.iter().copied()));
-        assert!(
-            codes
-                .iter()
-                .any(|code| above_mid_scale(*code).0.abs() > 0.02)
-        );
+        assert!(codes.iter().any(|code| above_mid_scale(*code).0.abs() > 0.02));
         assert_eq!(pin.limited(), Limited::default());
         let odd = Pin::new(samples[..3].iter().copied(), PlayRate::Hz10000, &settings);
         assert_eq!((odd.len(), odd.count()), (16, 16));
@@ -255,11 +242,7 @@ mod tests {
     fn a_texture_of_another_rate_is_refused() {
         let (library, motion) = (library(4000), constant(90.0, 0.8));
         let path = Path::new("never.wav");
-        let error = render_pin_wav(
-            &mut rendering(&library, &motion),
-            &Settings::default(),
-            path,
-        );
+        let error = render_pin_wav(&mut rendering(&library, &motion), &Settings::default(), path);
         assert!(matches!(error, Err(Error::Request(_))), "{error:?}");
         assert!(!path.exists());
     }

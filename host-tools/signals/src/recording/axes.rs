@@ -29,8 +29,7 @@ impl LeftOut {
     pub fn of(samples: &[(usize, &str)]) -> Self {
         let is_told = samples.iter().any(|(_, name)| is_acceleration(name));
         let is_axis = |name: &str| !is_told || is_acceleration(name) || has_unit(name);
-        let (axes, others): (Vec<_>, Vec<_>) =
-            samples.iter().copied().partition(|(_, name)| is_axis(name));
+        let (axes, others): (Vec<_>, Vec<_>) = samples.iter().copied().partition(|(_, name)| is_axis(name));
         let mut magnitudes = axes.iter().copied().filter(|(_, name)| is_magnitude(name));
         // With two magnitudes, it is open which three columns are the axes.
         let magnitude = match (magnitudes.next(), magnitudes.next()) {
@@ -45,11 +44,9 @@ impl LeftOut {
                 Some(format!("column '{name}' and {more} are"))
             }
         };
-        let other = others_are
-            .map(|are| format!("{are} left out, because accelerations are named beside them"));
-        let follows = magnitude.map(|(_, name)| {
-            format!("column '{name}' is left out, because it follows from the others")
-        });
+        let other = others_are.map(|are| format!("{are} left out, because accelerations are named beside them"));
+        let follows =
+            magnitude.map(|(_, name)| format!("column '{name}' is left out, because it follows from the others"));
         let mut columns: Vec<usize> = others.iter().chain(&magnitude).map(|own| own.0).collect();
         columns.sort_unstable();
         Self {
@@ -99,9 +96,7 @@ pub(super) fn is_acceleration(name: &str) -> bool {
 /// Returns true for an axis in lower case, with nothing else but a unit of acceleration, volts or converter steps.
 fn is_axis(lower: &str) -> bool {
     let is_sign = |c: char| !c.is_alphanumeric();
-    let after_a = lower
-        .strip_prefix('a')
-        .map(|rest| rest.trim_start_matches(is_sign));
+    let after_a = lower.strip_prefix('a').map(|rest| rest.trim_start_matches(is_sign));
     let Some(rest) = after_a.unwrap_or(lower).strip_prefix(['x', 'y', 'z']) else {
         return false;
     };
@@ -133,20 +128,14 @@ mod tests {
         for (names, others) in [
             (&["accel", "friction"][..], &[1][..]),
             (&["ax", "ay", "az", "gx", "gy", "gz"], &[3, 4, 5]),
-            (
-                &["temp", "Acc X [mg]", "Acc Y [mg]", "Acc Z [mg]", "accuracy"],
-                &[0, 4],
-            ),
+            (&["temp", "Acc X [mg]", "Acc Y [mg]", "Acc Z [mg]", "accuracy"], &[0, 4]),
             (&["x", "y", "z", "yaw", "x_mm", "x (N)"], &[3, 4, 5]),
             (&["gFx", "gFy", "gFz", "TgF"], &[3]),
             (&["X-Axis (g's)", "a_y", "adc"], &[2]),
             (&["accelX", "x_g", "vibration (g)", "load (kPa)"], &[3]),
             (&["acc_x", "acc_y", "acc_z", "acc_total", "gyro_x"], &[3, 4]),
             (
-                &[
-                    "field.linear_acceleration.x",
-                    "field.linear_acceleration_covariance0",
-                ],
+                &["field.linear_acceleration.x", "field.linear_acceleration_covariance0"],
                 &[1],
             ),
         ] {

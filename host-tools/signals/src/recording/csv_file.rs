@@ -68,9 +68,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
     let of_axes = |index: &usize| names.get(*index).cloned().unwrap_or_default();
     let stated: Vec<String> = axes.iter().map(of_axes).collect();
     let stated = unit::stated(&stated, &table.comments()?);
-    let channels = axes
-        .iter()
-        .map(|&index| std::mem::take(&mut columns.values[index]));
+    let channels = axes.iter().map(|&index| std::mem::take(&mut columns.values[index]));
     let channels = channels.collect();
     let source = if let (Some(time), Some(stamps)) = (time, stamps) {
         by_times(table, trial, cut, channels, time, &stamps)?
@@ -133,10 +131,7 @@ impl<'a> Columns<'a> {
                 }
             }
             // Only the line directly below the names can hold units.
-            if read.names.is_some()
-                && read.units.is_empty()
-                && read.values[0].is_empty()
-                && unit::is_row(row.fields())
+            if read.names.is_some() && read.units.is_empty() && read.values[0].is_empty() && unit::is_row(row.fields())
             {
                 read.units.extend(row.fields().map(str::to_owned));
                 continue;
@@ -149,11 +144,7 @@ impl<'a> Columns<'a> {
                         time.unit = Some(TimeUnit::S);
                         time_text::seconds(row.text(index)).ok_or(fault)?
                     }
-                    (Err(_), None)
-                        if read.left_out.contains(index) || is_no_value(row.text(index)) =>
-                    {
-                        f64::NAN
-                    }
+                    (Err(_), None) if read.left_out.contains(index) || is_no_value(row.text(index)) => f64::NAN,
                     (number, _) => number?,
                 });
             }
@@ -190,11 +181,7 @@ impl<'a> Columns<'a> {
     ///
     /// # Errors
     /// The first column counts rows, and its unit is not given; or there are more axes than a recording has.
-    fn find_times_without_a_name(
-        &mut self,
-        table: &CsvTable,
-        unit: Option<TimeUnit>,
-    ) -> Result<()> {
+    fn find_times_without_a_name(&mut self, table: &CsvTable, unit: Option<TimeUnit>) -> Result<()> {
         let width = self.values.len();
         if let [first, _, ..] = self.values.as_slice()
             && first.len() >= LEAST_TIMES
@@ -209,14 +196,9 @@ impl<'a> Columns<'a> {
                 return Err(Error::file(table.path(), problem));
             }
             let name = "column 1".to_owned();
-            self.times.push(TimeColumn {
-                index: 0,
-                name,
-                unit,
-            });
-            self.remarks.push(
-                "its first column, which has no name and rises, is taken for times".to_owned(),
-            );
+            self.times.push(TimeColumn { index: 0, name, unit });
+            self.remarks
+                .push("its first column, which has no name and rises, is taken for times".to_owned());
         }
         refuse_other_widths(table, width, self.times.len())
     }
@@ -237,8 +219,7 @@ impl<'a> Columns<'a> {
     /// Refuses a counter that does not count every row. Without times, only the counter shows that samples are missing.
     fn refuse_jumps(&self, table: &CsvTable) -> Result<()> {
         let names = self.names.iter().flat_map(Header::names).enumerate();
-        for (index, name) in names.filter(|(_, name)| COUNTER_NAMES.contains(&stem(name).as_str()))
-        {
+        for (index, name) in names.filter(|(_, name)| COUNTER_NAMES.contains(&stem(name).as_str())) {
             let jumps = |pair: &[f64]| (pair[1] - pair[0] - 1.0).abs() > 0.0;
             let Some(row) = self.values[index].windows(2).position(jumps) else {
                 continue;
@@ -250,11 +231,7 @@ impl<'a> Columns<'a> {
                 index + 1
             );
             // The header is a row, too.
-            return Err(Error::line(
-                table.path(),
-                table.line_of_row(row + 2),
-                problem,
-            ));
+            return Err(Error::line(table.path(), table.line_of_row(row + 2), problem));
         }
         Ok(())
     }
@@ -336,10 +313,7 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
     names.exact_column(TIME_COLUMN)?;
     // If accelerations are named, a counter or a single quantity of the motion is left out, like other columns.
     let are_named = names.names().any(axes::is_acceleration);
-    let motions = names
-        .names()
-        .filter(|name| MOTION_COLUMNS.contains(name))
-        .count();
+    let motions = names.names().filter(|name| MOTION_COLUMNS.contains(name)).count();
     let mut times = Vec::new();
     for (index, name) in names.names().enumerate() {
         if let Some(time) = TimeColumn::named(index, name) {
@@ -363,9 +337,7 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
                 index + 1
             )
         } else if lower == "scale_m_s2" || lower == "file" || lower == "texture" {
-            format!(
-                "has a column '{name}': is it a list of trials? Give it alone, and with speed_mm_s and force_n"
-            )
+            format!("has a column '{name}': is it a list of trials? Give it alone, and with speed_mm_s and force_n")
         } else {
             continue;
         };
@@ -384,15 +356,10 @@ fn stem(name: &str) -> String {
 /// Refuses a header that contains numbers, or whose first field begins like a number.
 fn refuse_numbers_in_header(header: &Row<'_, '_>, table: &CsvTable) -> Result<()> {
     let is_number = |field: &str| table.number(field).is_some();
-    let Some((index, bad)) = header
-        .fields()
-        .enumerate()
-        .find(|(_, field)| !is_number(field))
-    else {
+    let Some((index, bad)) = header.fields().enumerate().find(|(_, field)| !is_number(field)) else {
         return Ok(());
     };
-    if !header.fields().any(is_number) && !bad.starts_with(|c: char| c.is_ascii_digit() || c == '-')
-    {
+    if !header.fields().any(is_number) && !bad.starts_with(|c: char| c.is_ascii_digit() || c == '-') {
         return Ok(());
     }
     Err(header.error(format!(

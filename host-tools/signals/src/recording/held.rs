@@ -68,9 +68,7 @@ impl HeldSamples {
             // Without lengths, samples moved from one axis to the next would have the same hash.
             let length = (channel.len() as u64).to_le_bytes();
             let samples = channel.iter();
-            samples.fold(hash.then(&length), |hash, sample| {
-                hash.then(&sample.to_le_bytes())
-            })
+            samples.fold(hash.then(&length), |hash, sample| hash.then(&sample.to_le_bytes()))
         });
         all.value()
     }
@@ -113,9 +111,7 @@ mod tests {
             (5000.0, vec![axis.clone(), vec![0.0; 9]], "lengths"),
             (5000.0, vec![Vec::new()], "none"),
         ] {
-            let message = HeldSamples::new(rate_hz, channels, false)
-                .unwrap_err()
-                .to_string();
+            let message = HeldSamples::new(rate_hz, channels, false).unwrap_err().to_string();
             holds(&message, &[word]);
         }
     }
@@ -130,10 +126,7 @@ mod tests {
             (0.5, 9.0, 50..100),
             (2.0, 1.0, 100..100),
         ] {
-            let source = held.source(&Cut {
-                start_s,
-                duration_s,
-            });
+            let source = held.source(&Cut { start_s, duration_s });
             let found: Vec<usize> = source.channels[0].iter().map(|&x| x as usize).collect();
             assert_eq!(found, expected.collect::<Vec<_>>());
         }

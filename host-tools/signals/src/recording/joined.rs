@@ -12,13 +12,8 @@ const OFF: f64 = 0.2;
 /// leave fewer than half as many uneven steps when they are removed.
 ///
 /// A sample that equals the previous one and comes at its expected time is kept.
-pub(super) fn own_rows(
-    times: &[f64],
-    channels: &[Vec<f64>],
-    part: Range<usize>,
-) -> Option<Vec<usize>> {
-    let is_repeated =
-        |row: &usize| *row > part.start && channels.iter().all(|axis| axis[*row] == axis[*row - 1]);
+pub(super) fn own_rows(times: &[f64], channels: &[Vec<f64>], part: Range<usize>) -> Option<Vec<usize>> {
+    let is_repeated = |row: &usize| *row > part.start && channels.iter().all(|axis| axis[*row] == axis[*row - 1]);
     let changed: Vec<usize> = part.clone().filter(|row| !is_repeated(row)).collect();
     if changed.len() == part.len() || changed.len() < 2 {
         return None;
@@ -35,9 +30,7 @@ pub(super) fn own_rows(
         }
         // A repetition is a sample if it is due, and if the next sample does not follow too soon.
         let since = rows.last().map_or(0.0, |&last| times[row] - times[last]);
-        let until = changed
-            .get(next)
-            .map_or(f64::INFINITY, |&at| times[at] - times[row]);
+        let until = changed.get(next).map_or(f64::INFINITY, |&at| times[at] - times[row]);
         if (since / step - 1.0).abs() <= OFF && until >= (1.0 - OFF) * step {
             rows.push(row);
         }

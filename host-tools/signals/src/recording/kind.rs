@@ -37,9 +37,7 @@ pub(super) fn ending(path: &Path) -> String {
 
 /// Returns how to convert a file with this extension, which cannot be read, to one that can be read.
 pub(super) fn conversion(ending: &str) -> String {
-    let python = |lines: &str| {
-        format!("Python makes a .csv of it, for which --sample-rate gives the rate: `{lines}`")
-    };
+    let python = |lines: &str| format!("Python makes a .csv of it, for which --sample-rate gives the rate: `{lines}`");
     // The commands first print the names in the file. Rows of the array become samples; an array with few rows is
     // transposed, because its rows are axes.
     let array = |opened: &str, names: &str, array: &str| {
@@ -70,17 +68,13 @@ pub(super) fn conversion(ending: &str) -> String {
         "parquet" | "feather" => python(&format!(
             "import pandas; pandas.read_{ending}('FILE.{ending}').to_csv('FILE.csv', index=False)"
         )),
-        "bag" => {
-            "`rostopic echo -b FILE.bag -p /TOPIC > FILE.csv` makes a .csv of a topic".to_owned()
-        }
+        "bag" => "`rostopic echo -b FILE.bag -p /TOPIC > FILE.csv` makes a .csv of a topic".to_owned(),
         "db3" | "mcap" => "export the topic as .csv, as PlotJuggler does".to_owned(),
         "tdms" => python(
             "from nptdms import TdmsFile; TdmsFile.read('FILE.tdms').as_dataframe().to_csv('FILE.csv', index=False)",
         ),
         "xlsx" | "xls" | "ods" => {
-            let lines = format!(
-                "import pandas; pandas.read_excel('FILE.{ending}').to_csv('FILE.csv', index=False)"
-            );
+            let lines = format!("import pandas; pandas.read_excel('FILE.{ending}').to_csv('FILE.csv', index=False)");
             format!("save the sheet as .csv; or {}", python(&lines))
         }
         "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {

@@ -40,10 +40,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     };
     let (mut axes, mut times_s) = (source.channels, source.times_s);
     if axes.first().is_none_or(Vec::is_empty) {
-        let problem = format!(
-            "holds no samples after {} s: give an earlier start_s",
-            cut.start_s
-        );
+        let problem = format!("holds no samples after {} s: give an earlier start_s", cut.start_s);
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
@@ -139,14 +136,11 @@ fn named_alike(path: &Path) -> Option<String> {
     let wanted = path.file_name()?.to_string_lossy().to_lowercase();
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     let beside = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
-    let names =
-        beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
+    let names = beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
     names.into_iter().find(|name| {
         let name = name.to_lowercase();
-        let is_cut = Kind::of(Path::new(&name)).is_some()
-            && name
-                .rsplit_once('.')
-                .is_some_and(|(stem, _)| stem == wanted);
+        let is_cut =
+            Kind::of(Path::new(&name)).is_some() && name.rsplit_once('.').is_some_and(|(stem, _)| stem == wanted);
         name == wanted || is_cut
     })
 }
@@ -169,12 +163,7 @@ fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Resul
     Ok(())
 }
 
-fn at_model_rate(
-    path: &Path,
-    axes: &[Vec<f64>],
-    rate_hz: f64,
-    model_rate_hz: u32,
-) -> Result<Vec<Vec<f64>>> {
+fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64, model_rate_hz: u32) -> Result<Vec<Vec<f64>>> {
     let frames = axes.first().map_or(0, Vec::len);
     // Checked before the conversion takes memory.
     let converted = frames as f64 * f64::from(model_rate_hz) / rate_hz;
@@ -195,10 +184,7 @@ mod tests {
     fn axes() -> [Vec<f64>; 2] {
         [0.11, 0.023].map(|of: f64| {
             let sample = |n: u32| (of * f64::from(n)).sin().clamp(-0.9, 0.9);
-            (0..16_000)
-                .map(sample)
-                .map(|x| f64::from(x as f32))
-                .collect()
+            (0..16_000).map(sample).map(|x| f64::from(x as f32)).collect()
         })
     }
 
@@ -271,22 +257,16 @@ mod tests {
     fn a_unit_is_converted_where_it_is_named_and_told_where_it_is_not() {
         let told = |samples: &Samples| {
             let verdicts = triage::samples(samples, samples.slow_share());
-            verdicts.iter().any(|own| own.kind() == triage::Kind::Scale)
-                || samples.account.integers.is_some()
+            verdicts.iter().any(|own| own.kind() == triage::Kind::Scale) || samples.account.integers.is_some()
         };
         for (name, unit_m_s2, option) in UNITS {
             for (offsets_g, step_g, gain) in SENSORS {
                 for (gravity, count) in [(1.0, 3), (1.0, 1), (0.0, 3), (0.0, 1)] {
-                    let step = if option == "g/256" {
-                        1.0
-                    } else {
-                        step_g * G / unit_m_s2
-                    };
+                    let step = if option == "g/256" { 1.0 } else { step_g * G / unit_m_s2 };
                     let axis = |axis: usize| -> Vec<f64> {
                         let offset = (offsets_g[axis] + if axis == 0 { gravity } else { 0.0 }) * G;
                         let noise = triage::test_signals::bounded_noise(1 + axis as u64);
-                        let value =
-                            |x: f64| (gain * (x + offset) / unit_m_s2 / step).round() * step;
+                        let value = |x: f64| (gain * (x + offset) / unit_m_s2 / step).round() * step;
                         noise.into_iter().map(value).collect()
                     };
                     let axes: Vec<Vec<f64>> = (0..count).map(axis).collect();
@@ -320,23 +300,14 @@ mod tests {
         assert_eq!(read.axes[0][0], 0.5 * G);
         assert!(read.account.remarks.is_empty());
         test_helpers::holds(&read.account.doubts.concat(), &["mm/s²", "9.80665"]);
-        assert!(
-            of_table(header(), &axes, Some("0.001"))
-                .account
-                .doubts
-                .is_empty()
-        );
+        assert!(of_table(header(), &axes, Some("0.001")).account.doubts.is_empty());
         let volts = of_table(Some("a (V)".to_owned()), &axes, None);
         test_helpers::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
     }
 
     #[test]
     fn a_comment_names_the_unit_of_columns_without_names() {
-        let read = of_table(
-            Some("# unit: g".to_owned()),
-            &[vec![1.0, 2.0], vec![3.0, 4.0]],
-            None,
-        );
+        let read = of_table(Some("# unit: g".to_owned()), &[vec![1.0, 2.0], vec![3.0, 4.0]], None);
         assert_eq!(read.axes[1], [3.0 * G, 4.0 * G]);
     }
 
@@ -386,11 +357,7 @@ mod tests {
     #[test]
     fn units_in_a_line_below_the_names_count() {
         for units in ["mg\tmg", "(mg)\t[mg]"] {
-            let read = of_table(
-                Some(format!("x\ty\n{units}")),
-                &[vec![1.0, 2.0], vec![3.0, 4.0]],
-                None,
-            );
+            let read = of_table(Some(format!("x\ty\n{units}")), &[vec![1.0, 2.0], vec![3.0, 4.0]], None);
             assert_eq!(read.axes[1], [3e-3 * G, 4e-3 * G]);
         }
     }
@@ -406,10 +373,7 @@ mod tests {
         std::fs::write(&file, text).unwrap();
         let samples = read(&Trial::of(file, "felt", 100.0, 1.0)).unwrap();
         assert_eq!(samples.axes.len(), 1);
-        test_helpers::holds(
-            &samples.account.remarks.concat(),
-            &["temperature", "left out"],
-        );
+        test_helpers::holds(&samples.account.remarks.concat(), &["temperature", "left out"]);
     }
 
     #[test]

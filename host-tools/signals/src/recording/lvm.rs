@@ -53,9 +53,7 @@ pub(super) fn is_lvm(path: &Path) -> Result<bool> {
     let mut beginning = Vec::new();
     let read = (TABLE.open(path)?).take(64).read_to_end(&mut beginning);
     read.map_err(Error::io("read", path))?;
-    let text = beginning
-        .strip_prefix(b"\xef\xbb\xbf")
-        .unwrap_or(&beginning);
+    let text = beginning.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&beginning);
     Ok(text.starts_with(MAGIC.as_bytes()))
 }
 
@@ -189,16 +187,11 @@ impl<'a> Reader<'a> {
         }
         self.state = State::Labels;
         self.blocks += 1;
-        self.declared +=
-            (self.of_key("Samples").first()).map_or(0, |count| count.parse().unwrap_or(0));
-        let steps = self
-            .of_key("Delta_X")
-            .iter()
-            .filter_map(|field| number(field));
+        self.declared += (self.of_key("Samples").first()).map_or(0, |count| count.parse().unwrap_or(0));
+        let steps = self.of_key("Delta_X").iter().filter_map(|field| number(field));
         for step in steps.filter(|step| *step > 0.0).collect::<Vec<f64>>() {
             if (step / *self.step_s.get_or_insert(step) - 1.0).abs() > SAME_STEP {
-                let problem =
-                    "Delta_X has several values: write channels of one sample rate to a file";
+                let problem = "Delta_X has several values: write channels of one sample rate to a file";
                 return Err(Error::line(self.path, line, problem));
             }
         }
@@ -217,9 +210,7 @@ impl<'a> Reader<'a> {
                 format!("{count} channels: give 1 to {MAX_CHANNELS}, one per axis")
             }
             Some(before) if before != count => {
-                format!(
-                    "a block of {count} channels, where the first has {before}: divide the file"
-                )
+                format!("a block of {count} channels, where the first has {before}: divide the file")
             }
             // The first block has given the table its header.
             Some(_) => return Ok(None),
@@ -234,9 +225,7 @@ impl<'a> Reader<'a> {
                     format!("channel {} {name} [{unit}]", index + 1)
                 });
                 let time = (self.times != Times::No).then(|| "time_s".to_owned());
-                return Ok(Some(
-                    time.into_iter().chain(names).collect::<Vec<_>>().join(";"),
-                ));
+                return Ok(Some(time.into_iter().chain(names).collect::<Vec<_>>().join(";")));
             }
         };
         Err(Error::line(self.path, line, problem))
@@ -262,17 +251,14 @@ impl<'a> Reader<'a> {
         }
         let values = |indices: Vec<usize>| {
             let value = |index: usize| {
-                let problem =
-                    || format!("'{}' in column {} is not a number", field(index), index + 1);
+                let problem = || format!("'{}' in column {} is not a number", field(index), index + 1);
                 number(field(index)).ok_or_else(|| Error::line(self.path, line, problem()))
             };
             indices.into_iter().map(value).collect::<Result<Vec<f64>>>()
         };
         let (times, samples) = (values(times)?, values(samples)?);
         if let (Some(first), Some(step)) = (times.first(), self.step_s)
-            && times
-                .iter()
-                .any(|time| (time - first).abs() > SAME_TIME * step)
+            && times.iter().any(|time| (time - first).abs() > SAME_TIME * step)
         {
             let problem = "the channels' times differ: write them with one column of times";
             return Err(Error::line(self.path, line, problem));
@@ -306,9 +292,8 @@ impl<'a> Reader<'a> {
         }
         // Without times, nothing shows how much time passed between blocks.
         let is_joined = self.are_joined || (self.times == Times::No && self.blocks > 1);
-        let joined = is_joined.then(|| {
-            "its blocks are joined end to end, because the times of each begin anew".to_owned()
-        });
+        let joined =
+            is_joined.then(|| "its blocks are joined end to end, because the times of each begin anew".to_owned());
         let (declared, held) = (self.declared, self.held);
         Ok(LabView {
             table: CsvTable::of(self.path, self.table)?,
@@ -400,25 +385,14 @@ mod tests {
             let special = whole.clone() + "***Start_Special***\nSETTINGS\tx\n***End_Special***\n";
             let commas = whole.replace('\t', ",").replace("Tab", "Comma");
             let decimal_commas = whole.replace('.', ",");
-            for text in [
-                &whole,
-                &several(0.1),
-                &several(0.0),
-                &special,
-                &commas,
-                &decimal_commas,
-            ] {
+            for text in [&whole, &several(0.1), &several(0.0), &special, &commas, &decimal_commas] {
                 let (source, own) = read_text(text.as_bytes()).unwrap();
                 assert!((source.rate_hz - 1000.0).abs() < 1e-6, "{kind}");
                 for axis in 0..2 {
                     let expected: Vec<f64> = (0..300).map(|row| sample(row, axis)).collect();
                     assert_eq!(source.channels[axis], expected, "{kind}");
                 }
-                assert_eq!(
-                    source.stated.scales_m_s2,
-                    Some(vec![9.80665, 1.0]),
-                    "{kind}"
-                );
+                assert_eq!(source.stated.scales_m_s2, Some(vec![9.80665, 1.0]), "{kind}");
                 let is_joined = text == &several(0.0) || (kind == "No" && text == &several(0.1));
                 assert_eq!(!own.remarks.is_empty(), is_joined, "{kind}");
                 assert_eq!(own.truncation, None);
@@ -449,11 +423,7 @@ mod tests {
     fn what_is_wrong_is_named_with_its_line() {
         let head = format!("{HEAD}X_Columns\tOne\n{END}\t\n\n");
         let whole = head.clone() + &block("One", 0..20, 0.0);
-        let rows_begin = whole
-            .lines()
-            .position(|line| line.starts_with("X_Value"))
-            .unwrap()
-            + 2;
+        let rows_begin = whole.lines().position(|line| line.starts_with("X_Value")).unwrap() + 2;
         let broken = whole.replace("0.005000\t", "0.005000\t1x");
         let line = format!("line {}", rows_begin + 5);
         for (text, words) in [

@@ -76,8 +76,7 @@ impl FromStr for Pattern {
                 .ok_or_else(|| format!("'{{{after}' has no '}}'"))?;
             let field = field(inside)?;
             // `{speed}` and `{speed*10}` are the same placeholder.
-            let is_same =
-                |other: &Field| std::mem::discriminant(other) == std::mem::discriminant(&field);
+            let is_same = |other: &Field| std::mem::discriminant(other) == std::mem::discriminant(&field);
             if field != Field::Any && fields.iter().any(is_same) {
                 return Err(format!("{{{inside}}} stands twice"));
             }
@@ -94,11 +93,7 @@ impl FromStr for Pattern {
         expression.push('$');
         let regex = Regex::new(&expression).map_err(|fault| fault.to_string())?;
         let text = text.to_owned();
-        Ok(Self {
-            text,
-            regex,
-            fields,
-        })
+        Ok(Self { text, regex, fields })
     }
 }
 
@@ -245,14 +240,9 @@ mod tests {
                 named.take.unwrap_or_default(),
             ))
         };
-        let found = |texture: &str, speed, force, take: &str| {
-            Some((texture.to_owned(), speed, force, take.to_owned()))
-        };
+        let found = |texture: &str, speed, force, take: &str| Some((texture.to_owned(), speed, force, take.to_owned()));
         let usual = "{texture}_{speed}mms_{force}N_{take}.wav";
-        assert_eq!(
-            told(usual, "denim_50mms_0.35N_2.wav"),
-            found("denim", 50.0, 0.35, "2")
-        );
+        assert_eq!(told(usual, "denim_50mms_0.35N_2.wav"), found("denim", 50.0, 0.35, "2"));
         assert_eq!(
             told(usual, "wet_denim-2_50mms_1N_b.wav"),
             found("wet_denim-2", 50.0, 1.0, "b")
@@ -260,14 +250,8 @@ mod tests {
         assert_eq!(told(usual, "denim_50mm_1N_2.wav"), None);
         assert_eq!(told(usual, "denim_50mms_1N_2.wav.bak"), None);
         let cluster = "accel/{texture}/{*}_{speed}_{force*0.001}_{take}.csv";
-        assert_eq!(
-            told(cluster, "accel/17/17_N_40_500_1.csv"),
-            found("17", 40.0, 0.5, "1")
-        );
-        assert_eq!(
-            told("a (x) {speed*10}.wav", "a (x) 2.5.wav"),
-            found("", 25.0, -1.0, "")
-        );
+        assert_eq!(told(cluster, "accel/17/17_N_40_500_1.csv"), found("17", 40.0, 0.5, "1"));
+        assert_eq!(told("a (x) {speed*10}.wav", "a (x) 2.5.wav"), found("", 25.0, -1.0, ""));
         assert_eq!(
             told("{texture}_{speed}.wav", "deep/er_50.wav"),
             None,
@@ -309,14 +293,8 @@ mod tests {
 
     #[test]
     fn names_that_differ_by_one_number_are_found() {
-        assert_eq!(
-            one_number(&["a_50", "a_100", "a_5.5"]).as_deref(),
-            Some("a_{speed}")
-        );
-        assert_eq!(
-            one_number(&["v2 50 x", "v2 60 x"]).as_deref(),
-            Some("v2 {speed} x")
-        );
+        assert_eq!(one_number(&["a_50", "a_100", "a_5.5"]).as_deref(), Some("a_{speed}"));
+        assert_eq!(one_number(&["v2 50 x", "v2 60 x"]).as_deref(), Some("v2 {speed} x"));
         for names in [
             &["a_50"][..],
             &["a", "b"],

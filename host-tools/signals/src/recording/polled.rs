@@ -77,10 +77,7 @@ pub(super) fn polled(channels: &[Vec<f64>], rate_hz: f64) -> Option<Polled> {
 fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
     let power = mean_power(changes, rows, block);
     let share = changes.len() as f64 / rows as f64;
-    let (least, most) = (
-        share,
-        (share / LEAST_CHANGING).min(f64::midpoint(1.0, share)),
-    );
+    let (least, most) = (share, (share / LEAST_CHANGING).min(f64::midpoint(1.0, share)));
     let bin = 1.0 / block as f64;
     let at = |index: usize| power.get(index).copied().unwrap_or(0.0);
     let candidates = (1..power.len()).filter_map(|index| {
@@ -98,10 +95,7 @@ fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
     });
     let (strength, rate, index) = candidates.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let around = AROUND.flat_map(|off| [index.checked_sub(off), Some(index + off)]);
-    let around: Vec<f64> = around
-        .flatten()
-        .filter_map(|index| power.get(index).copied())
-        .collect();
+    let around: Vec<f64> = around.flatten().filter_map(|index| power.get(index).copied()).collect();
     let mean = around.iter().sum::<f64>() / around.len().max(1) as f64;
     let stands_out = at(index) + at(index + 1) >= OVER_AROUND * mean;
     (stands_out && (LINE.0..=LINE.1).contains(&strength)).then_some(rate)
@@ -167,11 +161,7 @@ fn numbered(changes: &[usize], interval: f64) -> (Vec<usize>, f64) {
         taken.extend(std::iter::repeat_n(last, steps as usize - 1));
         taken.push(row);
     }
-    let mean = if count > 0.0 {
-        (at - begin) / count
-    } else {
-        interval
-    };
+    let mean = if count > 0.0 { (at - begin) / count } else { interval };
     (taken, mean)
 }
 

@@ -39,11 +39,8 @@ pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
 /// Returns the fault, in words, if `frames` of `channels` exceed [`most_frames`].
 pub(super) fn length_fault(frames: f64, channels: usize) -> Option<String> {
     let most = most_frames(channels);
-    (frames > most as f64).then(|| {
-        format!(
-            "more than {most} samples per channel: give start_s and duration_s, or cut the file"
-        )
-    })
+    (frames > most as f64)
+        .then(|| format!("more than {most} samples per channel: give start_s and duration_s, or cut the file"))
 }
 
 #[cfg(test)]
@@ -56,16 +53,7 @@ mod tests {
         for rate_hz in [100.0, 1000.0, 2800.0, 44_100.0, 768_000.0] {
             assert_eq!(rate_fault(rate_hz, ""), None);
         }
-        for rate_hz in [
-            0.0,
-            1.0,
-            99.9,
-            -1.0,
-            768_001.0,
-            4e9,
-            f64::NAN,
-            f64::INFINITY,
-        ] {
+        for rate_hz in [0.0, 1.0, 99.9, -1.0, 768_001.0, 4e9, f64::NAN, f64::INFINITY] {
             let message = rate_fault(rate_hz, "mend it").unwrap();
             holds(&message, &["768000", "mend it"]);
         }

@@ -70,14 +70,10 @@ fn low_pass(block_in: usize, block_out: usize) -> Vec<f64> {
         .map(|n| {
             let angle = TAU * n as f64 / block_in as f64;
             // The coefficients of the 4-term window of 92 dB (Harris, Proc. IEEE 66, 1978, 51, table 1).
-            let window = 0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos()
-                - 0.01168 * (3.0 * angle).cos();
+            let window =
+                0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() - 0.01168 * (3.0 * angle).cos();
             let phase = TAU / 2.0 * cutoff * (n as f64 - (block_in / 2) as f64);
-            let sinc = if phase == 0.0 {
-                1.0
-            } else {
-                phase.sin() / phase
-            };
+            let sinc = if phase == 0.0 { 1.0 } else { phase.sin() / phase };
             window * window * sinc
         })
         .collect();
@@ -139,10 +135,7 @@ mod tests {
             let lifted: Vec<f64> = weak.iter().map(|x| x + 9.81).collect();
             let alone = resample(&[weak], from_hz, 5000).remove(0);
             let there = resample(&[lifted], from_hz, 5000).remove(0);
-            assert!(
-                (mean(&there) - mean(&alone) - 9.81).abs() < 1e-9,
-                "from {from_hz} Hz"
-            );
+            assert!((mean(&there) - mean(&alone) - 9.81).abs() < 1e-9, "from {from_hz} Hz");
             let error = there.iter().zip(&alone).map(|(a, b)| a - 9.81 - b);
             let error: Vec<f64> = error.collect();
             assert!(rms(&error) < 1e-9, "from {from_hz} Hz: {}", rms(&error));
@@ -150,11 +143,7 @@ mod tests {
             let expected: Vec<f64> = sine(200.0, 5000, 2.0).iter().map(|x| 0.06 * x).collect();
             let error = there.iter().zip(&expected).map(|(a, b)| a - 9.81 - b);
             let error: Vec<f64> = error.collect();
-            assert!(
-                rms(&error) < 0.06 * 0.1,
-                "from {from_hz} Hz: {}",
-                rms(&error)
-            );
+            assert!(rms(&error) < 0.06 * 0.1, "from {from_hz} Hz: {}", rms(&error));
         }
     }
 

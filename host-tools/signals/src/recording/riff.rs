@@ -107,10 +107,8 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
                 let end = file_bytes - left + u64::from(length);
                 // The length of the whole may include chunks after the samples and a padding byte.
                 let is_told = end..=file_bytes.max(end) + 1;
-                let is_unfinished = held.is_some()
-                    || (head.long_bytes.is_none()
-                        && declared <= left
-                        && !is_told.contains(&riff_end));
+                let is_unfinished =
+                    held.is_some() || (head.long_bytes.is_none() && declared <= left && !is_told.contains(&riff_end));
                 let chunk = [*b"data", length.to_le_bytes()].concat();
                 return Ok(head.wave(header, &chunk, file, is_unfinished));
             }
@@ -130,8 +128,7 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
         }
     }
     if is_wav {
-        let problem =
-            format!("has more than {MOST_CHUNKS} parts before its samples: convert it again");
+        let problem = format!("has more than {MOST_CHUNKS} parts before its samples: convert it again");
         return Err(Error::file(path, problem));
     }
     Ok(head.wave(header, &[], file, false))
@@ -154,12 +151,8 @@ fn held(file: &mut BufReader<File>, declared: u64, left: u64) -> std::io::Result
     skip(file, padded)?;
     let beginning = take(file, LEAST_REST)?;
     file.seek(SeekFrom::Start(begin))?;
-    let is_text = beginning
-        .iter()
-        .take(3)
-        .all(|byte| (0x20..0x7f).contains(byte));
-    let ends = head(beginning.get(..8).unwrap_or_default())
-        .is_some_and(|(_, length)| u64::from(length) <= rest);
+    let is_text = beginning.iter().take(3).all(|byte| (0x20..0x7f).contains(byte));
+    let ends = head(beginning.get(..8).unwrap_or_default()).is_some_and(|(_, length)| u64::from(length) <= rest);
     let is_other = if declared == 0 {
         is_text && ends
     } else {
@@ -177,13 +170,7 @@ impl Head {
     }
 
     /// Returns the file with these chunks, where `last` is the beginning of the last chunk.
-    fn wave(
-        self,
-        mut header: Vec<u8>,
-        last: &[u8],
-        file: BufReader<File>,
-        is_unfinished: bool,
-    ) -> Wave {
+    fn wave(self, mut header: Vec<u8>, last: &[u8], file: BufReader<File>, is_unfinished: bool) -> Wave {
         header.extend(self.chunks);
         header.extend(last);
         Wave {
@@ -194,13 +181,7 @@ impl Head {
     }
 
     /// Reads the content of a `chunk` before the samples, `padded` bytes, or skips it.
-    fn read(
-        &mut self,
-        path: &Path,
-        file: &mut BufReader<File>,
-        chunk: &[u8],
-        padded: u64,
-    ) -> Result<()> {
+    fn read(&mut self, path: &Path, file: &mut BufReader<File>, chunk: &[u8], padded: u64) -> Result<()> {
         let failed = |failure| Error::io("read", path)(failure);
         let Some((id, length)) = head(chunk) else {
             return Ok(());

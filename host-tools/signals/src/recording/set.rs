@@ -95,11 +95,7 @@ impl RecordingSet {
             [folder] if folder.is_dir() && !folder.join(TRIALS_FILE).exists() => {
                 let problem = format!(
                     "has no {TRIALS_FILE}, the list of its recordings: `{}` makes one of the files' names",
-                    list_command(
-                        folder,
-                        "{texture}_{speed}mms_{force}N",
-                        usual_ending(folder)
-                    )
+                    list_command(folder, "{texture}_{speed}mms_{force}N", usual_ending(folder))
                 );
                 return Err(Error::file(folder, problem));
             }
@@ -219,10 +215,7 @@ pub fn list_command(folder: &Path, pattern: &str, ending: &str) -> String {
 /// otherwise that of WAV files.
 fn usual_ending(folder: &Path) -> &'static str {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let has_ending = |name: &Path, ending: &str| {
-        name.extension()
-            .is_some_and(|own| own.eq_ignore_ascii_case(ending))
-    };
+    let has_ending = |name: &Path, ending: &str| name.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
     let (mut tables, mut sounds) = (0_usize, 0_usize);
     for file in files {
         tables += usize::from(has_ending(&file.path(), "csv"));
@@ -295,8 +288,7 @@ const REMARKS: [&str; 6] = ["note", "notes", "comment", "remark", "remarks", "ta
 /// Returns the value of the `text` of a true-or-false column `name`; `None` if it is empty.
 fn truth(name: &str, text: Option<&str>) -> std::result::Result<Option<bool>, String> {
     let unlike = |text| format!("{name} '{text}' is not true or false");
-    text.map(|text| text.parse().map_err(|_| unlike(text)))
-        .transpose()
+    text.map(|text| text.parse().map_err(|_| unlike(text))).transpose()
 }
 
 fn provenance_of(is_simulated: Option<bool>) -> Provenance {
@@ -310,12 +302,7 @@ fn provenance_of(is_simulated: Option<bool>) -> Provenance {
 fn time_unit(text: Option<&str>) -> std::result::Result<Option<TimeUnit>, String> {
     let unit = |text: &str| {
         let names = TimeUnit::value_variants().iter().map(|unit| unit.name());
-        let unlike = |_| {
-            format!(
-                "time_unit '{text}' is none of {}",
-                names.collect::<Vec<_>>().join(", ")
-            )
-        };
+        let unlike = |_| format!("time_unit '{text}' is none of {}", names.collect::<Vec<_>>().join(", "));
         TimeUnit::from_str(text, false).map_err(unlike)
     };
     text.map(unit).transpose()
@@ -382,9 +369,7 @@ impl Columns {
         }
         let texture = text("texture")?;
         if texture.contains(char::is_control) {
-            return Err(bad(format!(
-                "texture {texture:?} has a control character: rename it"
-            )));
+            return Err(bad(format!("texture {texture:?} has a control character: rename it")));
         }
         Ok(Trial {
             scale_m_s2,
@@ -421,8 +406,7 @@ mod tests {
 
     #[test]
     fn columns_may_come_in_any_order_and_comments_are_skipped() {
-        let trials =
-            parse("# by hand\nforce_n,texture,file,speed_mm_s\n0.5,denim,a.wav,120\n").unwrap();
+        let trials = parse("# by hand\nforce_n,texture,file,speed_mm_s\n0.5,denim,a.wav,120\n").unwrap();
         let trial = &trials[0];
         assert_eq!((trial.speed_mm_s, trial.force_n), (120.0, 0.5));
         assert_eq!(trial.provenance, Provenance::Recorded);
@@ -431,8 +415,7 @@ mod tests {
 
     #[test]
     fn columns_may_be_named_as_people_write_them_and_nameless_ones_may_be_empty() {
-        let plain =
-            parse("file,texture,speed_mm_s,force_n,scale_m_s2,notes\na.wav,a b,120,0.5,9.8,good\n");
+        let plain = parse("file,texture,speed_mm_s,force_n,scale_m_s2,notes\na.wav,a b,120,0.5,9.8,good\n");
         let plain = plain.unwrap();
         for text in [
             "File,Texture,Speed (mm/s),Force (N),Scale (m/s²),Notes\na.wav,a b,120,0.5,9.8,good\n",
@@ -482,10 +465,7 @@ mod tests {
                 .collect::<Vec<_>>()
         };
         let own = [(Some(TimeUnit::Us), false), (Some(TimeUnit::Ms), true)];
-        assert_eq!(
-            of_times(&Assumed::default()),
-            [own[0], own[1], (None, false)]
-        );
+        assert_eq!(of_times(&Assumed::default()), [own[0], own[1], (None, false)]);
         let assumed = Assumed {
             time_unit: Some(TimeUnit::Ns),
             even_times: true,

@@ -160,8 +160,7 @@ fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
 pub fn grid_by_gaps(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
     let (speeds, forces): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
     let (speeds, forces) = (cuts(&speeds), cuts(&forces));
-    let dense = pairs(&speeds, &forces)
-        .filter(|((_, speed), (_, force))| density(places, speed, force) >= DENSE);
+    let dense = pairs(&speeds, &forces).filter(|((_, speed), (_, force))| density(places, speed, force) >= DENSE);
     let clearest = dense.max_by(|a, b| (a.0.0 * a.1.0).total_cmp(&(b.0.0 * b.1.0)));
     clearest.map(|(speed, force)| (speed.1.clone(), force.1.clone()))
 }
@@ -221,9 +220,7 @@ fn clear_cuts(values: &[f64]) -> Vec<Nominal> {
         let width = |cluster: &[f64]| cluster[cluster.len() - 1] - cluster[0];
         let mut before = 0.0;
         for (index, cluster) in clusters.iter().enumerate() {
-            let next = clusters
-                .get(index + 1)
-                .map_or(f64::INFINITY, |next| next[0]);
+            let next = clusters.get(index + 1).map_or(f64::INFINITY, |next| next[0]);
             let last = cluster[cluster.len() - 1];
             let gap = (cluster[0] - before).min(next - last);
             // Written as a product, because a single value may be zero.
@@ -243,11 +240,7 @@ fn clear_cuts(values: &[f64]) -> Vec<Nominal> {
 /// Returns the difference of the natural logarithms of two neighbouring values. Zero means rest or no contact, and is
 /// far from every other value.
 fn log_gap(before: f64, after: f64) -> f64 {
-    if before > 0.0 {
-        (after / before).ln()
-    } else {
-        f64::MAX
-    }
+    if before > 0.0 { (after / before).ln() } else { f64::MAX }
 }
 
 /// Returns the gaps between `sorted` values, the largest first.
@@ -260,9 +253,7 @@ fn log_gaps(sorted: &[f64]) -> Vec<f64> {
 
 /// Divides `sorted` values at the `count` largest of their `gaps`.
 fn clusters<'a>(sorted: &'a [f64], gaps: &[f64], count: usize) -> Vec<&'a [f64]> {
-    let least = count
-        .checked_sub(1)
-        .map_or(f64::INFINITY, |last| gaps[last]);
+    let least = count.checked_sub(1).map_or(f64::INFINITY, |last| gaps[last]);
     sorted.chunk_by(|a, b| log_gap(*a, *b) < least).collect()
 }
 
@@ -280,10 +271,7 @@ fn cuts(values: &[f64]) -> Vec<(f64, Nominal)> {
         if clear < LEAST_RATIO {
             return None;
         }
-        Some((
-            clear,
-            Nominal::of_clusters(&clusters(&sorted, &gaps, count))?,
-        ))
+        Some((clear, Nominal::of_clusters(&clusters(&sorted, &gaps, count))?))
     };
     (0..=gaps.len()).filter_map(cut).collect()
 }
@@ -320,9 +308,7 @@ impl Nominal {
     /// Returns the largest move, as a fraction of the nominal value.
     pub fn largest_move(&self) -> f64 {
         let shares = self.moves.iter().filter(|(_, to)| *to > 0.0);
-        shares
-            .map(|(from, to)| (from - to).abs() / to)
-            .fold(0.0, f64::max)
+        shares.map(|(from, to)| (from - to).abs() / to).fold(0.0, f64::max)
     }
 
     /// Returns the moves in words; `None` if nothing was moved.
@@ -351,9 +337,7 @@ impl RecordingSet {
     /// the same.
     pub fn snapped(mut self, snap: Snap) -> Result<(Self, Vec<String>)> {
         let groups = self.by_texture().into_iter();
-        let groups: Vec<(String, Vec<usize>)> = groups
-            .map(|(name, members)| (name.to_owned(), members))
-            .collect();
+        let groups: Vec<(String, Vec<usize>)> = groups.map(|(name, members)| (name.to_owned(), members)).collect();
         let mut lines = Vec::new();
         for (name, members) in groups {
             let places: Vec<(f64, f64)> = (members.iter().map(|&member| &self.trials[member]))
@@ -375,10 +359,7 @@ impl RecordingSet {
                 trial.speed_mm_s = speeds.of(trial.speed_mm_s);
                 trial.force_n = forces.of(trial.force_n);
             }
-            let words = [
-                speeds.in_words("speeds", "mm/s"),
-                forces.in_words("forces", "N"),
-            ];
+            let words = [speeds.in_words("speeds", "mm/s"), forces.in_words("forces", "N")];
             let words: Vec<String> = words.into_iter().flatten().collect();
             if !words.is_empty() {
                 lines.push(format!("texture '{name}': {}", words.join("; ")));
@@ -400,10 +381,7 @@ fn within(name: &str, places: &[(f64, f64)], tolerance: f64) -> Result<(Nominal,
         })
     };
     let (speeds, forces) = places.iter().copied().unzip();
-    Ok((
-        found("speeds", "mm/s", speeds)?,
-        found("forces", "N", forces)?,
-    ))
+    Ok((found("speeds", "mm/s", speeds)?, found("forces", "N", forces)?))
 }
 
 #[cfg(test)]
@@ -463,12 +441,7 @@ mod tests {
         let (speeds, forces) = grid_by_gaps(&nominal).unwrap();
         assert_eq!((speeds.largest_move(), forces.largest_move()), (0.0, 0.0));
         let anywhere: Vec<(f64, f64)> = (0..30)
-            .map(|n| {
-                (
-                    20.0 + 5.0 * f64::from(n * 11 % 30),
-                    0.3 + 0.1 * f64::from(n * 7 % 30),
-                )
-            })
+            .map(|n| (20.0 + 5.0 * f64::from(n * 11 % 30), 0.3 + 0.1 * f64::from(n * 7 % 30)))
             .collect();
         assert!(grid_by_gaps(&anywhere).is_none());
     }

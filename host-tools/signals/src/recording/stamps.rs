@@ -140,10 +140,7 @@ impl Stamps<'_> {
             return Err(Error::file(self.table.path(), problem));
         }
         if self.clock.is_even {
-            let rate_hz = self
-                .clock
-                .rate_hz
-                .unwrap_or(self.unit.per_second() / slope(times));
+            let rate_hz = self.clock.rate_hz.unwrap_or(self.unit.per_second() / slope(times));
             return Ok(Layout::even(self.checked(rate_hz)?, channels, cut));
         }
         let steps = Steps::of(times);
@@ -167,12 +164,7 @@ impl Stamps<'_> {
             && (rate_hz.fract() != 0.0 || !are_even(times))
         {
             layout.timing.bunch = bunch(times).map(|(size, _)| size);
-            layout.times_s = Some(
-                times[part.clone()]
-                    .iter()
-                    .map(|t| self.seconds(*t))
-                    .collect(),
-            );
+            layout.times_s = Some(times[part.clone()].iter().map(|t| self.seconds(*t)).collect());
         }
         Ok(layout)
     }
@@ -216,10 +208,7 @@ impl Stamps<'_> {
         let bunch = bunch(&times);
         // Between bunches, missing samples cannot be told from the wait for the next bunch.
         if let Some((size, apart)) = bunch.filter(|_| !missing.is_empty()) {
-            return Err(Error::file(
-                self.table.path(),
-                self.bunch_fault(&times, size, apart),
-            ));
+            return Err(Error::file(self.table.path(), self.bunch_fault(&times, size, apart)));
         }
         let rate_hz = self.checked(self.unit.per_second() / step)?;
         self.refuse_mostly_missing(&rows, &missing, step)?;
@@ -291,13 +280,7 @@ impl Stamps<'_> {
         let row = rows[longest.after + 1];
         if total > rows.len() {
             let before = self.times[rows[longest.after]];
-            let gap = gap_of(
-                self.clock.column,
-                before,
-                self.times[row],
-                step,
-                self.unit.name(),
-            );
+            let gap = gap_of(self.clock.column, before, self.times[row], step, self.unit.name());
             let problem = format!(
                 "{gap}, and gaps are most of the part that is used: give start_s and duration_s of a part without them"
             );
@@ -524,10 +507,7 @@ fn bunch(times: &[f64]) -> Option<(usize, f64)> {
     let between: f64 = steps.iter().sum();
     let middle = sizes.len() / 2;
     let size = *sizes.select_nth_unstable(middle).1;
-    let alike = sizes
-        .iter()
-        .filter(|own| 4 * own.abs_diff(size) <= size)
-        .count();
+    let alike = sizes.iter().filter(|own| 4 * own.abs_diff(size) <= size).count();
     let is_habit = alike as f64 >= ALIKE * sizes.len() as f64 && between >= least_share * total;
     let apart = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
     (is_habit && (2..=MOST_OF_BUNCH).contains(&size)).then_some((size, apart))
@@ -567,9 +547,7 @@ pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result
         let (before, time) = (times[index], times[index + 1]);
         let problem = if time > before && steps.usual_s > 0.0 {
             let gap = gap_of(column, before, time, steps.usual_s, "s");
-            format!(
-                "{gap}; times must rise in even steps: cut the file there, or resample it to even steps"
-            )
+            format!("{gap}; times must rise in even steps: cut the file there, or resample it to even steps")
         } else {
             falling(column, before, time)
         };
@@ -582,26 +560,16 @@ pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result
 /// Describes, in words, a step from `before` to `time`, in `unit`, that differs from the `usual` step.
 fn gap_of(column: &str, before: f64, time: f64, usual: f64, unit: &str) -> String {
     let step = time - before;
-    let kind = if step > usual {
-        "a gap"
-    } else {
-        "a short step"
-    };
-    format!(
-        "{column} is {time} after {before}: {kind} of {step:.6} {unit} where lines are {usual:.6} {unit} apart"
-    )
+    let kind = if step > usual { "a gap" } else { "a short step" };
+    format!("{column} is {time} after {before}: {kind} of {step:.6} {unit} where lines are {usual:.6} {unit} apart")
 }
 
 /// Returns the fault, in words, of a `time` that is not above the previous time `before`.
 fn falling(column: &str, before: f64, time: f64) -> String {
     if time == before {
-        format!(
-            "{column} is {time} as in the line before: write times with more digits, or remove the line"
-        )
+        format!("{column} is {time} as in the line before: write times with more digits, or remove the line")
     } else {
-        format!(
-            "{column} is {time} after {before}: times must rise in even steps; cut the file there"
-        )
+        format!("{column} is {time} after {before}: times must rise in even steps; cut the file there")
     }
 }
 

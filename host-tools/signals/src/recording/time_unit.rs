@@ -62,9 +62,7 @@ impl TimeUnit {
         match word {
             "s" | "sec" | "secs" | "second" | "seconds" => Some(Self::S),
             "ms" | "msec" | "millis" | "millisecond" | "milliseconds" => Some(Self::Ms),
-            "us" | "µs" | "μs" | "usec" | "micros" | "microsecond" | "microseconds" => {
-                Some(Self::Us)
-            }
+            "us" | "µs" | "μs" | "usec" | "micros" | "microsecond" | "microseconds" => Some(Self::Us),
             "ns" | "nsec" | "nanos" | "nanosecond" | "nanoseconds" => Some(Self::Ns),
             _ => None,
         }
@@ -182,11 +180,7 @@ mod tests {
             (0.0, None, None),
             (f64::NAN, None, None),
         ] {
-            assert_eq!(
-                TimeUnit::of_steps(step, step, rate_hz),
-                expected,
-                "{step} {rate_hz:?}"
-            );
+            assert_eq!(TimeUnit::of_steps(step, step, rate_hz), expected, "{step} {rate_hz:?}");
         }
         // A queue that is read at once has a short usual step, or a step of zero.
         assert_eq!(TimeUnit::of_steps(0.5, 0.005, None), Some(TimeUnit::Ms));

@@ -69,12 +69,7 @@ pub struct Trial {
 impl Trial {
     /// Returns the trial that consists of the whole recording `file` of `texture` at a speed, mm/s, and a force, N. Its
     /// samples are in the unit of the file's header, or in m/s².
-    pub fn of(
-        file: impl Into<PathBuf>,
-        texture: impl Into<String>,
-        speed_mm_s: f64,
-        force_n: f64,
-    ) -> Self {
+    pub fn of(file: impl Into<PathBuf>, texture: impl Into<String>, speed_mm_s: f64, force_n: f64) -> Self {
         Self {
             file: file.into(),
             texture: texture.into(),

@@ -48,10 +48,7 @@ impl Steps {
             *step = (*step / usual_s - 1.0).abs();
         }
         let unevenness = quantile(0.9, &mut steps);
-        Self {
-            usual_s,
-            unevenness,
-        }
+        Self { usual_s, unevenness }
     }
 
     /// Returns whether `step_s`, in the unit of the times, is possible for even steps.
@@ -87,12 +84,9 @@ pub(super) fn are_even(times: &[f64]) -> bool {
         text.split_once('.').map_or(0, |(_, digits)| digits.len())
     });
     let digit_s = 10f64.powi(-(decimals.max().unwrap_or(0).min(MOST_DECIMALS) as i32));
-    let farthest = times
-        .iter()
-        .enumerate()
-        .fold(0.0, |farthest: f64, (n, time)| {
-            farthest.max((time - first - step * n as f64).abs())
-        });
+    let farthest = times.iter().enumerate().fold(0.0, |farthest: f64, (n, time)| {
+        farthest.max((time - first - step * n as f64).abs())
+    });
     farthest <= digit_s + LEAST_MOVE * step
 }
 
@@ -118,9 +112,7 @@ pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<
         let weights: Vec<f64> = (0..points)
             .map(|i| {
                 let others = (0..points).filter(|&j| j != i);
-                others
-                    .map(|j| (time - near[j]) / (near[i] - near[j]))
-                    .product()
+                others.map(|j| (time - near[j]) / (near[i] - near[j])).product()
             })
             .collect();
         for (evened, channel) in evened.iter_mut().zip(channels) {

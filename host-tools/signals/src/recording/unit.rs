@@ -93,11 +93,12 @@ fn named(plain: &str) -> Option<Unit> {
         "v" | "volt" | "volts" => Voltage(1.0),
         "mv" | "millivolt" | "millivolts" => Voltage(1e-3),
         "uv" => Voltage(1e-6),
-        "count" | "counts" | "cts" | "lsb" | "lsbs" | "raw" | "digit" | "digits" | "adc"
-        | "adu" | "code" | "codes" => Count,
-        "m/s" | "cm/s" | "mm/s" | "um/s" | "nm/s" | "m" | "cm" | "mm" | "um" | "n" | "mn"
-        | "nm" | "rad/s" | "deg/s" | "°/s" | "dps" | "deg" | "°" | "rad" | "°c" | "degc" | "ut"
-        | "gauss" | "pa" | "kpa" | "ma" | "hz" | "db" => Other,
+        "count" | "counts" | "cts" | "lsb" | "lsbs" | "raw" | "digit" | "digits" | "adc" | "adu" | "code" | "codes" => {
+            Count
+        }
+        "m/s" | "cm/s" | "mm/s" | "um/s" | "nm/s" | "m" | "cm" | "mm" | "um" | "n" | "mn" | "nm" | "rad/s"
+        | "deg/s" | "°/s" | "dps" | "deg" | "°" | "rad" | "°c" | "degc" | "ut" | "gauss" | "pa" | "kpa" | "ma"
+        | "hz" | "db" => Other,
         _ => return None,
     })
 }
@@ -174,9 +175,7 @@ impl Stated {
     /// Returns the conversion by the header's units, in words.
     pub fn conversion(&self, given: Option<f64>) -> Option<String> {
         let scales = self.scales_m_s2.as_ref().filter(|_| given.is_none())?;
-        let is_other = scales
-            .iter()
-            .any(|scale| scale.to_bits() != 1.0f64.to_bits());
+        let is_other = scales.iter().any(|scale| scale.to_bits() != 1.0f64.to_bits());
         is_other.then(|| format!("converted from {} to m/s², by the header", self.units))
     }
 
@@ -228,9 +227,7 @@ pub(super) fn stated(names: &[String], comments: &str) -> Stated {
     let Some(first) = first else {
         return Stated::default();
     };
-    let all = in_names
-        .into_iter()
-        .map(|own| own.unwrap_or_else(|| first.clone()));
+    let all = in_names.into_iter().map(|own| own.unwrap_or_else(|| first.clone()));
     let all: Vec<(Unit, String)> = all.collect();
     let mut units: Vec<&str> = all.iter().map(|(_, text)| text.as_str()).collect();
     units.dedup();
@@ -258,17 +255,14 @@ pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
     let (inside, outside) = brackets(name);
     let of_text = |text: &str| Some((Unit::parse(text)?, text.trim().to_owned()));
     // A sensitivity may follow the unit: `mV, 100 mV/g`.
-    let of_bracket =
-        |text: &String| of_text(text).or_else(|| text.split([',', ';', '@']).find_map(of_text));
+    let of_bracket = |text: &String| of_text(text).or_else(|| text.split([',', ';', '@']).find_map(of_text));
     inside.iter().find_map(of_bracket).or_else(|| {
         let outside = Sensitivity::cut_from(&outside);
         let outside = outside.trim().trim_end_matches('_');
         let starts = outside.match_indices([' ', '_', '-', ',', ':', '/', '.', ';']);
         let starts = starts.map(|(at, sign)| at + sign.len());
         // The longest ending comes first, so that `m_s2` is not read as `s2`.
-        [0].into_iter()
-            .chain(starts)
-            .find_map(|at| last_words(&outside[at..]))
+        [0].into_iter().chain(starts).find_map(|at| last_words(&outside[at..]))
     })
 }
 
@@ -276,9 +270,7 @@ pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
 /// with powers may contain a separator.
 fn last_words(words: &str) -> Option<(Unit, String)> {
     let unit = Unit::parse(words)?;
-    let is_power = ["2", "/s/s"]
-        .iter()
-        .any(|ending| plain(words).ends_with(ending));
+    let is_power = ["2", "/s/s"].iter().any(|ending| plain(words).ends_with(ending));
     let is_meant = unit != Unit::Other && (is_power || !words.contains([' ', '_', '.']));
     is_meant.then(|| (unit, words.to_owned()))
 }
@@ -320,9 +312,7 @@ fn in_comments(comments: &str) -> Option<(Unit, String)> {
         if !["unit", "accel"].iter().any(|word| lower.contains(word)) {
             return None;
         }
-        let after = line
-            .rsplit_once([':', '='])
-            .or_else(|| line.rsplit_once(" in "))?;
+        let after = line.rsplit_once([':', '=']).or_else(|| line.rsplit_once(" in "))?;
         let units = after.1.split([',', ';', ' ']).chain([after.1]);
         units
             .filter_map(|text| Some((Unit::parse(text)?, text.trim().to_owned())))
@@ -356,12 +346,8 @@ impl Sensitivity {
         Self::form()?.captures_iter(text).find_map(|found| {
             let number: f64 = found[1].parse().ok().filter(|number| *number > 0.0)?;
             let (of, m_s2) = match (Unit::parse(&found[2])?, Unit::parse(&found[3])?) {
-                (Unit::Voltage(volts), Unit::Acceleration(m_s2)) => {
-                    (Unit::Voltage(1.0), m_s2 / (number * volts))
-                }
-                (Unit::Acceleration(m_s2), Unit::Voltage(volts)) => {
-                    (Unit::Voltage(1.0), number * m_s2 / volts)
-                }
+                (Unit::Voltage(volts), Unit::Acceleration(m_s2)) => (Unit::Voltage(1.0), m_s2 / (number * volts)),
+                (Unit::Acceleration(m_s2), Unit::Voltage(volts)) => (Unit::Voltage(1.0), number * m_s2 / volts),
                 (Unit::Count, Unit::Acceleration(m_s2)) => (Unit::Count, m_s2 / number),
                 (Unit::Acceleration(m_s2), Unit::Count) => (Unit::Count, number * m_s2),
                 _ => return None,

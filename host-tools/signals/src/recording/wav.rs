@@ -47,10 +47,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let channel_count = parameters.channels.as_ref().map_or(1, Channels::count);
     let frame_bits = u64::from(parameters.bits_per_sample.unwrap_or(8)) * channel_count as u64;
     let Some(rate_hz) = parameters.sample_rate.filter(|&rate| rate > 0) else {
-        return Err(Error::file(
-            path,
-            "has no sample rate in its header: convert it again",
-        ));
+        return Err(Error::file(path, "has no sample rate in its header: convert it again"));
     };
     let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default());
     let decoder = decoder.map_err(|e| unusable(path, &e))?;
@@ -60,9 +57,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     if let Some(declared) = declared_frames
         && (position as u64) < declared.min(end as u64)
     {
-        let problem = format!(
-            "is truncated: it holds {position} of {declared} samples; copy or record it again"
-        );
+        let problem = format!("is truncated: it holds {position} of {declared} samples; copy or record it again");
         return Err(Error::file(path, problem));
     }
     Ok(Source {
@@ -70,14 +65,10 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         first_frame: first,
         channels,
         times_s: None,
-        truncation: declared_frames
-            .and_then(|declared| truncation(declared, frame_bits, file_bytes)),
+        truncation: declared_frames.and_then(|declared| truncation(declared, frame_bits, file_bytes)),
         stated: Stated::default(),
         integers: are_integers.then_some(Integers::OfFullScale),
-        remarks: is_unfinished
-            .then(|| UNFINISHED.to_owned())
-            .into_iter()
-            .collect(),
+        remarks: is_unfinished.then(|| UNFINISHED.to_owned()).into_iter().collect(),
         timing: Timing::default(),
     })
 }
@@ -217,16 +208,12 @@ mod tests {
                 std::fs::write(&path, &header).unwrap();
                 // Zeros that take no space on the disk.
                 let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-                file.set_len(header.len() as u64 + u64::from(bytes))
-                    .unwrap();
+                file.set_len(header.len() as u64 + u64::from(bytes)).unwrap();
                 match read(&path, &WHOLE) {
                     Ok(found) => assert_eq!((found.channels[0].len(), longest), (frames, frames)),
                     Err(fault) => {
                         assert!(frames > longest, "{fault}");
-                        holds(
-                            &fault,
-                            &["a.wav", &format!("{longest} samples per channel")],
-                        );
+                        holds(&fault, &["a.wav", &format!("{longest} samples per channel")]);
                     }
                 }
             }
@@ -245,11 +232,7 @@ mod tests {
     fn what_stands_behind_the_samples_is_no_sample() {
         let expected = read_bytes(&right()).unwrap();
         let list = [&b"LIST\x58\x02\0\0"[..], &[7; 600]].concat();
-        let tags = [
-            list.clone(),
-            [&b"ID3\x03"[..], &[9; 600]].concat(),
-            vec![0; 600],
-        ];
+        let tags = [list.clone(), [&b"ID3\x03"[..], &[9; 600]].concat(), vec![0; 600]];
         for tag in tags {
             let found = read_bytes(&[right(), tag].concat()).unwrap();
             assert_eq!(found.channels, expected.channels);

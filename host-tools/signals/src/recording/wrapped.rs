@@ -19,8 +19,7 @@ pub(super) fn unwrap(times: &mut [f64]) -> Option<String> {
     let usual = Steps::of(times).usual_s;
     let find = |span: &f64| {
         // A counter's times are whole numbers.
-        let is_in_span =
-            |time: &f64| (0.0..*span).contains(time) && (*span == DAY_S || time.fract() == 0.0);
+        let is_in_span = |time: &f64| (0.0..*span).contains(time) && (*span == DAY_S || time.fract() == 0.0);
         let goes_on = |pair: &[f64]| {
             let step = pair[1] - pair[0];
             step >= 0.0 || (0.0..=LARGEST_STEP * usual).contains(&(step + span))
@@ -35,9 +34,7 @@ pub(super) fn unwrap(times: &mut [f64]) -> Option<String> {
         before = *time;
         *time += f64::from(starts) * span;
     }
-    Some(format!(
-        "its times start again after {span}, and are taken to go on"
-    ))
+    Some(format!("its times start again after {span}, and are taken to go on"))
 }
 
 #[cfg(test)]

@@ -72,9 +72,7 @@ pub struct Response {
 impl ToolResponse {
     /// Creates the tool with these modes.
     pub fn new(modes: &[Mode]) -> Self {
-        Self {
-            modes: modes.to_vec(),
-        }
+        Self { modes: modes.to_vec() }
     }
 
     /// Returns the response at `frequency_hz`, which must be above zero, in the convention e^{+iωt}.
@@ -107,8 +105,7 @@ impl Response {
     /// Returns the dynamic force per micrometre of mean height under the contact, N/µm: k / (1 + kG), with the complex
     /// stiffness k(1 + iη) in place of k.
     pub fn force_per_height(&self, contact: &Contact, loss_factor: Option<f64>) -> Complex<f64> {
-        let stiffness =
-            Complex::new(1.0, loss_factor.unwrap_or(0.0)) * contact.stiffness_n_per_um();
+        let stiffness = Complex::new(1.0, loss_factor.unwrap_or(0.0)) * contact.stiffness_n_per_um();
         stiffness / (stiffness * self.tip_um_per_n + 1.0)
     }
 }
@@ -146,9 +143,7 @@ mod tests {
     #[test]
     fn stiffness_is_the_slope_of_the_hertz_law() {
         // δ = (9F² / 16 R E*²)^{1/3}, Johnson 1985, eq. 4.23.
-        let indentation_um = |force_n: f64| {
-            1e3 * (9.0 * force_n * force_n / (16.0 * 1.5 * 300.0_f64.powi(2))).cbrt()
-        };
+        let indentation_um = |force_n: f64| 1e3 * (9.0 * force_n * force_n / (16.0 * 1.5 * 300.0_f64.powi(2))).cbrt();
         for force_n in [0.2, 0.7, 1.4] {
             let slope = 2e-4 / (indentation_um(force_n + 1e-4) - indentation_um(force_n - 1e-4));
             let contact = Contact::hertz(1.5, 300.0, force_n).unwrap();

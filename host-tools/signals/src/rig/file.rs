@@ -104,16 +104,9 @@ fn check(rig: &RigDescription) -> Checked {
             positive(&field, "frequency_hz", mode.frequency_hz, 1e6)?;
             positive(&field, "damping_ratio", mode.damping_ratio, 10.0)?;
             let participation = &mode.participation_m_s2_per_n;
-            each(
-                &field,
-                "participation_m_s2_per_n",
-                participation,
-                [-1e6, 1e6],
-            )?;
+            each(&field, "participation_m_s2_per_n", participation, [-1e6, 1e6])?;
             let tip = mode.tip_participation_m_s2_per_n.unwrap_or(0.0);
-            field
-                .key("tip_participation_m_s2_per_n")
-                .within(tip, 0.0, 1e6)?;
+            field.key("tip_participation_m_s2_per_n").within(tip, 0.0, 1e6)?;
         }
     }
     let textures = root.key("texture");
@@ -151,10 +144,7 @@ fn check_recording(field: &Field, recording: &Recording) -> Checked {
     }
     // At rest, a sample would be no step along the track.
     let slowest = recording.speeds_mm_s[0];
-    field
-        .key("speeds_mm_s")
-        .item(0)
-        .over(slowest, 0.0, 10_000.0)
+    field.key("speeds_mm_s").item(0).over(slowest, 0.0, 10_000.0)
 }
 
 fn check_texture(field: &Field, texture: &Texture, circumference_mm: f64) -> Checked {
@@ -177,22 +167,13 @@ fn check_texture(field: &Field, texture: &Texture, circumference_mm: f64) -> Che
 fn check_weave(field: &Field, weave: &Weave, circumference_mm: f64) -> Checked {
     let wavelength_mm = weave.wavelength_mm;
     positive(field, "wavelength_mm", wavelength_mm, circumference_mm)?;
-    field
-        .key("amplitude_um")
-        .within(weave.amplitude_um, 0.0, 1e4)?;
-    field
-        .key("harmonics")
-        .count(weave.harmonics.len(), 0, MAX_PARTS)?;
+    field.key("amplitude_um").within(weave.amplitude_um, 0.0, 1e4)?;
+    field.key("harmonics").count(weave.harmonics.len(), 0, MAX_PARTS)?;
     each(field, "harmonics", &weave.harmonics, [-100.0, 100.0])?;
     if let Some(jitter) = &weave.jitter {
         let field = field.key("jitter");
         field.key("rms_rad").within(jitter.rms_rad, 0.0, 10.0)?;
-        positive(
-            &field,
-            "correlation_mm",
-            jitter.correlation_mm,
-            circumference_mm,
-        )?;
+        positive(&field, "correlation_mm", jitter.correlation_mm, circumference_mm)?;
     }
     let terms = highest_weave_term(weave, circumference_mm);
     check_fineness(&field.key("wavelength_mm"), terms, circumference_mm)
@@ -217,8 +198,7 @@ fn check_fineness(field: &Field, terms: f64, circumference_mm: f64) -> Checked {
 fn check_contact(field: &Field, texture: &Texture, rig: &RigDescription) -> Checked {
     let Some(tool) = &rig.tool else {
         return field.require(!texture.has_profile(), || {
-            "has a profile, and the rig has no [tool] to feel it; add [tool] with a [[tool.mode]]"
-                .into()
+            "has a profile, and the rig has no [tool] to feel it; add [tool] with a [[tool.mode]]".into()
         });
     };
     let modulus = texture.effective_modulus_mpa;

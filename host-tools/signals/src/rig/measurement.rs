@@ -62,20 +62,14 @@ fn add_along(samples: &mut [Vec<f64>; 3], movement: &[f64], direction: [f64; 3])
 
 /// Returns a Gaussian movement of expected RMS 1 whose power is spread evenly over the band: a sum of sines of random
 /// frequencies.
-fn tremor_movement(
-    tremor: &Tremor,
-    sample_rate_hz: f64,
-    key: StreamKey,
-    samples: usize,
-) -> Vec<f64> {
+fn tremor_movement(tremor: &Tremor, sample_rate_hz: f64, key: StreamKey, samples: usize) -> Vec<f64> {
     let mut random = key.stream("tremor");
     let mut movement = vec![0.0; samples];
     let scale = (TREMOR_SINES as f64).sqrt().recip();
     for _ in 0..TREMOR_SINES {
         let position: f64 = random.random();
         let frequency_hz = tremor.lowest_hz + position * (tremor.highest_hz - tremor.lowest_hz);
-        let (cosine, sine): (f64, f64) =
-            (random.sample(StandardNormal), random.sample(StandardNormal));
+        let (cosine, sine): (f64, f64) = (random.sample(StandardNormal), random.sample(StandardNormal));
         // A rotating phasor costs one multiplication per sample, and its error after 10⁴ samples is 1e-12.
         let mut phasor = Complex::new(cosine, sine) * scale;
         let step = Complex::cis(TAU * frequency_hz / sample_rate_hz);

@@ -75,8 +75,8 @@ mod tests;
 mod trial;
 
 pub use description::{
-    Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription,
-    Roughness, Texture, Tool, Tremor, Wander, Weave,
+    Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription, Roughness, Texture, Tool,
+    Tremor, Wander, Weave,
 };
 pub use file::RigFile;
 pub use output::{Summary, TextureSummary, simulate_to_folder};

@@ -81,12 +81,7 @@ impl fmt::Display for Summary {
 ///
 /// The folder is written whole or not at all. With `overwrite`, an earlier simulated set in `out` is replaced at the
 /// end.
-pub fn simulate_to_folder(
-    rig: &RigFile,
-    seed: u64,
-    out: &Path,
-    overwrite: bool,
-) -> Result<Summary> {
+pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path, overwrite: bool) -> Result<Summary> {
     let folder = OutputFolder::begin(out, overwrite)?;
     folder.fill(|folder| simulate(rig, seed, folder.path()))
 }
@@ -149,13 +144,7 @@ struct Row {
 }
 
 impl Row {
-    fn write(
-        description: &RigDescription,
-        texture: &str,
-        trial: &Trial,
-        seed: u64,
-        out: &Path,
-    ) -> Result<Self> {
+    fn write(description: &RigDescription, texture: &str, trial: &Trial, seed: u64, out: &Path) -> Result<Self> {
         let file = format!(
             "{texture}/{RECORDING_PREFIX}{}mm_s_{}N.wav",
             trial.speed_mm_s,
@@ -254,11 +243,7 @@ fn summarise(description: &RigDescription, rows: &[Row]) -> Vec<TextureSummary> 
 /// Returns a number with at least one decimal: `1.0`, `0.2`, `0.25`.
 fn with_a_decimal(value: f64) -> String {
     let text = value.to_string();
-    if text.contains('.') {
-        text
-    } else {
-        text + ".0"
-    }
+    if text.contains('.') { text } else { text + ".0" }
 }
 
 /// Returns a trial as a WAV file. An extra chunk contains `comment`, so that the file says SIMULATED outside its

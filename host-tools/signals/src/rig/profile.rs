@@ -98,8 +98,7 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
     let Some(jitter) = &weave.jitter else {
         for (index, amplitude_um) in amplitudes_um.iter().enumerate() {
             let harmonic = (index + 1) as f64;
-            terms[(harmonic * periods) as usize] =
-                Complex::from_polar(*amplitude_um, harmonic * phase_rad);
+            terms[(harmonic * periods) as usize] = Complex::from_polar(*amplitude_um, harmonic * phase_rad);
         }
         return terms;
     };
@@ -140,11 +139,7 @@ fn jitter_spectrum(jitter: &Jitter, circumference_mm: f64, key: StreamKey) -> Ve
     .collect()
 }
 
-fn roughness_terms(
-    roughness: &Roughness,
-    circumference_mm: f64,
-    key: StreamKey,
-) -> Vec<Complex<f64>> {
+fn roughness_terms(roughness: &Roughness, circumference_mm: f64, key: StreamKey) -> Vec<Complex<f64>> {
     let highest = highest_roughness_term(roughness, circumference_mm) as usize;
     let roll_off = circumference_mm / roughness.roll_off_mm;
     gaussian_terms(highest, roughness.rms_um, key, "roughness", |n| {
@@ -167,8 +162,7 @@ fn gaussian_terms(
     std::iter::once(Complex::default())
         .chain(powers.iter().map(|power| {
             let scale = rms * (power / total).sqrt();
-            let (cosine, sine): (f64, f64) =
-                (random.sample(StandardNormal), random.sample(StandardNormal));
+            let (cosine, sine): (f64, f64) = (random.sample(StandardNormal), random.sample(StandardNormal));
             Complex::new(scale * cosine, -scale * sine)
         }))
         .collect()
@@ -257,18 +251,11 @@ mod tests {
         let power: f64 = terms.iter().map(Complex::norm_sqr).sum();
         assert!(((0.5 * power).sqrt() / ROUGH.rms_um - 1.0).abs() < 0.15);
         assert_eq!(terms.len(), 15_001);
-        let mean_power = |from: usize| {
-            terms[from..2 * from]
-                .iter()
-                .map(Complex::norm_sqr)
-                .sum::<f64>()
-                / from as f64
-        };
+        let mean_power = |from: usize| terms[from..2 * from].iter().map(Complex::norm_sqr).sum::<f64>() / from as f64;
         // Between two octaves that are three octaves apart, the power changes by the factor 8^{-(1+2H)}.
         let slope = (mean_power(6400) / mean_power(800)).log(8.0);
         assert!((slope + 2.4).abs() < 0.1, "{slope}");
-        let plateau =
-            mean_power(64) / (terms[5..64].iter().map(Complex::norm_sqr).sum::<f64>() / 59.0);
+        let plateau = mean_power(64) / (terms[5..64].iter().map(Complex::norm_sqr).sum::<f64>() / 59.0);
         assert!((plateau - 1.0).abs() < 0.6, "{plateau}");
     }
 
@@ -278,8 +265,7 @@ mod tests {
         let rough = Profile::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
         let woven = Profile::new(&DRUM, &texture(vec![weave(None)], None), 3);
         for (n, term) in both.coefficients_um().iter().enumerate() {
-            let sum = woven.coefficients_um().get(n).copied().unwrap_or_default()
-                + rough.coefficients_um()[n];
+            let sum = woven.coefficients_um().get(n).copied().unwrap_or_default() + rough.coefficients_um()[n];
             assert_eq!(*term, sum);
         }
         let other = Profile::new(&DRUM, &texture(vec![], Some(ROUGH)), 4);

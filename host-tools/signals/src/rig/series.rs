@@ -81,11 +81,7 @@ fn fast_length(least: usize) -> usize {
     let least = least.max(4);
     let power = least.next_power_of_two();
     let three_quarters = power / 4 * 3;
-    if three_quarters >= least {
-        three_quarters
-    } else {
-        power
-    }
+    if three_quarters >= least { three_quarters } else { power }
 }
 
 #[cfg(test)]

@@ -1,8 +1,5 @@
 //! Properties of whole trials and sets.
-#![expect(
-    clippy::float_cmp,
-    reason = "samples must be the same bit for bit, and zeros exact"
-)]
+#![expect(clippy::float_cmp, reason = "samples must be the same bit for bit, and zeros exact")]
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -171,13 +168,7 @@ fn felt_um(rig: &RigFile, profile: &Profile, contact: &Contact) -> impl Fn(f64) 
 
 /// The reference: the modes' equations of motion, driven by the contact spring, integrated over time (Runge-Kutta,
 /// fourth order) instead of solved in the frequency domain.
-fn integrated(
-    rig: &RigFile,
-    profile: &Profile,
-    contact: &Contact,
-    speed_mm_s: f64,
-    start_mm: f64,
-) -> Vec<[f64; 3]> {
+fn integrated(rig: &RigFile, profile: &Profile, contact: &Contact, speed_mm_s: f64, start_mm: f64) -> Vec<[f64; 3]> {
     let tool = rig.description().tool.as_ref().unwrap();
     let height_um = felt_um(rig, profile, contact);
     let derivative = |time_s: f64, state: &State| -> State {
@@ -440,8 +431,7 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
     assert!(comment.starts_with(notice), "{comment}");
     assert!(rest.starts_with("file,texture,speed_mm_s,force_n,simulated\n"));
     let mut reader = csv::Reader::from_reader(rest.as_bytes());
-    let rows: Vec<(String, String, f64, f64, bool)> =
-        reader.deserialize().collect::<Result<_, _>>().unwrap();
+    let rows: Vec<(String, String, f64, f64, bool)> = reader.deserialize().collect::<Result<_, _>>().unwrap();
     assert_eq!(rows.len(), 32);
     assert_eq!(rows[31].0, "strip/simulated_300mm_s_1.4N.wav");
     assert_eq!(rows[0].0, "other/simulated_20mm_s_0.0N.wav");

@@ -52,10 +52,7 @@ impl Trial {
             .map(|axis| {
                 let count = axis.len() as f64;
                 let mean = axis.iter().sum::<f64>() / count;
-                axis.iter()
-                    .map(|sample| (sample - mean).powi(2))
-                    .sum::<f64>()
-                    / count
+                axis.iter().map(|sample| (sample - mean).powi(2)).sum::<f64>() / count
             })
             .sum();
         power.sqrt()
@@ -83,11 +80,7 @@ impl<'a> Strip<'a> {
         let description = rig.description();
         let texture = &description.textures[texture];
         let profile = Profile::new(&description.drum, texture, seed);
-        let touches = description
-            .recording
-            .forces_n
-            .iter()
-            .any(|force_n| *force_n > 0.0);
+        let touches = description.recording.forces_n.iter().any(|force_n| *force_n > 0.0);
         let passes = match &description.tool {
             Some(tool) if touches && !profile.is_flat() => description
                 .recording
@@ -116,11 +109,7 @@ impl<'a> Strip<'a> {
         let key = self.key.number(speed_mm_s).number(force_n);
         let felt = self.passes.get(speed).and_then(|pass| {
             let tool = self.description.tool.as_ref()?;
-            let contact = Contact::hertz(
-                tool.tip_radius_mm,
-                self.texture.effective_modulus_mpa,
-                force_n,
-            )?;
+            let contact = Contact::hertz(tool.tip_radius_mm, self.texture.effective_modulus_mpa, force_n)?;
             Some((pass, contact))
         });
         // Without contact, only the effects of measuring remain.
@@ -206,13 +195,7 @@ impl Pass {
         let start_cycles: f64 = key.stream("start").random();
         // Term 0 is not used.
         let mut axes: [Vec<Complex<f64>>; 3] = std::array::from_fn(|_| vec![Complex::default()]);
-        for (n, (height_um, term)) in profile
-            .coefficients_um()
-            .iter()
-            .skip(1)
-            .zip(&self.tool)
-            .enumerate()
-        {
+        for (n, (height_um, term)) in profile.coefficients_um().iter().skip(1).zip(&self.tool).enumerate() {
             let turn = Complex::cis(TAU * ((n + 1) as f64 * start_cycles).fract());
             let force_n = height_um
                 * turn
@@ -244,8 +227,7 @@ fn places(wander: &Wander, sample_rate_hz: f64, key: StreamKey, samples: usize) 
         // A process with a Gaussian correlation over time has a Gaussian spectrum.
         let position: f64 = random.sample(StandardNormal);
         let frequency_hz = position / (TAU * wander.correlation_s);
-        let (cosine, sine): (f64, f64) =
-            (random.sample(StandardNormal), random.sample(StandardNormal));
+        let (cosine, sine): (f64, f64) = (random.sample(StandardNormal), random.sample(StandardNormal));
         for (n, speed) in speed.iter_mut().enumerate() {
             let angle = TAU * (frequency_hz * n as f64 / sample_rate_hz).fract();
             *speed += scale * (cosine * angle.cos() + sine * angle.sin());

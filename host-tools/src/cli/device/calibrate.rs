@@ -19,10 +19,7 @@ use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, tell};
 
 #[derive(clap::Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is an option of its own"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Arguments {
     /// Resistance of the coil in ohms, measured with a multimeter at the unplugged coil [asked for if not given]
     #[arg(long, value_name = "OHM", value_parser = positive)]
@@ -62,12 +59,7 @@ pub struct Arguments {
 impl Arguments {
     /// True if any value of the coil is given.
     fn has_coil(&self) -> bool {
-        let given = [
-            self.resistance,
-            self.amplifier_gain,
-            self.power_limit,
-            self.hard_limit,
-        ];
+        let given = [self.resistance, self.amplifier_gain, self.power_limit, self.hard_limit];
         given.iter().any(Option::is_some)
     }
 
@@ -159,11 +151,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Sets the coil's values, the sensors' zeros, and the scales that were requested.
-fn calibrate(
-    arguments: &Arguments,
-    device: &Device,
-    interrupt: Interrupt,
-) -> Result<CalibrationReport> {
+fn calibrate(arguments: &Arguments, device: &Device, interrupt: Interrupt) -> Result<CalibrationReport> {
     let settings = device.settings()?;
     let bench = Bench {
         arguments,
@@ -222,8 +210,7 @@ fn after_storing(set: &[Set], what: &str, failure: &Error) -> Error {
 }
 
 /// Message for an answer that is missing.
-const UNANSWERED: &str =
-    "nobody answered: give --resistance, --amplifier-gain, --power-limit and --yes";
+const UNANSWERED: &str = "nobody answered: give --resistance, --amplifier-gain, --power-limit and --yes";
 
 /// Checks the ranges of `changes` before they are stored.
 fn check(changes: &[SettingChange]) -> Result<()> {
@@ -290,16 +277,12 @@ impl Bench<'_> {
         }
         let goes_on = || !self.interrupt.is_raised();
         let measured = AtRest::measure(self.device, self.arguments.seconds, goes_on)?;
-        let at_rest =
-            measured.ok_or_else(|| Error::Request("interrupted; nothing was stored".to_owned()))?;
+        let at_rest = measured.ok_or_else(|| Error::Request("interrupted; nothing was stored".to_owned()))?;
         let faults = at_rest.faults(sensors);
         if faults.is_empty() {
             return Ok(at_rest);
         }
-        Err(Error::Request(format!(
-            "nothing was stored: {}",
-            faults.join("; ")
-        )))
+        Err(Error::Request(format!("nothing was stored: {}", faults.join("; "))))
     }
 
     /// Measures the zeros of the sensors, and the scales that were requested.
@@ -309,8 +292,7 @@ impl Bench<'_> {
             let pose = self.measure("in the air, tip down", &AtRest::ACCELERATION)?;
             let opposite = self.measure("in the air, tip up", &AtRest::ACCELERATION)?;
             let zeros = acceleration_zeros(&pose, &opposite, settings);
-            let zeros =
-                zeros.map_err(|words| Error::Request(format!("nothing was stored: {words}")))?;
+            let zeros = zeros.map_err(|words| Error::Request(format!("nothing was stored: {words}")))?;
             changes.extend(zeros);
         }
         let scales = self.scales()?;

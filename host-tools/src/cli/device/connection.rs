@@ -62,9 +62,8 @@ impl Link {
     fn timeouts(&self) -> Timeouts {
         // At most a day, so that sums of timeouts do not overflow.
         let longest = |seconds: f64| Duration::from_secs_f64(seconds.min(86_400.0));
-        self.timeout.map_or_else(Timeouts::default, |seconds| {
-            Timeouts::scaled_to(longest(seconds))
-        })
+        self.timeout
+            .map_or_else(Timeouts::default, |seconds| Timeouts::scaled_to(longest(seconds)))
     }
 
     /// Connects to the stylus at `link`, such as a second one of the same stylus.
@@ -88,9 +87,7 @@ pub fn devices(arguments: &DevicesArguments) -> Result<()> {
         return print_json(&rows);
     }
     if rows.is_empty() {
-        note(
-            "nothing is attached: plug a stylus in, or start a virtual one with `cargo virtual-stylus`",
-        );
+        note("nothing is attached: plug a stylus in, or start a virtual one with `cargo virtual-stylus`");
         return Ok(());
     }
     let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "-".to_owned());

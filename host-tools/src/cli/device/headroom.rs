@@ -37,15 +37,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let (calibrated, textures) = of(&device, &library)?;
     if !calibrated {
-        warn(
-            "no response is stored, so levels at the tip are not known: run `stylus calibrate --response`",
-        );
+        warn("no response is stored, so levels at the tip are not known: run `stylus calibrate --response`");
     }
     if arguments.json {
-        return print_json(&Report {
-            calibrated,
-            textures,
-        });
+        return print_json(&Report { calibrated, textures });
     }
     for texture in &textures {
         let (limit, over_db) = texture.tightest();
@@ -65,17 +60,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 vec![
                     format!("{:.0}", band.hz),
                     format!("{:.3}", band.asked_m_s2),
-                    band.tip_m_s2
-                        .map_or("?".to_owned(), |tip| format!("{tip:.3}")),
+                    band.tip_m_s2.map_or("?".to_owned(), |tip| format!("{tip:.3}")),
                     format!("{:.1}", 1e3 * band.pin_volts),
                     format!("{:+.1}", band.over_db),
                 ]
             })
             .collect();
-        print(&table(
-            &["Hz", "asked m/s²", "at the tip", "pin mV", "over dB"],
-            &rows,
-        ))?;
+        print(&table(&["Hz", "asked m/s²", "at the tip", "pin mV", "over dB"], &rows))?;
     }
     Ok(())
 }

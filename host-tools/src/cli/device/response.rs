@@ -103,8 +103,8 @@ impl ResponseArguments {
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         let now = now.map_or(0, |since| since.as_secs());
         let mut heard = |step: &str| note(&format!("  {step}"));
-        let outcome = DeviceBench::new(device, &goes_on)
-            .and_then(|mut bench| calibrate(&mut bench, &options, now, &mut heard));
+        let outcome =
+            DeviceBench::new(device, &goes_on).and_then(|mut bench| calibrate(&mut bench, &options, now, &mut heard));
         let done = match outcome {
             Ok(done) => done,
             Err(Failure::Fault(fault)) => {
@@ -115,10 +115,7 @@ impl ResponseArguments {
                     found: None,
                 };
                 let failure = Failure::Fault(fault);
-                return Ok((
-                    report,
-                    Err(Error::Request(format!("nothing was stored: {failure}"))),
-                ));
+                return Ok((report, Err(Error::Request(format!("nothing was stored: {failure}")))));
             }
             Err(Failure::Link(failure)) => return Err(failure.into()),
             Err(Failure::Interrupted) => {
@@ -152,9 +149,8 @@ fn with_resistance(fault: Fault, answer: Option<Answer<'_>>) -> Result<Fault> {
     let (Verdict::NothingMoves, Some(answer)) = (fault.verdict, answer) else {
         return Ok(fault);
     };
-    let line = answer(
-        "nothing moves: resistance at the amplifier's output with the coil plugged in, in ohms, or 'open':",
-    )?;
+    let line =
+        answer("nothing moves: resistance at the amplifier's output with the coil plugged in, in ohms, or 'open':")?;
     Ok(match line.trim().parse::<f64>() {
         _ if line.trim() == "open" => Verdict::OpenWire.seen("nothing moves, and no current flows"),
         Ok(ohm) => Verdict::DeadCoil.seen(format!("nothing moves, and the coil has {ohm} Ω")),
@@ -223,9 +219,10 @@ pub struct CheckArguments {
 pub fn run_check(arguments: &CheckArguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
-    let stored = device.response()?.stored.ok_or_else(|| {
-        Error::Request("no response is stored: run `stylus calibrate --response` first".to_owned())
-    })?;
+    let stored = device
+        .response()?
+        .stored
+        .ok_or_else(|| Error::Request("no response is stored: run `stylus calibrate --response` first".to_owned()))?;
     let goes_on = || !interrupt.is_raised();
     let bandwidths = bandwidths(&arguments.accelerometer_bandwidth)?;
     let checked = DeviceBench::new(&device, &goes_on)

@@ -16,10 +16,7 @@ use crate::cli::output::{print, print_json, tell};
 use crate::cli::table::{headed, table};
 
 #[derive(clap::Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a switch of the command line"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Arguments {
     /// Duration of the traffic on the link, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 30.0)]
@@ -148,11 +145,7 @@ fn text(record: &Record) -> String {
         .collect();
     text.push_str(&format!(
         "\n{} {}: {} pass, {} fail, {} not measured",
-        record.device.product,
-        record.device.serial,
-        record.passed,
-        record.failed,
-        record.not_measured
+        record.device.product, record.device.serial, record.passed, record.failed, record.not_measured
     ));
     if !bad.is_empty() {
         text.push_str(&format!("\nfails: {}", bad.join(", ")));

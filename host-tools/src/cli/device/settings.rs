@@ -4,9 +4,7 @@ use std::io::{BufRead, IsTerminal, Write};
 
 use clap::Subcommand;
 use host_tools::link::Device;
-use host_tools::link::settings::{
-    self as described, Known, SettingOrigin, SettingRow, consequences,
-};
+use host_tools::link::settings::{self as described, Known, SettingOrigin, SettingRow, consequences};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingSet, Settings, SettingsChange, SettingsError, SettingsState};
 
@@ -61,28 +59,19 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Action::Set { pairs, .. }) => {
             changes = described::changes(pairs)?;
             let set = SettingSet::NONE;
-            wanted = changes
-                .iter()
-                .fold(set, |set, change| set.with(change.setting, true));
+            wanted = changes.iter().fold(set, |set, change| set.with(change.setting, true));
         }
         _ => {}
     }
     let device = arguments.link.connect()?;
     let settings = match &arguments.action {
         // The device checks the values, because its ranges may differ from those known here.
-        Some(Action::Set { yes, .. }) => change(
-            &device,
-            &SettingsChange::of(&changes).map_err(refused)?,
-            *yes,
-        )?,
+        Some(Action::Set { yes, .. }) => change(&device, &SettingsChange::of(&changes).map_err(refused)?, *yes)?,
         Some(Action::Reset { yes }) => change(&device, &SettingsChange::Reset, *yes)?,
         _ => device.settings()?,
     };
     let state = device.status()?.settings;
-    if let Some(unknown) = changes
-        .iter()
-        .find(|change| !state.set.contains(change.setting))
-    {
+    if let Some(unknown) = changes.iter().find(|change| !state.set.contains(change.setting)) {
         let problem = "was written, but the device says that it is not set: set it again";
         return Err(Error::Request(format!("{} {problem}", unknown.setting)));
     }
@@ -144,10 +133,7 @@ fn show(settings: &Settings, state: &SettingsState, wanted: SettingSet, json: bo
         return print_json(&rows);
     }
     let cells: Vec<Vec<String>> = rows.iter().map(cells).collect();
-    print(&table(
-        &["setting", "value", "unit", "range", "default"],
-        &cells,
-    ))?;
+    print(&table(&["setting", "value", "unit", "range", "default"], &cells))?;
     for line in remarks(state) {
         print(&line)?;
     }

@@ -104,8 +104,7 @@ fn text(slot: &SlotContent) -> String {
     let state = match &slot.state {
         SlotState::Empty => "empty".to_owned(),
         SlotState::Receiving => {
-            "an upload has begun and is not complete: `stylus upload LIB` goes on with it"
-                .to_owned()
+            "an upload has begun and is not complete: `stylus upload LIB` goes on with it".to_owned()
         }
         SlotState::Faulty(fault) => fault.to_string(),
         SlotState::Valid(library) => format!(
@@ -153,11 +152,7 @@ fn scenes(scenes: &[SceneInfo]) -> String {
         return String::new();
     }
     let (header, rows) = headed(scenes.iter().map(|scene| {
-        let motion = if scene.constant_motion {
-            "constant"
-        } else {
-            "followed"
-        };
+        let motion = if scene.constant_motion { "constant" } else { "followed" };
         [
             ("scene", scene.name.to_string()),
             ("surfaces", scene.surfaces.to_string()),

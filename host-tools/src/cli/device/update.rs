@@ -33,22 +33,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     );
     let bytes = file.header.length;
     let bar = progress::bar(u64::from(bytes), "sending");
-    let updated = update(
-        &mut device,
-        &file,
-        arguments.allow_downgrade,
-        |step| match step {
-            Step::Sent(there) => bar.set_position(there as u64),
-            Step::Exchanging => {
-                bar.finish_and_clear();
-                note("the device exchanges the images, which takes some ten seconds");
-            }
-        },
-    )?;
+    let updated = update(&mut device, &file, arguments.allow_downgrade, |step| match step {
+        Step::Sent(there) => bar.set_position(there as u64),
+        Step::Exchanging => {
+            bar.finish_and_clear();
+            note("the device exchanges the images, which takes some ten seconds");
+        }
+    })?;
     if updated.after.trusts_development_key {
-        warn(
-            "the image trusts the development key, so it takes anybody's updates: `cargo tasks keys` makes a key",
-        );
+        warn("the image trusts the development key, so it takes anybody's updates: `cargo tasks keys` makes a key");
     }
     if arguments.json {
         return print_json(&updated);

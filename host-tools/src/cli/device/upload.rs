@@ -14,10 +14,7 @@ use crate::cli::output::{note, print, print_json, warn};
 use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a flag of the command line"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub struct Arguments {
     /// Library to upload
     #[arg(required_unless_present = "abort")]
@@ -143,10 +140,7 @@ fn show(path: &Path, uploaded: &Uploaded, is_active: bool) -> Result<()> {
         if is_active {
             "; active".to_owned()
         } else {
-            format!(
-                "; `stylus slots --activate {}` makes it the active one",
-                uploaded.slot
-            )
+            format!("; `stylus slots --activate {}` makes it the active one", uploaded.slot)
         }
     ))
 }

@@ -18,9 +18,7 @@ use std::path::{Path, PathBuf};
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
 pub use report::show_verdicts;
-use report::{
-    FitReport, energy_kept, excitations, lines_found, low_rates, rigs_share, trials_used,
-};
+use report::{FitReport, energy_kept, excitations, lines_found, low_rates, rigs_share, trials_used};
 pub use strokes::Strokes;
 
 use crate::cli::files::Overwrite;
@@ -70,8 +68,7 @@ struct Fitted {
 /// Fits `set` at once, or from its partial results.
 fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Result<Fitted> {
     if large.shard.is_some() {
-        let problem =
-            "--shard with --merge is for --each alone: one library is merged by one process";
+        let problem = "--shard with --merge is for --each alone: one library is merged by one process";
         return Err(Error::Request(problem.into()));
     }
     // Counted before the fit, because encoding would refuse the library only after the whole fit.
@@ -124,12 +121,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     check_outputs(arguments)?;
     // Strokes are no set of trials: nothing is snapped, and neither parts nor shards exist.
     if let (true, Some(out)) = (arguments.strokes.strokes, &arguments.out) {
-        let (files, assumed) = (
-            arguments.recordings.inputs(),
-            arguments.recordings.assumed(),
-        );
-        let (fit, bytes, record) =
-            (arguments.strokes).fitted(files, assumed, &arguments.options)?;
+        let (files, assumed) = (arguments.recordings.inputs(), arguments.recordings.assumed());
+        let (fit, bytes, record) = (arguments.strokes).fitted(files, assumed, &arguments.options)?;
         record.write_with(out, &bytes)?;
         return tell(&fit, &bytes, out, arguments.json);
     }
@@ -146,11 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.large.each {
         return parts::write_each(&set, &options, out, &arguments.large, arguments.json);
     }
-    let Fitted {
-        fit,
-        bytes,
-        contents,
-    } = fitted(&set, &options, &arguments.large)?;
+    let Fitted { fit, bytes, contents } = fitted(&set, &options, &arguments.large)?;
     let record = match contents {
         Some(contents) => FitRecord::with_contents(&set, &options, &bytes, &contents),
         None => FitRecord::of(&set, &options, &bytes)?,
@@ -163,10 +152,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Reports on `fit`, whose library of these `bytes` was written to `out`.
 fn tell(fit: &Fit, bytes: &[u8], out: &Path, is_json: bool) -> Result<()> {
     let library = decode_library(out, bytes)?;
-    let textures: Vec<TextureSummary> = library
-        .textures()
-        .map(|t| TextureSummary::of(&t, is_json))
-        .collect();
+    let textures: Vec<TextureSummary> = library.textures().map(|t| TextureSummary::of(&t, is_json)).collect();
     if is_json {
         return print_json(&FitReport {
             library: out.display().to_string(),

@@ -72,12 +72,7 @@ pub fn map_shard(
     ))
 }
 
-fn mapped(
-    set: &RecordingSet,
-    options: &fit::Options,
-    shard: Shard,
-    folder: &Path,
-) -> Result<Mapped> {
+fn mapped(set: &RecordingSet, options: &fit::Options, shard: Shard, folder: &Path) -> Result<Mapped> {
     // Units have different sizes, so the number of trials in a shard is known only approximately.
     let share = (set.trials.len() as u64).div_ceil(u64::from(shard.of));
     let bar = progress::bar(share, "analysing trials");
@@ -165,9 +160,7 @@ pub fn write_each(
     if is_json {
         return print_json(&serde_json::json!({ "libraries": libraries }));
     }
-    let warnings = libraries
-        .iter()
-        .flat_map(|written| written.warnings.clone());
+    let warnings = libraries.iter().flat_map(|written| written.warnings.clone());
     warn_of(&warnings.collect::<Vec<_>>());
     let rows: Vec<Vec<String>> = libraries.iter().map(row).collect();
     let header = ["texture", "trials", "with a verdict", "bytes", "library"];
@@ -193,13 +186,7 @@ fn row(written: &Written) -> Vec<String> {
 }
 
 /// Writes the library of the texture `index`.
-fn library(
-    merged: &Merged<'_>,
-    index: usize,
-    name: &str,
-    path: &Path,
-    options: &fit::Options,
-) -> Result<Written> {
+fn library(merged: &Merged<'_>, index: usize, name: &str, path: &Path, options: &fit::Options) -> Result<Written> {
     let (set, contents, fit) = merged.fit_texture(index)?;
     let bytes = fit.library()?;
     let record = FitRecord::with_contents(&set, options, &bytes, &contents);

@@ -115,17 +115,12 @@ pub fn rigs_share(fit: &Fit) -> Option<String> {
             .trials
             .iter()
             .filter(|trial| trial.texture == texture.name && trial.used);
-        let known =
-            trials.filter_map(|trial| Some((trial.speed_mm_s, trial.floor_shares.as_deref()?)));
+        let known = trials.filter_map(|trial| Some((trial.speed_mm_s, trial.floor_shares.as_deref()?)));
         for at in by_speed(known) {
             is_known = true;
             let bands: Vec<String> = at.shares.into_iter().enumerate().filter_map(band).collect();
             if !bands.is_empty() {
-                rows.push(vec![
-                    texture.name.clone(),
-                    at.speed_mm_s.to_string(),
-                    bands.join(", "),
-                ]);
+                rows.push(vec![texture.name.clone(), at.speed_mm_s.to_string(), bands.join(", ")]);
             }
         }
     }

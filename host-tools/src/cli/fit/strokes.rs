@@ -32,12 +32,7 @@ impl Strokes {
     /// # Errors
     /// A path is a folder; the first file's name is no valid name of a texture; a file is not a recording of a free
     /// hand; or an error of [`fit_strokes`].
-    pub fn fitted(
-        &self,
-        files: &[PathBuf],
-        assumed: &Assumed,
-        options: &Options,
-    ) -> Result<(Fit, Vec<u8>, FitRecord)> {
+    pub fn fitted(&self, files: &[PathBuf], assumed: &Assumed, options: &Options) -> Result<(Fit, Vec<u8>, FitRecord)> {
         // A fit of trials takes folders. Reading one as a stroke would fail without a remedy.
         if let Some(folder) = files.iter().find(|path| path.is_dir()) {
             let problem = "is a folder: with --strokes give CSVs, such as stroke-1.csv";
@@ -64,16 +59,10 @@ impl Strokes {
         let (None, Some(first)) = (&self.texture, files.first()) else {
             return Ok(self.texture.clone().unwrap_or_default());
         };
-        let stem = |path: &PathBuf| {
-            path.file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned()
-        };
+        let stem = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let word = |path: &PathBuf| {
             let stem = stem(path);
-            stem.trim_end_matches(|end: char| !end.is_alphabetic())
-                .to_lowercase()
+            stem.trim_end_matches(|end: char| !end.is_alphabetic()).to_lowercase()
         };
         // Several materials in one call would become one texture that jumps between them.
         if let Some(other) = files.iter().find(|path| word(path) != word(first)) {

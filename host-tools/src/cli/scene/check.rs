@@ -28,12 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
-    let report = CostReport::new(
-        &compiled.scene,
-        &compiled.surface_names,
-        &library,
-        arguments.budget,
-    )?;
+    let report = CostReport::new(&compiled.scene, &compiled.surface_names, &library, arguments.budget)?;
     if arguments.json {
         print_json(&report)?;
     } else {
@@ -69,10 +64,7 @@ pub fn headline(compiled: &CompiledScene) -> String {
     };
     let motion = match scene.motion {
         MotionOfScene::Followed => "the stylus's own motion".to_owned(),
-        MotionOfScene::Constant {
-            speed_mm_s,
-            force_n,
-        } => format!("always {speed_mm_s} mm/s and {force_n} N"),
+        MotionOfScene::Constant { speed_mm_s, force_n } => format!("always {speed_mm_s} mm/s and {force_n} N"),
     };
     format!(
         "scene '{}': {}, {path}; {motion}; {}",

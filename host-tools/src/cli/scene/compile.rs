@@ -47,12 +47,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             let problem = format!("its scene is called '{name}', like that of {other}; rename one");
             return Err(Error::file(path, problem));
         }
-        let report = CostReport::new(
-            &compiled.scene,
-            &compiled.surface_names,
-            &library,
-            cost::BUDGET,
-        )?;
+        let report = CostReport::new(&compiled.scene, &compiled.surface_names, &library, cost::BUDGET)?;
         if !report.fits {
             warn(&format!(
                 "{}: takes {} instructions per sample in the worst case, and the budget is {}; the stylus \

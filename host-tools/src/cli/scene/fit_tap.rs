@@ -55,9 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&text(&fit))?;
     if fit.gain_m_s2_per_n_s.is_none() {
-        warn(
-            "no rate of force is known, so the gain is a guess; record the force, or give --force-rates",
-        );
+        warn("no rate of force is known, so the gain is a guess; record the force, or give --force-rates");
     }
     Ok(())
 }
@@ -82,10 +80,7 @@ fn text(fit: &TapFit) -> String {
     let left = counted.iter().map(|i| i.residual).sum::<f64>() / counted.len() as f64;
     let simulated = if fit.is_simulated { ", SIMULATED" } else { "" };
     let scatter = fit.gain_scatter.map_or_else(String::new, |scatter| {
-        format!(
-            ", amplitudes deviate from the gain's line by {:.0} %",
-            100.0 * scatter
-        )
+        format!(", amplitudes deviate from the gain's line by {:.0} %", 100.0 * scatter)
     });
     let (gain, remark) = fit.gain_m_s2_per_n_s.map_or_else(
         || {

@@ -30,10 +30,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let compiled = arguments.source.compile(&library)?;
     // A scene with a motion of its own plays at that, so it needs no given one.
     let constant = match compiled.scene.motion {
-        MotionOfScene::Constant {
-            speed_mm_s,
-            force_n,
-        } => Some((speed_mm_s, force_n)),
+        MotionOfScene::Constant { speed_mm_s, force_n } => Some((speed_mm_s, force_n)),
         MotionOfScene::Followed => None,
     };
     let name = format!("scene '{}'", compiled.scene.name);

@@ -49,9 +49,8 @@ impl FirstLines {
             separator,
             commented_header: names.map(|(number, _)| *number),
             begin: names.map_or(first, |(number, _)| *number),
-            labels: labels(header, separator).filter(|names| {
-                rows.len() < 2 || labels(text(1), separator).as_ref() == Some(names)
-            }),
+            labels: labels(header, separator)
+                .filter(|names| rows.len() < 2 || labels(text(1), separator).as_ref() == Some(names)),
         }
     }
 }
@@ -65,9 +64,7 @@ fn after_preamble(rows: &[&(u64, String)]) -> Option<(u64, char)> {
     let numbers = rows.windows(2).enumerate().find_map(|(index, pair)| {
         let separator = separator_of([&pair[0].1, &pair[1].1]);
         let [first, second] = [0, 1].map(|row: usize| fields(&pair[row].1, separator));
-        let are_numbers = pair
-            .iter()
-            .all(|row| split(&row.1, separator).all(is_value));
+        let are_numbers = pair.iter().all(|row| split(&row.1, separator).all(is_value));
         (are_numbers && first > 1 && first == second).then_some((index, first, separator))
     });
     let (index, count, separator) = numbers?;

@@ -63,20 +63,12 @@ mod tests {
         assert_eq!(&file[11..22], b"Target\0\0\0\0\0");
         assert_eq!((word(277) as usize, word(281)), (suffix - 285, 1));
         assert_eq!((word(285), word(289)), (0x0802_0000, 64));
-        assert_eq!(
-            file[293..suffix],
-            [[7; 33].as_slice(), &[0xFF; 31]].concat()
-        );
+        assert_eq!(file[293..suffix], [[7; 33].as_slice(), &[0xFF; 31]].concat());
         // DFU 1.1, appendix B: the suffix, whose checksum at the end is not complemented.
-        assert_eq!(
-            file[suffix..suffix + 8],
-            [0xFF, 0xFF, 0x11, 0xDF, 0x83, 4, 0x1A, 1]
-        );
+        assert_eq!(file[suffix..suffix + 8], [0xFF, 0xFF, 0x11, 0xDF, 0x83, 4, 0x1A, 1]);
         assert_eq!(&file[suffix + 8..suffix + 12], b"UFD\x10");
         let sum = file[..suffix + 12].iter().fold(u32::MAX, |sum, byte| {
-            (0..8).fold(sum ^ u32::from(*byte), |sum, _| {
-                (sum >> 1) ^ ((sum & 1) * 0xEDB8_8320)
-            })
+            (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ ((sum & 1) * 0xEDB8_8320))
         });
         assert_eq!(word(suffix + 12), sum);
     }

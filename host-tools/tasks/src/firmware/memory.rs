@@ -37,21 +37,12 @@ const SHOWN: [(&str, &str); 5] = [
 ];
 
 /// Largest use of a memory by the product's image and its bootloader, bytes. The rest is reserved for extensions.
-const LIMITS: [(&str, u64); 3] = [
-    ("bootloader", 32 * 1024),
-    ("flash", 340 * 1024),
-    ("ITCM", 56 * 1024),
-];
+const LIMITS: [(&str, u64); 3] = [("bootloader", 32 * 1024), ("flash", 340 * 1024), ("ITCM", 56 * 1024)];
 
 /// Returns first address and length of the region called `name` in the map.
 pub(super) fn region(name: &str) -> Option<(u64, u64)> {
-    let line = MAP
-        .lines()
-        .find(|line| line.split_whitespace().next() == Some(name))?;
-    let (start, rest) = line
-        .split_once("ORIGIN = 0x")?
-        .1
-        .split_once(", LENGTH = ")?;
+    let line = MAP.lines().find(|line| line.split_whitespace().next() == Some(name))?;
+    let (start, rest) = line.split_once("ORIGIN = 0x")?.1.split_once(", LENGTH = ")?;
     let kilobytes: u64 = rest.split_once('K')?.0.parse().ok()?;
     Some((u64::from_str_radix(start, 16).ok()?, kilobytes * 1024))
 }
@@ -77,14 +68,8 @@ impl Memory {
             if segment.p_type(endian) != elf::PT_LOAD {
                 continue;
             }
-            let (at, kept) = (
-                u64::from(segment.p_vaddr(endian)),
-                u64::from(segment.p_paddr(endian)),
-            );
-            let (in_memory, in_file) = (
-                u64::from(segment.p_memsz(endian)),
-                u64::from(segment.p_filesz(endian)),
-            );
+            let (at, kept) = (u64::from(segment.p_vaddr(endian)), u64::from(segment.p_paddr(endian)));
+            let (in_memory, in_file) = (u64::from(segment.p_memsz(endian)), u64::from(segment.p_filesz(endian)));
             add(&mut uses, at, in_memory);
             // Data that is copied at the start also occupies flash.
             if kept != at {
@@ -130,15 +115,8 @@ fn add(uses: &mut [Use], address: u64, bytes: u64) {
 
 impl fmt::Display for Memory {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{:<12} {:>9} {:>9} {:>6}",
-            "memory", "used", "of bytes", "share"
-        )?;
-        for Use {
-            name, used, size, ..
-        } in &self.0
-        {
+        writeln!(f, "{:<12} {:>9} {:>9} {:>6}", "memory", "used", "of bytes", "share")?;
+        for Use { name, used, size, .. } in &self.0 {
             let share = *used as f64 * 100.0 / *size as f64;
             writeln!(f, "{name:<12} {used:>9} {size:>9} {share:>5.1}%")?;
         }

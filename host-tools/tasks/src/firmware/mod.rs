@@ -78,8 +78,7 @@ pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> 
     let bytes = read(&kept)?;
     check_placement(&bytes)?;
     let dfu = kept.with_extension("dfu");
-    fs::write(&dfu, dfu::file(&segments::all_pieces(&bytes)?))
-        .with_context(|| dfu.display().to_string())?;
+    fs::write(&dfu, dfu::file(&segments::all_pieces(&bytes)?)).with_context(|| dfu.display().to_string())?;
     // The other variants have more code, for tests and debuggers, and may take the room that the product leaves.
     if image == Image::Product {
         Memory::of(&bytes)?.check_limits()?;
@@ -107,11 +106,7 @@ pub(crate) fn bootloader(toolchain: &Toolchain, subcommand: &str, folders: &Fold
 }
 
 /// Builds the bootloader, and returns the file that contains its bytes.
-fn build_bootloader(
-    toolchain: &Toolchain,
-    folders: &Folders,
-    progress: Progress,
-) -> Result<PathBuf> {
+fn build_bootloader(toolchain: &Toolchain, folders: &Folders, progress: Progress) -> Result<PathBuf> {
     process::run(bootloader(toolchain, "build", folders).args(progress.argument()))?;
     let built = folders.target.join(TARGET).join("firmware/stylus-boot");
     let bytes = read(&process::built(built)?)?;
@@ -120,12 +115,7 @@ fn build_bootloader(
     Ok(kept)
 }
 
-fn build_in(
-    toolchain: &Toolchain,
-    image: Image,
-    folders: &Folders,
-    progress: Progress,
-) -> Result<PathBuf> {
+fn build_in(toolchain: &Toolchain, image: Image, folders: &Folders, progress: Progress) -> Result<PathBuf> {
     let bootloader = build_bootloader(toolchain, folders, progress)?;
     let mut cargo = cargo(toolchain, "build", "stylus-image", folders);
     cargo.args(progress.argument());
@@ -154,20 +144,11 @@ fn read(file: &Path) -> Result<Vec<u8>> {
 
 /// Arguments of probe-rs. By default it halts the core at a HardFault and at a reset, before the image's handlers can
 /// put the output to mid-scale. Therefore both catches are switched off.
-const PROBE_RS: [&str; 5] = [
-    "run",
-    "--no-catch-hardfault",
-    "--no-catch-reset",
-    "--chip",
-    CHIP,
-];
+const PROBE_RS: [&str; 5] = ["run", "--no-catch-hardfault", "--no-catch-reset", "--chip", CHIP];
 
 /// Returns the program that flashes images.
 pub fn probe_rs() -> Result<PathBuf> {
-    process::find(
-        "probe-rs",
-        "https://probe.rs/docs/getting-started/installation",
-    )
+    process::find("probe-rs", "https://probe.rs/docs/getting-started/installation")
 }
 
 /// Flashes the image in `file` to the board on the probe and starts it, without staying attached.

@@ -15,10 +15,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use object::read::elf::ElfFile32;
-use object::{
-    Endianness, Object, ObjectSection, ObjectSymbol, RelocationFlags, RelocationTarget, SymbolKind,
-    elf,
-};
+use object::{Endianness, Object, ObjectSection, ObjectSymbol, RelocationFlags, RelocationTarget, SymbolKind, elf};
 
 use anyhow::{Context, Result, bail};
 
@@ -76,9 +73,7 @@ fn check_roots(functions: &BTreeMap<u64, Function>, references: &[Reference]) ->
     for root in [TICK, SUPPLY].into_iter().chain(OF_CODE_BANK) {
         check_from(root, functions, references, |_| false)?;
     }
-    check_from(UPDATE, functions, references, |reference| {
-        !reference.is_call
-    })
+    check_from(UPDATE, functions, references, |reference| !reference.is_call)
 }
 
 /// Checks everything that can be reached from `root`. References for which `excepted` returns true may lead to flash.
@@ -239,10 +234,7 @@ mod tests {
             name: name.to_owned(),
             end,
         };
-        let functions = BTreeMap::from([
-            (1024, function(TICK, 1124)),
-            (2000, function("called", 2100)),
-        ]);
+        let functions = BTreeMap::from([(1024, function(TICK, 1124)), (2000, function("called", 2100))]);
         let mut references = vec![reference(1030, true, "called", 2000)];
         references.extend(more);
         references.sort_by_key(|reference| reference.at);

@@ -68,9 +68,7 @@ pub fn all_pieces(image: &[u8]) -> Result<Vec<Piece>> {
 /// The errors of [`pieces`]; or there is nothing at the region's start.
 pub fn flashed(image: &[u8], name: &str) -> Result<Vec<u8>> {
     let (start, _) = region(name).with_context(|| format!("memory.x has no region {name}"))?;
-    let piece = pieces(image)?
-        .into_iter()
-        .find(|piece| piece.address == start);
+    let piece = pieces(image)?.into_iter().find(|piece| piece.address == start);
     let piece = piece.with_context(|| format!("the image has nothing at the start of {name}"))?;
     Ok(piece.bytes)
 }
@@ -99,8 +97,7 @@ fn joined(segments: &[(u64, &[u8])]) -> Result<Vec<Piece>> {
 fn region_of(address: u64, bytes: &[u8]) -> Result<&'static str> {
     let end = address + bytes.len() as u64;
     for name in CODE.into_iter().chain(ERASED) {
-        let (start, length) =
-            region(name).with_context(|| format!("memory.x has no region {name}"))?;
+        let (start, length) = region(name).with_context(|| format!("memory.x has no region {name}"))?;
         let first = if ERASED.contains(&name) {
             start + length - PAGE_BYTES
         } else {
@@ -132,11 +129,7 @@ mod tests {
     #[test]
     fn segments_of_a_region_are_one_piece_with_ones_between_them() {
         let mark = at("RECORDS_2", 128 * 1024 - 32);
-        let segments: [(u64, &[u8]); 3] = [
-            (at("FLASH", 0), &[1, 2]),
-            (at("FLASH", 4), &[3]),
-            (mark, &ONES),
-        ];
+        let segments: [(u64, &[u8]); 3] = [(at("FLASH", 0), &[1, 2]), (at("FLASH", 4), &[3]), (mark, &ONES)];
         let pieces = joined(&segments).expect("all may be flashed");
         let found: Vec<_> = (pieces.iter())
             .map(|piece| (piece.region, piece.address, &piece.bytes[..]))

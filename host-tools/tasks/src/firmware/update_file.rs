@@ -59,9 +59,7 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
 pub fn make_keys(path: &Path) -> Result<PathBuf> {
     let public = path.with_extension("pub");
     if public == path {
-        bail!(
-            "pub is the extension of the public key's file: name another file for the secret key"
-        );
+        bail!("pub is the extension of the public key's file: name another file for the secret key");
     }
     if let Some(there) = [path, &public].into_iter().find(|file| file.exists()) {
         bail!("{} is there already: name another file", there.display());
@@ -69,8 +67,7 @@ pub fn make_keys(path: &Path) -> Result<PathBuf> {
     let mut seed = [0; 32];
     getrandom::fill(&mut seed).context("the system gives no random numbers")?;
     write_secret(path, &(digits(&seed) + "\n")).with_context(|| path.display().to_string())?;
-    fs::write(&public, digits(&public_key(&seed)) + "\n")
-        .with_context(|| public.display().to_string())?;
+    fs::write(&public, digits(&public_key(&seed)) + "\n").with_context(|| public.display().to_string())?;
     Ok(public)
 }
 
@@ -92,18 +89,12 @@ fn digits(bytes: &[u8]) -> String {
 fn read_key(path: &Path) -> Result<[u8; 32]> {
     let text = String::from_utf8(read(path)?).ok();
     let bytes = text.as_deref().map(str::trim).and_then(|digits| {
-        let byte =
-            |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();
+        let byte = |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();
         (digits.len() == 64).then(|| (0..32).map(byte).collect::<Option<Vec<u8>>>())?
     });
     bytes
         .and_then(|bytes| bytes.try_into().ok())
-        .with_context(|| {
-            format!(
-                "{}: not a key that `cargo tasks keys` wrote",
-                path.display()
-            )
-        })
+        .with_context(|| format!("{}: not a key that `cargo tasks keys` wrote", path.display()))
 }
 
 #[cfg(test)]

@@ -51,8 +51,7 @@ impl Reader<'_> {
                 TokenTree::Ident(word) => {
                     last = word.to_string();
                     if previous == "mod" {
-                        self.declared
-                            .insert([&*self.module, &[last.clone()]].concat());
+                        self.declared.insert([&*self.module, &[last.clone()]].concat());
                     }
                     match last.as_str() {
                         "use" => is_use = true,
@@ -63,9 +62,7 @@ impl Reader<'_> {
                     if group.delimiter() == Delimiter::Bracket {
                         let text = group.to_string();
                         // Also `all(test, unix)`, but not `not(test)`, which is of the product.
-                        is_of_tests = text.starts_with("[cfg")
-                            && text.contains("test")
-                            && !text.contains("not");
+                        is_of_tests = text.starts_with("[cfg") && text.contains("test") && !text.contains("not");
                     }
                     self.read(group.stream(), &[], false);
                 }
@@ -142,9 +139,7 @@ pub fn check(tree: &Tree, findings: &mut Findings) {
         }
     }
     let Reader {
-        declared,
-        mut imports,
-        ..
+        declared, mut imports, ..
     } = reader;
     // The others are of tests: the crate's root or a module above them declares them there alone.
     modules.retain(|module| (2..=module.len()).all(|depth| declared.contains(&module[..depth])));

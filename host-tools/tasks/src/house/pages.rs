@@ -4,12 +4,7 @@ use super::Findings;
 use super::tree::{Tree, folder, joined};
 
 /// Folders of outputs, which exist only after a build or a run.
-const OUTPUTS: [&str; 4] = [
-    "demo-out",
-    "target",
-    "tests/fuzz/corpus",
-    "tests/fuzz/artifacts",
-];
+const OUTPUTS: [&str; 4] = ["demo-out", "target", "tests/fuzz/corpus", "tests/fuzz/artifacts"];
 
 /// Checks every link within the repository, every code span that is a path, and the item in [`item`](path).
 pub fn check(tree: &Tree, findings: &mut Findings) {
@@ -71,15 +66,11 @@ fn links<'a>(tree: &Tree, page: &str, piece: &'a str) -> Vec<(usize, &'a str, bo
 /// Returns true if a Rust file defines an item of this name. For `A::b`, it is enough that it has `b`.
 fn defines(text: &str, item: &str) -> bool {
     const KINDS: &str = "fn ,struct ,enum ,trait ,const ,static ,type ,mod ";
-    let (kinds, name) = item
-        .rsplit_once("::")
-        .map_or((KINDS, item), |(_, name)| ("", name));
+    let (kinds, name) = item.rsplit_once("::").map_or((KINDS, item), |(_, name)| ("", name));
     let is_part = |char: char| char.is_alphanumeric() || char == '_';
     kinds.split(',').any(|kind| {
         let definition = format!("{kind}{name}");
-        let mut ends = text
-            .match_indices(&definition)
-            .map(|(at, found)| at + found.len());
+        let mut ends = text.match_indices(&definition).map(|(at, found)| at + found.len());
         ends.any(|end| !text[end..].starts_with(is_part))
     })
 }
@@ -102,9 +93,7 @@ fn span_exists(tree: &Tree, page: &str, span: &str) -> Option<bool> {
     if first.len() == path.split('/').count() || span.contains("://") {
         return None;
     }
-    let has = |base: &str, path: &str| {
-        joined(base, path).is_some_and(|path| tree.has(&path) || is_output(&path))
-    };
+    let has = |base: &str, path: &str| joined(base, path).is_some_and(|path| tree.has(&path) || is_output(&path));
     let bases = ["", folder(page)]
         .into_iter()
         .filter(|base| has(base, &first.join("/")));

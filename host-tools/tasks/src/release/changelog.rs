@@ -19,17 +19,12 @@ pub fn cut(text: &str, version: &str, date: &str) -> Result<String> {
     }
     let at = lines.iter().position(|line| *line == UNRELEASED);
     let at = at.with_context(|| format!("CHANGELOG.md has no line \"{UNRELEASED}\""))?;
-    let entries = lines[at + 1..]
-        .iter()
-        .take_while(|line| !line.starts_with("## "));
+    let entries = lines[at + 1..].iter().take_while(|line| !line.starts_with("## "));
     if entries.clone().all(|line| line.is_empty()) {
         bail!("CHANGELOG.md has nothing under \"{UNRELEASED}\"");
     }
     // The line `at` is the last one before the change.
-    let (first, last) = (
-        at.saturating_sub(CONTEXT - 1),
-        (at + 1 + CONTEXT).min(lines.len()),
-    );
+    let (first, last) = (at.saturating_sub(CONTEXT - 1), (at + 1 + CONTEXT).min(lines.len()));
     let count = last - first;
     let mut patch = format!(
         "--- a/CHANGELOG.md\n+++ b/CHANGELOG.md\n@@ -{0},{count} +{0},{1} @@\n",
@@ -61,10 +56,7 @@ mod tests {
         let patch = cut(TEXT, "0.2.0", "2026-11-25").expect("it can be cut");
         std::fs::write(folder.path().join("patch"), patch).expect("it can be written");
         let mut git = Command::new("git");
-        let applied = git
-            .args(["apply", "patch"])
-            .current_dir(folder.path())
-            .status();
+        let applied = git.args(["apply", "patch"]).current_dir(folder.path()).status();
         assert!(applied.expect("git runs").success());
         let now = std::fs::read_to_string(folder.path().join("CHANGELOG.md")).expect("it is there");
         let wanted = TEXT.replace(UNRELEASED, "## [Unreleased]\n\n## [0.2.0] - 2026-11-25");

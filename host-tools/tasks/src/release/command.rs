@@ -23,8 +23,7 @@ pub struct System {
     pub libraries: &'static [(&'static str, &'static str)],
 }
 
-const LINUX_LIBRARIES: &[(&str, &str)] =
-    &[("libstylusplayer.so", "lib"), ("libstylusplayer.a", "lib")];
+const LINUX_LIBRARIES: &[(&str, &str)] = &[("libstylusplayer.so", "lib"), ("libstylusplayer.a", "lib")];
 
 pub const LINUX_X86: System = System {
     name: "linux-x86_64",
@@ -81,48 +80,28 @@ impl System {
 
 /// Builds the command for `system`, and returns its file.
 pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
-    let folder = built_by_cargo(
-        system,
-        build,
-        &["--package", "host-tools", "--bin", "stylus"],
-        &[],
-    )?;
+    let folder = built_by_cargo(system, build, &["--package", "host-tools", "--bin", "stylus"], &[])?;
     process::built(folder.join(system.program))
 }
 
 /// Builds the packages or targets that `named` selects by cargo's arguments, for `system` and with the additional
 /// linker arguments `linked`. Returns the folder of the built files.
-pub fn built_by_cargo(
-    system: &System,
-    build: &Build,
-    named: &[&str],
-    linked: &[String],
-) -> Result<PathBuf> {
+pub fn built_by_cargo(system: &System, build: &Build, named: &[&str], linked: &[String]) -> Result<PathBuf> {
     let profile = if build.is_dev { "dev" } else { "release" };
     let mut cargo = Command::new("cargo");
     toolchain::without_inherited(&mut cargo);
-    let linker = format!(
-        "CARGO_TARGET_{}_LINKER",
-        system.target.to_uppercase().replace('-', "_")
-    );
+    let linker = format!("CARGO_TARGET_{}_LINKER", system.target.to_uppercase().replace('-', "_"));
     cargo
         .current_dir(workspace::root())
         // `cargo rustc` passes the linker's arguments for this package alone, not for its dependencies.
         .args(["rustc", "--quiet", "--locked"])
         .args(named)
         .args(["--profile", profile, "--target", system.target, "--"])
-        .args(
-            linked
-                .iter()
-                .map(|argument| format!("-Clink-arg={argument}")),
-        )
+        .args(linked.iter().map(|argument| format!("-Clink-arg={argument}")))
         .env(linker, system.linker[0])
         .env("SOURCE_DATE_EPOCH", &build.epoch)
         .env("CARGO_TARGET_DIR", &build.folders.target)
-        .env(
-            "CARGO_ENCODED_RUSTFLAGS",
-            build.folders.compiler_flags(system.flags),
-        );
+        .env("CARGO_ENCODED_RUSTFLAGS", build.folders.compiler_flags(system.flags));
     process::run(&mut cargo)?;
     let profile = if build.is_dev { "debug" } else { "release" };
     Ok(build.folders.target.join(system.target).join(profile))

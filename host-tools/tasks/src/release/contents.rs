@@ -23,13 +23,7 @@ const ROOTS: [&str; 5] = [
 /// Returns the list as JSON.
 pub fn list() -> Result<String> {
     let mut cargo = Command::new("cargo");
-    cargo.args([
-        "metadata",
-        "--format-version",
-        "1",
-        "--locked",
-        "--all-features",
-    ]);
+    cargo.args(["metadata", "--format-version", "1", "--locked", "--all-features"]);
     let metadata = process::output(cargo.current_dir(workspace::root()))?;
     let listed = of_metadata(&serde_json::from_str(&metadata)?)?;
     Ok(format!("{listed:#}\n"))
@@ -134,27 +128,19 @@ mod tests {
         let names: Vec<&str> = items(&listed, "components")
             .map(|component| text(component, "name"))
             .collect();
-        for built_in in [
-            "embassy-stm32",
-            "host-tools",
-            "pyo3",
-            "rustfft",
-            "stylus-kernel",
-        ] {
+        for built_in in ["embassy-stm32", "host-tools", "pyo3", "rustfft", "stylus-kernel"] {
             assert!(names.contains(&built_in), "{built_in}");
         }
         for of_tests in ["fake-stylus", "proptest", "wasmi"] {
             assert!(!names.contains(&of_tests), "{of_tests}");
         }
-        let licensed = items(&listed, "components")
-            .all(|component| component["licenses"][0]["expression"].is_string());
+        let licensed = items(&listed, "components").all(|component| component["licenses"][0]["expression"].is_string());
         assert!(licensed, "a package without a licence");
         let references: BTreeSet<&str> = items(&listed, "components")
             .map(|component| text(component, "bom-ref"))
             .collect();
         assert_eq!(references.len(), names.len(), "each is there once");
-        let on =
-            items(&listed, "dependencies").flat_map(|dependency| items(dependency, "dependsOn"));
+        let on = items(&listed, "dependencies").flat_map(|dependency| items(dependency, "dependsOn"));
         assert!(
             on.into_iter()
                 .all(|on| references.contains(on.as_str().unwrap_or_default()))

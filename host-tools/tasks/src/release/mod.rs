@@ -115,18 +115,11 @@ pub fn run(arguments: &Arguments) -> Result<PathBuf> {
         check_key(arguments.key.as_deref())?;
     }
     // Read before the builds, so that a wrong path does not cost an hour.
-    let against = arguments
-        .against
-        .as_deref()
-        .map(fs::read_to_string)
-        .transpose()?;
+    let against = arguments.against.as_deref().map(fs::read_to_string).transpose()?;
     let folders = Folders::here("release");
     let build = Build {
         is_dev: arguments.dev,
-        out: arguments
-            .out
-            .clone()
-            .unwrap_or_else(|| folders.target.join("files")),
+        out: arguments.out.clone().unwrap_or_else(|| folders.target.join("files")),
         key: arguments.key.clone(),
         folders,
         epoch: git(&["show", "-s", "--format=%ct", "HEAD"])?,
@@ -136,11 +129,7 @@ pub fn run(arguments: &Arguments) -> Result<PathBuf> {
     for part in parts {
         part_of(*part, &build).with_context(|| format!("{part:?}"))?;
     }
-    for file in [
-        "LICENSE-APACHE",
-        "LICENSE-MIT",
-        "host-tools/70-stylus.rules",
-    ] {
+    for file in ["LICENSE-APACHE", "LICENSE-MIT", "host-tools/70-stylus.rules"] {
         keep(&workspace::root().join(file), &build.out, None)?;
     }
     let sums = checksums(&build.out)?;
@@ -183,11 +172,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
                 None,
             )
         }
-        Part::Contents => write(
-            &build.out,
-            &format!("stylus-{version}.cdx.json"),
-            &contents::list()?,
-        ),
+        Part::Contents => write(&build.out, &format!("stylus-{version}.cdx.json"), &contents::list()?),
         // The parts of a system were returned above, so only the changelog is left.
         _ => {
             let path = root.join("CHANGELOG.md");
@@ -258,11 +243,7 @@ fn emptied(folder: &Path) -> Result<()> {
     let files = fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
     let files = files.collect::<Result<Vec<PathBuf>>>()?;
     for path in &files {
-        let name = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let is_ours = [
             "stylus",
             "jspsych-plugin",
@@ -272,10 +253,7 @@ fn emptied(folder: &Path) -> Result<()> {
             SUMS,
         ];
         if !is_ours.iter().any(|ours| name.starts_with(ours)) {
-            bail!(
-                "{}: no file of a release; give an empty folder",
-                path.display()
-            );
+            bail!("{}: no file of a release; give an empty folder", path.display());
         }
     }
     // Only after the whole folder was checked, so that a refused one is left as it is.
@@ -286,10 +264,7 @@ fn emptied(folder: &Path) -> Result<()> {
 }
 
 fn keep(file: &Path, folder: &Path, name: Option<&str>) -> Result<()> {
-    let name = name.map_or_else(
-        || file.file_name().unwrap_or_default().into(),
-        PathBuf::from,
-    );
+    let name = name.map_or_else(|| file.file_name().unwrap_or_default().into(), PathBuf::from);
     let copied = fs::copy(file, folder.join(name));
     copied.map(drop).with_context(|| file.display().to_string())
 }
@@ -354,17 +329,9 @@ mod tests {
         }
         assert!(emptied(folder.path()).is_err());
         assert!(folder.path().join("thesis.tex").is_file());
-        assert!(
-            release
-                .clone()
-                .all(|name| folder.path().join(name).is_file())
-        );
+        assert!(release.clone().all(|name| folder.path().join(name).is_file()));
         fs::remove_file(folder.path().join("thesis.tex")).expect("it is there");
         emptied(folder.path()).expect("the rest is of a release");
-        assert!(
-            !release
-                .clone()
-                .any(|name| folder.path().join(name).exists())
-        );
+        assert!(!release.clone().any(|name| folder.path().join(name).exists()));
     }
 }

@@ -44,17 +44,10 @@ pub fn build(system: &System, build: &Build) -> Result<()> {
         "-fuse-ld=bfd".to_owned(),
         format!("-Wl,-soname,{shared},--default-symver"),
     ];
-    let linked = if system.is_windows() {
-        &[][..]
-    } else {
-        &linked
-    };
+    let linked = if system.is_windows() { &[][..] } else { &linked };
     let named = ["--package", "stylus-player-c", "--lib"];
     let built = built_by_cargo(system, build, &named, linked)?;
-    let name = format!(
-        "stylus-player-{version}-{}",
-        system.name.trim_end_matches(".exe")
-    );
+    let name = format!("stylus-player-{version}-{}", system.name.trim_end_matches(".exe"));
     let scratch = tempfile::tempdir()?;
     let folder = scratch.path().join(&name);
     for (file, place) in system.libraries {
@@ -91,9 +84,7 @@ fn interface(header: &str) -> Result<&str> {
 fn functions(header: &str) -> Vec<&str> {
     let lines = header.lines().filter(|line| !line.trim().starts_with("//"));
     let heads = lines.filter_map(|line| line.split_once('('));
-    heads
-        .filter_map(|(head, _)| head.rsplit([' ', '*']).next())
-        .collect()
+    heads.filter_map(|(head, _)| head.rsplit([' ', '*']).next()).collect()
 }
 
 /// Writes `stylusplayer.def` and `stylusplayer.lib` into `folder`. MSVC needs them to link with the DLL. Rust's linker
@@ -125,20 +116,15 @@ fn copy(file: &Path, folder: &Path) -> Result<()> {
 fn archive(parent: &Path, name: &str, build: &Build) -> Result<()> {
     let archive = build.out.join(format!("{name}.tar.gz"));
     let mut tar = Command::new(process::find("tar", "it comes with GNU tar")?);
-    tar.args([
-        "--create",
-        "--sort=name",
-        "--numeric-owner",
-        "--format=ustar",
-    ])
-    .args(["--owner=0", "--group=0", "--mode=u+rw,go=rX"])
-    .arg(format!("--mtime=@{}", build.epoch))
-    // Without this option gzip may store the time.
-    .args(["--use-compress-program", "gzip --no-name", "--file"])
-    .arg(archive)
-    .arg("--directory")
-    .arg(parent)
-    .arg(name);
+    tar.args(["--create", "--sort=name", "--numeric-owner", "--format=ustar"])
+        .args(["--owner=0", "--group=0", "--mode=u+rw,go=rX"])
+        .arg(format!("--mtime=@{}", build.epoch))
+        // Without this option gzip may store the time.
+        .args(["--use-compress-program", "gzip --no-name", "--file"])
+        .arg(archive)
+        .arg("--directory")
+        .arg(parent)
+        .arg(name);
     process::run(&mut tar)
 }
 

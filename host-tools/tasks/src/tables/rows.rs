@@ -49,10 +49,7 @@ pub fn scene_stages() -> String {
     ];
     let terms = rows.map(|(name, cost, each)| [name.to_owned(), term(cost, each)]);
     let budget = ["budget per tick".to_owned(), grouped(cost::BUDGET.into())];
-    table(
-        ["stage", "instructions per sample"],
-        terms.into_iter().chain([budget]),
-    )
+    table(["stage", "instructions per sample"], terms.into_iter().chain([budget]))
 }
 
 fn term(cost: StageCost, each: &str) -> String {
@@ -74,18 +71,9 @@ pub fn library_limits() -> String {
         ("bytes of a name, UTF-8", whole(limits::MAX_NAME_BYTES)),
         ("speeds, and forces, of a grid", whole(limits::MAX_AXIS_LEN)),
         ("order of a model", whole(limits::MAX_ORDER)),
-        (
-            "stages of a lattice with 24 bits of θ",
-            whole(limits::MAX_FINE_STAGES),
-        ),
-        (
-            "sample rate, Hz",
-            grouped(limits::MAX_SAMPLE_RATE_HZ.into()),
-        ),
-        (
-            "output power of a node, (m/s²)²",
-            limits::MAX_OUTPUT_POWER.to_string(),
-        ),
+        ("stages of a lattice with 24 bits of θ", whole(limits::MAX_FINE_STAGES)),
+        ("sample rate, Hz", grouped(limits::MAX_SAMPLE_RATE_HZ.into())),
+        ("output power of a node, (m/s²)²", limits::MAX_OUTPUT_POWER.to_string()),
     ];
     most(rows)
 }
@@ -107,35 +95,17 @@ pub fn scene_limits() -> String {
             "position on the path, mm, to either side",
             scene_limits::MAX_POSITION_MM.to_string(),
         ),
-        (
-            "transition, mm",
-            scene_limits::MAX_TRANSITION_MM.to_string(),
-        ),
+        ("transition, mm", scene_limits::MAX_TRANSITION_MM.to_string()),
         ("gain of a texture", scene_limits::MAX_GAIN.to_string()),
-        (
-            "constant speed, mm/s",
-            scene_limits::MAX_SPEED_MM_S.to_string(),
-        ),
+        ("constant speed, mm/s", scene_limits::MAX_SPEED_MM_S.to_string()),
         ("constant force, N", scene_limits::MAX_FORCE_N.to_string()),
         ("frequency of a tap", tap_hz),
         ("decay of a tap, s", between(scene_limits::TAP_DECAY_S)),
-        (
-            "gain of a tap, m/s² per N/s",
-            scene_limits::MAX_TAP_GAIN.to_string(),
-        ),
-        (
-            "amplitude of a tap, m/s²",
-            scene_limits::MAX_TAP_M_S2.to_string(),
-        ),
-        (
-            "period of stick-slip, mm",
-            between(scene_limits::STICK_SLIP_PERIOD_MM),
-        ),
+        ("gain of a tap, m/s² per N/s", scene_limits::MAX_TAP_GAIN.to_string()),
+        ("amplitude of a tap, m/s²", scene_limits::MAX_TAP_M_S2.to_string()),
+        ("period of stick-slip, mm", between(scene_limits::STICK_SLIP_PERIOD_MM)),
         ("duty of stick-slip", between(scene_limits::STICK_SLIP_DUTY)),
-        (
-            "sections of an equaliser",
-            whole(scene_limits::MAX_SECTIONS),
-        ),
+        ("sections of an equaliser", whole(scene_limits::MAX_SECTIONS)),
         (
             "gain of an equaliser at any frequency",
             scene_limits::MAX_EQUALISER_GAIN.to_string(),
@@ -152,13 +122,10 @@ fn most<const ROWS: usize>(rows: [(&str, String); ROWS]) -> String {
 
 /// The used bytes of each memory. `compiler` is the version of the compiler, without its name.
 pub fn memory(memory: &Memory, compiler: &str) -> String {
-    let rows = memory.uses().iter().map(|memory| {
-        [
-            memory.name.to_owned(),
-            grouped(memory.used),
-            grouped(memory.size),
-        ]
-    });
+    let rows = memory
+        .uses()
+        .iter()
+        .map(|memory| [memory.name.to_owned(), grouped(memory.used), grouped(memory.size)]);
     format!(
         "{}\nBuilt by rustc {compiler}.\n",
         table(["memory", "used, bytes", "of"], rows)
@@ -199,12 +166,7 @@ mod tests {
 
     #[test]
     fn digits_are_grouped_from_five_on() {
-        for (number, text) in [
-            (0, "0"),
-            (4530, "4530"),
-            (41_285, "41 285"),
-            (1_000_000, "1 000 000"),
-        ] {
+        for (number, text) in [(0, "0"), (4530, "4530"), (41_285, "41 285"), (1_000_000, "1 000 000")] {
             assert_eq!(grouped(number), text);
         }
     }

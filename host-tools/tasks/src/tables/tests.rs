@@ -70,9 +70,7 @@ fn a_figure_that_changes_in_the_code_is_refused_with_its_page_and_row() {
 
 #[test]
 fn a_name_of_no_table_is_refused_with_those_that_there_are() {
-    let error = write(&["nothing".to_owned()], |_| ())
-        .unwrap_err()
-        .to_string();
+    let error = write(&["nothing".to_owned()], |_| ()).unwrap_err().to_string();
     assert!(error.contains("nothing"), "{error}");
     assert!(error.contains("settings"), "{error}");
 }

@@ -12,8 +12,8 @@ use alloc::vec::Vec;
 
 use crate::error::Problem;
 use crate::limits::{
-    MAX_CODEBOOK_PEAK, MAX_CODEBOOK_SAMPLES, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FED_POWER,
-    MIN_CODEBOOK_SAMPLES, MIN_FED_POWER,
+    MAX_CODEBOOK_PEAK, MAX_CODEBOOK_SAMPLES, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FED_POWER, MIN_CODEBOOK_SAMPLES,
+    MIN_FED_POWER,
 };
 use crate::wire::Reader;
 
@@ -192,19 +192,10 @@ pub(crate) struct ExcitationPart<'a>(pub &'a [u8]);
 
 impl<'a> ExcitationPart<'a> {
     /// Parses the content for a grid of `forces` forces, and checks everything except the codes and the nodes' sources.
-    fn read(
-        self,
-        nodes: usize,
-        forces: usize,
-        moments: Option<MomentsPart<'_>>,
-    ) -> Result<Excitation<'a>, Problem> {
+    fn read(self, nodes: usize, forces: usize, moments: Option<MomentsPart<'_>>) -> Result<Excitation<'a>, Problem> {
         let moment_samples = moments.map(MomentsPart::mean_samples).transpose()?;
         let most = MAX_EXCITATION_BYTES;
-        Problem::count(
-            "the length of the excitation in bytes",
-            self.0.len(),
-            [0, most],
-        )?;
+        Problem::count("the length of the excitation in bytes", self.0.len(), [0, most])?;
         let mut reader = Reader(self.0);
         let count = usize::from(reader.byte().ok_or(MALFORMED)?);
         Problem::count("the number of codebooks", count, [1, MAX_CODEBOOKS])?;
@@ -223,12 +214,7 @@ impl<'a> ExcitationPart<'a> {
     }
 
     /// The view of a part that was found valid.
-    pub fn view(
-        self,
-        nodes: usize,
-        forces: usize,
-        moments: Option<MomentsPart<'_>>,
-    ) -> Option<Excitation<'a>> {
+    pub fn view(self, nodes: usize, forces: usize, moments: Option<MomentsPart<'_>>) -> Option<Excitation<'a>> {
         self.read(nodes, forces, moments).ok()
     }
 
@@ -294,18 +280,10 @@ impl ExcitationCheck {
     ///
     /// # Errors
     /// The first fault found, with the index of the node if the fault is in a node's source.
-    pub fn step(
-        &mut self,
-        excitation: &Excitation<'_>,
-        room: usize,
-    ) -> Result<usize, (Option<usize>, Problem)> {
+    pub fn step(&mut self, excitation: &Excitation<'_>, room: usize) -> Result<usize, (Option<usize>, Problem)> {
         let mut taken = 0;
         while let Some(codebook) = excitation.codebooks().get(self.codebook) {
-            let unit = if codebook.is_in_blocks {
-                BLOCK_BYTES
-            } else {
-                1
-            };
+            let unit = if codebook.is_in_blocks { BLOCK_BYTES } else { 1 };
             // A block is checked as a whole, because its level comes last and scales all of its codes.
             let whole = (room - taken) / unit * unit;
             let end = codebook.codes.len().min(self.at + whole);
@@ -317,8 +295,7 @@ impl ExcitationCheck {
                 // Whatever was taken: bytes are left.
                 return Ok(room);
             }
-            self.end_of_codebook(codebook)
-                .map_err(|problem| (None, problem))?;
+            self.end_of_codebook(codebook).map_err(|problem| (None, problem))?;
         }
         let end = excitation.of_nodes.len().min(self.at + room - taken);
         taken += end - self.at;
@@ -352,9 +329,7 @@ impl ExcitationCheck {
         }
         self.sum += sum;
         if lowest == i8::MIN {
-            return Err(Problem::Rule(
-                "a codebook has the code -128; codes are -127 to 127",
-            ));
+            return Err(Problem::Rule("a codebook has the code -128; codes are -127 to 127"));
         }
         Ok(())
     }
@@ -370,8 +345,7 @@ impl ExcitationCheck {
     fn nodes(&mut self, of_nodes: &[u8], count: usize) -> Result<(), (usize, Problem)> {
         for (index, &source) in of_nodes.iter().enumerate() {
             let source = usize::from(source);
-            Problem::count("the number of its codebook", source, [0, count])
-                .map_err(|problem| (index, problem))?;
+            Problem::count("the number of its codebook", source, [0, count]).map_err(|problem| (index, problem))?;
             // Bit 0 stands for Gaussian noise, and the shift drops it.
             self.used |= ((1u16 << source) >> 1) as u8;
         }

@@ -35,9 +35,7 @@ impl<'a> FineTheta<'a> {
     pub fn check(self, nodes: usize) -> Result<(), Problem> {
         let (found, stages) = (self.0.len(), self.stages(nodes));
         if !found.is_multiple_of(nodes) || !(1..=MAX_FINE_STAGES).contains(&stages) {
-            return Err(Problem::Rule(
-                "there must be 1 to 32 fractions of θ for each node",
-            ));
+            return Err(Problem::Rule("there must be 1 to 32 fractions of θ for each node"));
         }
         Ok(())
     }
@@ -62,19 +60,10 @@ impl<'a> FineTheta<'a> {
 /// A node with bytes that are not 0 for more than [`MAX_FINE_STAGES`] stages: its index and the fault.
 #[cfg(feature = "alloc")]
 pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<PartSpec>, (usize, Problem)> {
-    let used = |bytes: &&[i8]| {
-        bytes
-            .iter()
-            .rposition(|&byte| byte != 0)
-            .map_or(0, |i| i + 1)
-    };
+    let used = |bytes: &&[i8]| bytes.iter().rposition(|&byte| byte != 0).map_or(0, |i| i + 1);
     for (node, bytes) in nodes.iter().enumerate() {
-        Problem::count(
-            "the number of fractions of θ",
-            used(bytes),
-            [0, MAX_FINE_STAGES],
-        )
-        .map_err(|problem| (node, problem))?;
+        Problem::count("the number of fractions of θ", used(bytes), [0, MAX_FINE_STAGES])
+            .map_err(|problem| (node, problem))?;
     }
     // Zeros at the end of all nodes are left out, because a reader refuses them.
     let stages = nodes.iter().map(used).max().unwrap_or(0);

@@ -70,8 +70,7 @@ impl<'a> LinesPart<'a> {
             let value = lines.line(line).wavelength_mm();
             let range = [MIN_WAVELENGTH_MM, MAX_WAVELENGTH_MM];
             Problem::within("a line's wavelength in mm", value, range)?;
-            let same =
-                |&other: &usize| lines.line(other).wavelength_mm().to_bits() == value.to_bits();
+            let same = |&other: &usize| lines.line(other).wavelength_mm().to_bits() == value.to_bits();
             if let Some(other) = (0..line).find(same) {
                 let what = "wavelength";
                 return Err(Problem::Taken { what, other });
@@ -87,10 +86,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Number of lines, 1 to [`MAX_LINES`].
-    #[expect(
-        clippy::len_without_is_empty,
-        reason = "a texture without lines has no such part"
-    )]
+    #[expect(clippy::len_without_is_empty, reason = "a texture without lines has no such part")]
     pub fn len(self) -> usize {
         self.bytes.len() / self.line_bytes()
     }
@@ -181,18 +177,13 @@ impl LinesSpec {
         let mut kept = alloc::vec::Vec::new();
         for (index, wander) in wanders.iter().enumerate() {
             let of_lines = lines.iter_mut().filter_map(|line| line.wander.as_mut());
-            let mut of_lines = of_lines
-                .filter(|own| usize::from(**own) == index)
-                .peekable();
+            let mut of_lines = of_lines.filter(|own| usize::from(**own) == index).peekable();
             if of_lines.peek().is_some() {
                 of_lines.for_each(|own| *own = kept.len() as u8);
                 kept.push(*wander);
             }
         }
-        Self {
-            lines,
-            wanders: kept,
-        }
+        Self { lines, wanders: kept }
     }
 }
 

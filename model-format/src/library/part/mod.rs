@@ -147,9 +147,7 @@ impl<'a> Parts<'a> {
             }
             // Ascending kinds have one order, and so a texture has one encoding.
             if kind <= last {
-                return Err(Problem::Rule(
-                    "a part comes twice, or after one of a higher kind",
-                ));
+                return Err(Problem::Rule("a part comes twice, or after one of a higher kind"));
             }
             last = kind;
         }
@@ -172,9 +170,7 @@ impl<'a> Parts<'a> {
         }
         if let Some(modulation) = self.modulation {
             if self.moments.is_some() {
-                return Err(Problem::Rule(
-                    "a level track beside moments, which have theirs",
-                ));
+                return Err(Problem::Rule("a level track beside moments, which have theirs"));
             }
             modulation.check()?;
         }

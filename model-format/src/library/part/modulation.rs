@@ -10,8 +10,8 @@ use alloc::vec::Vec;
 
 use crate::error::Problem;
 use crate::limits::{
-    MAX_FED_POWER, MAX_MODULATION_ENTRIES, MAX_MODULATION_STEP_SAMPLES, MIN_FED_POWER,
-    MIN_MODULATION_ENTRIES, MIN_MODULATION_STEP_SAMPLES,
+    MAX_FED_POWER, MAX_MODULATION_ENTRIES, MAX_MODULATION_STEP_SAMPLES, MIN_FED_POWER, MIN_MODULATION_ENTRIES,
+    MIN_MODULATION_STEP_SAMPLES,
 };
 use crate::wire::Reader;
 
@@ -114,23 +114,13 @@ impl<'a> ModulationPart<'a> {
     /// Parses the content, and checks everything except the levels of the entries.
     fn read(self) -> Result<Modulation<'a>, Problem> {
         let mut reader = Reader(self.0);
-        let step = reader
-            .varint()
-            .ok_or(Problem::Malformed("its level track"))?;
+        let step = reader.varint().ok_or(Problem::Malformed("its level track"))?;
         let steps = [MIN_MODULATION_STEP_SAMPLES, MAX_MODULATION_STEP_SAMPLES];
         let steps = steps.map(|step| step as usize);
-        Problem::count(
-            "the step of the level track in samples",
-            step as usize,
-            steps,
-        )?;
+        Problem::count("the step of the level track in samples", step as usize, steps)?;
         let entries = reader.0;
         let lengths = [MIN_MODULATION_ENTRIES, MAX_MODULATION_ENTRIES];
-        Problem::count(
-            "the number of entries of the level track",
-            entries.len(),
-            lengths,
-        )?;
+        Problem::count("the number of entries of the level track", entries.len(), lengths)?;
         Ok(Modulation {
             step_samples: step as u16,
             entries,

@@ -14,9 +14,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::Problem;
-use crate::limits::{
-    MAX_CLOCK_MM_S, MAX_CORRELATION_MM, MAX_WANDER_SLOPE, MAX_WANDERS, MIN_CORRELATION_MM,
-};
+use crate::limits::{MAX_CLOCK_MM_S, MAX_CORRELATION_MM, MAX_WANDER_SLOPE, MAX_WANDERS, MIN_CORRELATION_MM};
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 7;
@@ -41,11 +39,7 @@ impl Wander {
         Problem::within("a correlation length in mm", self.correlation_mm, range)?;
         let range = [0.0, MAX_WANDER_SLOPE * self.correlation_mm];
         Problem::within("the RMS of a wander in mm", self.rms_mm, range)?;
-        Problem::within(
-            "a clock's speed in mm/s",
-            self.clock_mm_s,
-            [0.0, MAX_CLOCK_MM_S],
-        )?;
+        Problem::within("a clock's speed in mm/s", self.clock_mm_s, [0.0, MAX_CLOCK_MM_S])?;
         if self.rms_mm == 0.0 && self.clock_mm_s == 0.0 {
             return Err(Problem::Needless("a wander"));
         }

@@ -26,18 +26,12 @@ pub fn list(input: &[u8]) {
     }
     let groups = set.by_texture();
     assert_eq!(
-        groups
-            .iter()
-            .map(|(_, members)| members.len())
-            .sum::<usize>(),
+        groups.iter().map(|(_, members)| members.len()).sum::<usize>(),
         set.trials.len()
     );
     // The set is written as a list again, in two dialects. Each must be read as the same set.
     for (separator, decimal) in [(",", "."), (";", ",")] {
-        let list = place::written(
-            "again.csv",
-            rewritten(&set.trials, separator, decimal).as_bytes(),
-        );
+        let list = place::written("again.csv", rewritten(&set.trials, separator, decimal).as_bytes());
         let again = RecordingSet::from_list(&list).expect("it was written from a list");
         assert_eq!(again, set);
     }
@@ -62,11 +56,7 @@ fn rewritten(trials: &[Trial], separator: &str, decimal: &str) -> String {
         "simulated",
     ];
     let mut text = names.join(separator) + "\n";
-    let number = |value: Option<f64>| {
-        value.map_or(String::new(), |value| {
-            format!("{value:?}").replace('.', decimal)
-        })
-    };
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:?}").replace('.', decimal));
     for trial in trials {
         let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
         let fields = [
@@ -145,8 +135,7 @@ fn wav(axes: &[Vec<f64>]) -> Vec<u8> {
     bytes.extend(b"data");
     bytes.extend((length as u32).to_le_bytes());
     for frame in 0..frames {
-        axes.iter()
-            .for_each(|axis| bytes.extend(axis[frame].to_le_bytes()));
+        axes.iter().for_each(|axis| bytes.extend(axis[frame].to_le_bytes()));
     }
     bytes
 }
@@ -166,11 +155,7 @@ pub fn hatt(input: &[u8]) {
     let toolkit = &sources[0].toolkit;
     assert!(!toolkit.models.is_empty());
     let corners = toolkit.triangles.iter().flatten();
-    assert!(
-        corners
-            .into_iter()
-            .all(|&corner| corner < toolkit.models.len())
-    );
+    assert!(corners.into_iter().all(|&corner| corner < toolkit.models.len()));
     for model in &toolkit.models {
         assert!(model.speed_mm_s.is_finite() && model.force_n.is_finite());
     }

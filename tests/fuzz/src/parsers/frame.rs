@@ -5,13 +5,11 @@ use std::collections::VecDeque;
 use host_tools::link::FrameDecoder;
 use host_tools::link::virtual_usb::{self, FromBus};
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, ListEndpoint, ListSceneEndpoint,
-    MAX_DEVICE_FRAME_BYTES, MotionEndpoint, PlayEndpoint, ProbeLoadEndpoint, ProbeStartEndpoint,
-    RecordStartEndpoint, RecordStopEndpoint, ResponseGetEndpoint, ResponseProposeEndpoint,
-    ResponseSetEndpoint, SelfTestEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint,
-    SlotsEndpoint, StatusEndpoint, StopEndpoint, UpdateBeginEndpoint, UpdateCommitEndpoint,
-    UpdateStateEndpoint, UploadAbortEndpoint, UploadBeginEndpoint, UploadCommitEndpoint,
-    UploadProgressEndpoint,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, ListEndpoint, ListSceneEndpoint, MAX_DEVICE_FRAME_BYTES,
+    MotionEndpoint, PlayEndpoint, ProbeLoadEndpoint, ProbeStartEndpoint, RecordStartEndpoint, RecordStopEndpoint,
+    ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint, SelfTestEndpoint, SettingsGetEndpoint,
+    SettingsProposeEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint, UpdateBeginEndpoint, UpdateCommitEndpoint,
+    UpdateStateEndpoint, UploadAbortEndpoint, UploadBeginEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::Endpoint;
 use serde::Serialize;
@@ -86,8 +84,5 @@ where
     };
     let bytes = postcard::to_allocvec(&message).expect("it was decoded");
     let again: E::Response = postcard::from_bytes(&bytes).expect("it was encoded");
-    assert_eq!(
-        postcard::to_allocvec(&again).expect("it was decoded"),
-        bytes
-    );
+    assert_eq!(postcard::to_allocvec(&again).expect("it was decoded"), bytes);
 }

@@ -30,15 +30,8 @@ pub fn written(name: &str, content: &[u8]) -> PathBuf {
 /// Checks that `error` names the file at `path`, and a line that exists in `content`.
 pub fn check(error: &Error, path: &Path, content: &[u8]) {
     let text = error.to_string();
-    assert!(
-        text.starts_with(&path.display().to_string()),
-        "no file in: {text}"
-    );
-    assert!(
-        text.len() < 100 * content.len() + 2000,
-        "{} bytes of error",
-        text.len()
-    );
+    assert!(text.starts_with(&path.display().to_string()), "no file in: {text}");
+    assert!(text.len() < 100 * content.len() + 2000, "{} bytes of error", text.len());
     if let Error::Line { line, .. } = error {
         let lines = content.split(|&byte| byte == b'\n').count() as u64;
         assert!((1..=lines).contains(line), "line {line} of {lines}: {text}");

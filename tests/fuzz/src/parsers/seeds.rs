@@ -102,9 +102,7 @@ fn recordings() -> Vec<Vec<u8>> {
         .concat();
         chunk(b"RIFF", &body)
     };
-    let floats: Vec<u8> = (0..60u8)
-        .flat_map(|n| (f32::from(n % 7) - 3.0).to_le_bytes())
-        .collect();
+    let floats: Vec<u8> = (0..60u8).flat_map(|n| (f32::from(n % 7) - 3.0).to_le_bytes()).collect();
     let words: Vec<u8> = (0..200u8).map(|n| n.wrapping_mul(37)).collect();
     let mut all = vec![
         wav(1, 1, 5000, 16, &words),

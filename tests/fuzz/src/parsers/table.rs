@@ -37,9 +37,7 @@ fn motion(path: &Path, table: &[u8]) -> host_tools::support::error::Result<()> {
     let end_s = motion.duration_s();
     for share in [-1.0, 0.0, 0.25, 0.5, 1.0, 2.0] {
         let (speed, force) = motion.values_at(share * end_s);
-        assert!(
-            f64::from(speed.0).abs() <= MAX_SPEED_MM_S && f64::from(force.0).abs() <= MAX_FORCE_N
-        );
+        assert!(f64::from(speed.0).abs() <= MAX_SPEED_MM_S && f64::from(force.0).abs() <= MAX_FORCE_N);
         motion.at(share * end_s);
         assert!(!motion.position_mm_at(share * end_s).is_nan());
         assert!(motion.contact_at(share * end_s).is_none_or(|_| true));
@@ -71,10 +69,7 @@ fn check_hand(hand: &freehand::Freehand) {
     );
     if let Some((speeds, forces)) = freehand::proposed_grid(std::slice::from_ref(hand)) {
         for axis in [speeds, forces] {
-            assert!(
-                axis.to_string().parse::<freehand::GridAxis>().is_ok(),
-                "{axis}"
-            );
+            assert!(axis.to_string().parse::<freehand::GridAxis>().is_ok(), "{axis}");
         }
     }
 }
@@ -84,10 +79,7 @@ fn planned(path: &Path) -> host_tools::support::error::Result<()> {
     let mut text = String::from("speed_mm_s;force_n;texture\n");
     for trial in &trials {
         let name = trial.texture.replace('"', "\"\"");
-        text.push_str(&format!(
-            "{:?};{:?};\"{name}\"\n",
-            trial.speed_mm_s, trial.force_n
-        ));
+        text.push_str(&format!("{:?};{:?};\"{name}\"\n", trial.speed_mm_s, trial.force_n));
         // Names that cannot be a folder's name are refused by a separate check.
         let _ = trial.check();
     }

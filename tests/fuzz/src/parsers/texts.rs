@@ -37,8 +37,7 @@ pub fn scene(input: &[u8]) {
         Ok(compiled) => compiled,
         Err(error) => return place::check(&error, path, input),
     };
-    let bytes = with_scenes(&library, std::slice::from_ref(&compiled.scene))
-        .expect("a library has room for a scene");
+    let bytes = with_scenes(&library, std::slice::from_ref(&compiled.scene)).expect("a library has room for a scene");
     let again = Library::decode(&bytes).expect("it was encoded");
     assert_eq!(again.scenes().next().as_ref(), Some(&compiled.scene));
 }
@@ -82,22 +81,14 @@ pub fn settings(input: &[u8]) {
         Err(error) => {
             // The error must contain one of the words.
             let problem = error.to_string();
-            assert!(
-                words.iter().any(|word| problem.contains(word.as_str())),
-                "{problem}"
-            );
+            assert!(words.iter().any(|word| problem.contains(word.as_str())), "{problem}");
             return;
         }
     };
     assert_eq!(2 * found.len(), words.len());
     let again: Vec<String> = found
         .iter()
-        .flat_map(|change| {
-            [
-                change.setting.spec().name.to_owned(),
-                format!("{:?}", change.value),
-            ]
-        })
+        .flat_map(|change| [change.setting.spec().name.to_owned(), format!("{:?}", change.value)])
         .collect();
     let again = changes(&again).expect("they were written from changes");
     for (before, after) in found.iter().zip(&again) {

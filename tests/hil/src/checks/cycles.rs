@@ -35,11 +35,7 @@ pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<()
 
 /// Adds a line: the tick must end within its period, and the update before its block begins.
 fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
-    let CycleReport {
-        core_hz,
-        tick,
-        update,
-    } = report;
+    let CycleReport { core_hz, tick, update } = report;
     let tick_cycles = core_hz / SAMPLE_RATE_HZ;
     let update_cycles = tick_cycles * UPDATE_TICKS;
     bench.judge(
@@ -50,16 +46,9 @@ fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
             tick.longest,
             update.shortest,
             update.longest,
-            if bench.is_emulated() {
-                ", emulated"
-            } else {
-                ""
-            }
+            if bench.is_emulated() { ", emulated" } else { "" }
         ),
         format!("tick {tick_cycles}, update {update_cycles}"),
-        tick.runs > 0
-            && update.runs > 0
-            && tick.longest < tick_cycles
-            && update.longest < update_cycles,
+        tick.runs > 0 && update.runs > 0 && tick.longest < tick_cycles && update.longest < update_cycles,
     );
 }

@@ -16,11 +16,10 @@ use crate::library;
 /// Plays the most expensive texture along the host's motion, streams a recording and uploads `library` again and again,
 /// for the length that the bench sets.
 pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
-    let (traffic, driven) =
-        bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {
-            let heard = bench.wait_until_heard()?;
-            all_at_once(bench, library, heard)
-        })?;
+    let (traffic, driven) = bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {
+        let heard = bench.wait_until_heard()?;
+        all_at_once(bench, library, heard)
+    })?;
     let uploads = traffic.round_trips.len();
     bench.judge(
         "uploads while it plays and streams",
@@ -28,8 +27,7 @@ pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
         "at least 1",
         uploads > 0,
     );
-    let mutes =
-        |status: &Status| count(status, MuteReason::LinkLost) + count(status, MuteReason::Fault);
+    let mutes = |status: &Status| count(status, MuteReason::LinkLost) + count(status, MuteReason::Fault);
     let muted = mutes(&traffic.after).saturating_sub(mutes(&traffic.before));
     let name = "the link is not lost meanwhile";
     if bench.is_emulated() {

@@ -76,9 +76,7 @@ impl Ending {
     /// Returns true if the fault in the status is this fault.
     pub fn explains(&self, told: &Fault) -> bool {
         let is_there = |range: &Range<u32>| told.address.is_some_and(|at| range.contains(&at));
-        told.kind == self.kind
-            && told.text.contains(self.text)
-            && self.address.as_ref().is_none_or(is_there)
+        told.kind == self.kind && told.text.contains(self.text) && self.address.as_ref().is_none_or(is_there)
     }
 }
 
@@ -99,11 +97,7 @@ pub const ENDING: [Ending; 19] = {
         Ending::caught(I::PanicInTick, "a panic in the tick", Panic),
         Ending::caught(I::BadJump, "a hard fault", HardFault),
         Ending::caught(I::Nmi, "a non-maskable interrupt", Nmi),
-        Ending::caught(
-            I::UnexpectedInterrupt,
-            "an unexpected interrupt",
-            UnexpectedInterrupt,
-        ),
+        Ending::caught(I::UnexpectedInterrupt, "an unexpected interrupt", UnexpectedInterrupt),
         Ending::starved(I::EndlessTick, "a tick that hangs", TickStopped),
         Ending::starved(I::NoTick, "a timer that stops", TickStopped),
         Ending::starved(I::EndlessTask, "a task that hangs", ExecutorStopped),
@@ -129,10 +123,7 @@ const BLOCKS_BETWEEN: u32 = 3;
 /// Flashes the fault image, injects each fault while a texture plays, and flashes the product's image again.
 pub fn check(bench: &mut Bench) -> Result<()> {
     if let Some(reason) = bench.board.lacks() {
-        bench.leave_out(
-            "every fault ends in silence, a reset and its reason",
-            reason,
-        );
+        bench.leave_out("every fault ends in silence, a reset and its reason", reason);
         return Ok(());
     }
     let injected = with_fault_image(bench);
@@ -231,9 +222,7 @@ fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
     inject(bench, fault)?;
     let after = bench.wait_for_restart(&before)?;
     let fault = after.fault.as_ref();
-    let found = fault.map_or("none".to_owned(), |fault| {
-        format!("{:?} {}", fault.kind, fault.text)
-    });
+    let found = fault.map_or("none".to_owned(), |fault| format!("{:?} {}", fault.kind, fault.text));
     let is_wanted = fault.is_some_and(|fault| wanted.explains(fault));
     bench.judge(
         &format!("{name} ends in a reset with its reason"),

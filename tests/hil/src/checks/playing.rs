@@ -40,10 +40,7 @@ fn from_the_host(bench: &mut Bench, scene: &Selection) -> Result<()> {
     let ((heard, refusal, after), driven) = played;
     bench.judge(
         "plays along the host's motion",
-        format!(
-            "{} motions, {} acknowledged",
-            driven.motions, driven.acknowledged
-        ),
+        format!("{} motions, {} acknowledged", driven.motions, driven.acknowledged),
         "playing from the host, not muted",
         matches!(
             heard.output.activity,
@@ -55,12 +52,7 @@ fn from_the_host(bench: &mut Bench, scene: &Selection) -> Result<()> {
     );
     let refused = matches!(&refusal, Err(LinkError::Settings(SettingsError::Playing)));
     let refusal = refusal.map_or_else(|error| error.to_string(), |_| "taken".to_owned());
-    bench.judge(
-        "settings are refused while it plays",
-        refusal,
-        "refused",
-        refused,
-    );
+    bench.judge("settings are refused while it plays", refusal, "refused", refused);
     bench.judge(
         "a scene takes over from a texture",
         format!("{:?}", after.output.activity),
@@ -132,10 +124,7 @@ fn from_the_sensors(bench: &mut Bench) -> Result<()> {
     }
     bench.judge(
         name,
-        format!(
-            "{:?}, muted: [{}]",
-            status.output.activity, status.output.mute
-        ),
+        format!("{:?}, muted: [{}]", status.output.activity, status.output.mute),
         "playing, not muted",
         is_playing(&status) && status.output.mute.is_empty(),
     );

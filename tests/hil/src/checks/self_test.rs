@@ -17,11 +17,9 @@ pub fn check(bench: &mut Bench) -> Result<()> {
     };
     let lines = self_test::run(&bench.device, &options, |_| ())?;
     bench.add_all(lines);
-    let reason =
-        "a status comes only after the restart: put an oscilloscope on PA4, triggered by NRST";
+    let reason = "a status comes only after the restart: put an oscilloscope on PA4, triggered by NRST";
     bench.leave_out("mid-scale between a fault and the reset", reason);
-    let reason =
-        "the status shows what the image drives: put an oscilloscope on PE9, triggered by NRST";
+    let reason = "the status shows what the image drives: put an oscilloscope on PE9, triggered by NRST";
     bench.leave_out("the amplifier's enable is low through a reset", reason);
     Ok(())
 }
@@ -30,12 +28,7 @@ pub fn check(bench: &mut Bench) -> Result<()> {
 /// at rest.
 pub fn at_mid_scale(bench: &mut Bench, name: &str) -> Result<()> {
     let SelfTestValues::Rest(values) = bench.device.self_test(SelfTestRequest::Rest)? else {
-        bench.judge(
-            name,
-            "another measurement",
-            "that of the pin at rest",
-            false,
-        );
+        bench.judge(name, "another measurement", "that of the pin at rest", false);
         return Ok(());
     };
     for line in judge::rest(&values) {

@@ -28,8 +28,5 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 // SAFETY: the handler only prints the frame that the processor saved, and ends the emulator.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    fail(format_args!(
-        "HardFault at {:#010x}: {frame:#?}",
-        frame.pc()
-    ))
+    fail(format_args!("HardFault at {:#010x}: {frame:#?}", frame.pc()))
 }

@@ -23,15 +23,9 @@ pub fn play(mut cases: &[u8], counter: &Counter, output: &mut Output) {
             }
             played
         };
-        let digest = case
-            .play::<CortexM>(&mut measure)
-            .expect("the host wrote libraries");
+        let digest = case.play::<CortexM>(&mut measure).expect("the host wrote libraries");
         let name = case.name;
-        output.line(format_args!(
-            "{} {} {name}",
-            report::VECTOR,
-            report::CORTEX_M
-        ));
+        output.line(format_args!("{} {} {name}", report::VECTOR, report::CORTEX_M));
         let mut words = Words::new(output);
         words.push(digest);
         words.finish();

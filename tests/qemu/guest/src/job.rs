@@ -1,8 +1,5 @@
 //! The job that the emulator writes into memory.
-#![expect(
-    unsafe_code,
-    reason = "what another wrote into memory is read through a pointer"
-)]
+#![expect(unsafe_code, reason = "what another wrote into memory is read through a pointer")]
 
 use kernel_vectors::job::{self, ADDRESS, CAPACITY, Job};
 

@@ -17,8 +17,7 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::job::Job;
 use kernel_vectors::{
-    COUNTED_UPDATES, MEASURED, Measured, PATH_UPDATES, VECTORS, counted_motion, edges, motion,
-    report, run,
+    COUNTED_UPDATES, MEASURED, Measured, PATH_UPDATES, VECTORS, counted_motion, edges, motion, report, run,
 };
 use model_format::{Library, OutputSample, Texture};
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
@@ -42,13 +41,7 @@ fn main() -> ! {
         Some(Job::Count { library }) => {
             let library = Library::decode(library).expect("the host wrote a library");
             let textures = library.textures();
-            measure(
-                textures,
-                COUNTED_UPDATES,
-                counted_motion,
-                &counter,
-                &mut output,
-            );
+            measure(textures, COUNTED_UPDATES, counted_motion, &counter, &mut output);
         }
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
         Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
@@ -58,9 +51,7 @@ fn main() -> ! {
             play::<CortexM>(report::CORTEX_M, &mut output);
             let library = Library::decode(LIBRARY).expect("the library is valid");
             let texture = |measured: &Measured| library.texture(measured.texture);
-            let textures = MEASURED
-                .iter()
-                .map(|measured| texture(measured).expect("it is there"));
+            let textures = MEASURED.iter().map(|measured| texture(measured).expect("it is there"));
             measure(textures, PATH_UPDATES, motion, &counter, &mut output);
         }
     }

@@ -14,16 +14,12 @@ impl Output {
     }
 
     pub fn line(&mut self, line: fmt::Arguments<'_>) {
-        self.0
-            .write_fmt(line)
-            .expect("the emulator takes all output");
+        self.0.write_fmt(line).expect("the emulator takes all output");
         self.text("\n");
     }
 
     fn text(&mut self, text: &str) {
-        self.0
-            .write_str(text)
-            .expect("the emulator takes all output");
+        self.0.write_str(text).expect("the emulator takes all output");
     }
 }
 
@@ -61,12 +57,7 @@ impl<'a> Words<'a> {
         const WORD_CHARACTERS: usize = 9;
         let mut line = [b' '; WORDS_PER_LINE * WORD_CHARACTERS];
         let used = &mut line[..self.len * WORD_CHARACTERS];
-        for (place, word) in used
-            .as_chunks_mut::<WORD_CHARACTERS>()
-            .0
-            .iter_mut()
-            .zip(self.gathered)
-        {
+        for (place, word) in used.as_chunks_mut::<WORD_CHARACTERS>().0.iter_mut().zip(self.gathered) {
             for (nibble, character) in place.iter_mut().skip(1).enumerate() {
                 let digit = word >> (28 - 4 * nibble) & 15;
                 *character = b"0123456789abcdef"[digit as usize];

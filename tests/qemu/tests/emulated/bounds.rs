@@ -7,18 +7,16 @@
 use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{Libraries, report};
 use model_format::limits::{
-    DECODE_INSTRUCTIONS, DECODE_INSTRUCTIONS_PER_BYTE, DECODE_INSTRUCTIONS_PER_SCENE,
-    DECODE_INSTRUCTIONS_PER_TEXTURE, MAX_AXIS_LEN, MAX_CODEBOOKS, MAX_EXCITATION_BYTES,
-    MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES, MAX_MODULATION_ENTRIES, MAX_MOMENT_SAMPLES,
-    MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES, MAX_WANDERS, MIN_MODULATION_ENTRIES,
-    PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
+    DECODE_INSTRUCTIONS, DECODE_INSTRUCTIONS_PER_BYTE, DECODE_INSTRUCTIONS_PER_SCENE, DECODE_INSTRUCTIONS_PER_TEXTURE,
+    MAX_AXIS_LEN, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES,
+    MAX_MODULATION_ENTRIES, MAX_MOMENT_SAMPLES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES, MAX_WANDERS,
+    MIN_MODULATION_ENTRIES, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
 };
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
-    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec,
-    LinesSpec, ModulationSpec, NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec,
-    TextureSpec, Wander, encode_with_scenes,
+    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec,
+    NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec, TextureSpec, Wander, encode_with_scenes,
 };
 use tasks::guest::Processor;
 use tasks::qemu;
@@ -36,8 +34,7 @@ const DRAWN_BYTES: usize = 48 * 1024;
 
 /// Number of codes per codebook, in bytes. Four codebooks and one byte for each of 4096 nodes use nearly all bytes that
 /// an excitation may have.
-const CODEBOOK_BYTES: usize =
-    (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
+const CODEBOOK_BYTES: usize = (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
 
 /// Number of properties of a recipe.
 const PROPERTIES: usize = 22;
@@ -113,10 +110,7 @@ impl Recipe {
                 match encode_with_scenes(&textures, &scenes) {
                     Ok(bytes) if bytes.len() <= most => return bytes,
                     Ok(_) => {}
-                    Err(error) => assert!(
-                        matches!(error.problem, Problem::Range { .. }),
-                        "{error}: {self:?}"
-                    ),
+                    Err(error) => assert!(matches!(error.problem, Problem::Range { .. }), "{error}: {self:?}"),
                 }
             }
             // Reduces the largest of order, forces, speeds and number of textures with a grid.
@@ -134,12 +128,7 @@ impl Recipe {
     fn texture_bytes(&self) -> usize {
         let [textures, with_grid, speeds, forces, order, tails, ..] = self.0.map(|n| n as usize);
         let lines = self.0[19] as usize;
-        let coefficients = order
-            + if tails == 1 {
-                order.min(MAX_FINE_STAGES)
-            } else {
-                order
-            };
+        let coefficients = order + if tails == 1 { order.min(MAX_FINE_STAGES) } else { order };
         let node = 16 + coefficients + 4 * lines;
         let with_grid = with_grid.min(textures);
         let parts = self.0[17] as usize * CODEBOOK_BYTES + self.0[18] as usize;
@@ -157,11 +146,7 @@ impl Recipe {
 
     fn texture(&self, index: u32) -> TextureSpec {
         let with_grid = index < self.0[1];
-        let (speeds, forces) = if with_grid {
-            (self.0[2], self.0[3])
-        } else {
-            (1, 1)
-        };
+        let (speeds, forces) = if with_grid { (self.0[2], self.0[3]) } else { (1, 1) };
         let order = self.0[4];
         let axis = |len: u32| (1..=len).map(|value| value as f32).collect::<Vec<_>>();
         let before = match self.0[5] {
@@ -169,9 +154,7 @@ impl Recipe {
             _ => order,
         };
         let codes = CodeSpec {
-            codes: (0..before)
-                .map(|at| (at * 71 % 30_000) as i16 - 15_000)
-                .collect(),
+            codes: (0..before).map(|at| (at * 71 % 30_000) as i16 - 15_000).collect(),
             fractions: (0..order.min(self.0[6])).map(|at| at as i8 + 1).collect(),
             tail: TailSpec {
                 codes: (before..order)
@@ -242,9 +225,7 @@ impl Recipe {
                     codes: codes.clone(),
                 })
                 .collect(),
-            of_nodes: (0..nodes)
-                .map(|node| (node % codebooks) as u8 + 1)
-                .collect(),
+            of_nodes: (0..nodes).map(|node| (node % codebooks) as u8 + 1).collect(),
             moment_samples: has_moments.then_some(MAX_MOMENT_SAMPLES),
         });
         let entries = self.0[18];
@@ -307,8 +288,7 @@ impl Recipe {
             let cosine = (0.02 + 0.48 / 7.0 * f64::from(at)).cos();
             let gain = if at == 0 { 0.98 } else { 1.0 };
             let zeros = [1.0, -2.0 * ZEROS * cosine, ZEROS * ZEROS].map(|b| b * gain);
-            Biquad::from_f64(zeros, [-2.0 * RADIUS * cosine, RADIUS * RADIUS])
-                .expect("it is in range")
+            Biquad::from_f64(zeros, [-2.0 * RADIUS * cosine, RADIUS * RADIUS]).expect("it is in range")
         };
         let name = self.name(index);
         let mut scene = Scene::of_surface(
@@ -347,10 +327,7 @@ fn measured(image: &std::path::Path, recipes: &[Recipe], most: usize) -> Vec<Cos
         let job = Job::Bounds { libraries };
         let text = held(qemu::run(Processor::CortexM4, image, Some(&job)));
         assert_eq!(text.lines().last().map(str::trim_end), Some(report::END));
-        for line in text
-            .lines()
-            .filter_map(|line| line.strip_prefix(report::LIBRARY_COST))
-        {
+        for line in text.lines().filter_map(|line| line.strip_prefix(report::LIBRARY_COST)) {
             let numbers = line.split_whitespace().map(|n| n.parse().unwrap());
             let numbers: Vec<u64> = numbers.collect();
             let [bytes, decode, _, longest_step, plan] = numbers[..] else {
@@ -417,14 +394,8 @@ fn no_valid_library_takes_more_work_than_its_bound() {
     tried.push((whole, costs[0]));
     for (recipe, cost) in tried {
         let decode = allowed(cost, recipe);
-        assert!(
-            cost.decode <= decode,
-            "{cost:?}, allowed {decode}: {recipe:?}"
-        );
-        assert!(
-            cost.longest_step <= STEP_INSTRUCTIONS,
-            "{cost:?}: {recipe:?}"
-        );
+        assert!(cost.decode <= decode, "{cost:?}, allowed {decode}: {recipe:?}");
+        assert!(cost.longest_step <= STEP_INSTRUCTIONS, "{cost:?}: {recipe:?}");
         assert!(cost.plan <= PLAN_INSTRUCTIONS, "{cost:?}: {recipe:?}");
     }
 }

@@ -45,10 +45,7 @@ struct Counted {
 /// from the table's.
 fn counted(processor: Processor, orders: &[usize]) -> Vec<Counted> {
     let toolchain = held(Toolchain::find());
-    let (here, there) = (
-        held(toolchain.compiler()),
-        &LookUps::measured().table().rustc,
-    );
+    let (here, there) = (held(toolchain.compiler()), &LookUps::measured().table().rustc);
     if &here != there {
         println!("this is rustc {here}, and the table was counted with {there}: no comparison");
         return Vec::new();
@@ -105,10 +102,7 @@ fn what_is_counted_now_of_the_shipped_lattice_is_what_the_table_says() {
 fn between_two_orders_no_less_is_looked_up_than_what_is_counted_but_for_a_few_instructions() {
     for now in counted(Processor::CortexM4, &ORDERS_BETWEEN) {
         let cost = LookUps::measured().at(SHIPPED, now.nodes as usize, Core::M4, now.order);
-        let looked_up = cost
-            .expect("the table has orders around it")
-            .sample
-            .instructions;
+        let looked_up = cost.expect("the table has orders around it").sample.instructions;
         assert!(
             f64::from(now.sample.most) <= looked_up + BETWEEN_INSTRUCTIONS,
             "the look-up gives {looked_up:.0} instructions, and a sample takes {:?}",

@@ -99,16 +99,12 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
             // The synthesis has one phase, and the filter on its own has six.
             let phases = if way == report::SYNTHESIS { 1 } else { 6 };
             assert_eq!(cost.calls, phases * SAMPLES, "{name}");
-            let found = extremes.entry(format!("{way}, {}", case.plan)).or_insert((
-                u32::MAX,
-                0,
-                Vec::new(),
-            ));
+            let found = extremes
+                .entry(format!("{way}, {}", case.plan))
+                .or_insert((u32::MAX, 0, Vec::new()));
             found.0 = cost.fewest.min(found.0);
             found.1 = cost.most.max(found.1);
-            found
-                .2
-                .push(format!("{name}: {} to {}", cost.fewest, cost.most));
+            found.2.push(format!("{name}: {} to {}", cost.fewest, cost.most));
         }
     }
     extremes
@@ -132,12 +128,7 @@ fn every_hard_case(processor: Processor) {
     let mut host = Vec::new();
     for case in &cases {
         let played = case.case().play::<Portable>(&mut |_, sample| sample());
-        host.push(format!(
-            "{} {} {}",
-            report::VECTOR,
-            report::CORTEX_M,
-            case.case.name
-        ));
+        host.push(format!("{} {} {}", report::VECTOR, report::CORTEX_M, case.case.name));
         host.extend(lines(&[played.unwrap()]));
     }
     held(same_bits(processor, &found.played, &host));

@@ -40,11 +40,7 @@ fn report(processor: Processor) -> &'static EmulatorReport {
 fn both_processors_play_the_hosts_bits() {
     let host = compare::on_host();
     for processor in Processor::ALL {
-        held(compare::same_bits(
-            processor,
-            &report(processor).played,
-            &host,
-        ));
+        held(compare::same_bits(processor, &report(processor).played, &host));
     }
 }
 
@@ -85,11 +81,7 @@ fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_a_sampl
             let found = costs.iter().find(|cost| cost.texture == texture);
             found.expect("it is measured").most
         };
-        for fed in [
-            "lattice, track",
-            "lattice, codebooks and track",
-            "lattice, moments",
-        ] {
+        for fed in ["lattice, track", "lattice, codebooks and track", "lattice, moments"] {
             let more = most(&report.follows, fed) - most(&report.follows, "lattice");
             println!("{}, {fed}: {more} more per update", processor.name());
             assert!(more <= FEED * UPDATE_INTERVAL_SAMPLES, "{fed}: {more}");
@@ -127,11 +119,7 @@ fn a_wander_costs_a_sample_nothing_and_an_update_at_most_900_instructions() {
             });
             wandering.abs_diff(steady)
         };
-        println!(
-            "{}: {} more per update",
-            processor.name(),
-            more(&report.follows)
-        );
+        println!("{}: {} more per update", processor.name(), more(&report.follows));
         assert!(more(&report.samples) <= 16);
         assert!(more(&report.follows) <= 2 * 900);
     }

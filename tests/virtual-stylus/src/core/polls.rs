@@ -47,8 +47,8 @@ impl Polls {
         if access.address == CYCLE_COUNT {
             return;
         }
-        let goes_on = self.program_counter == access.program_counter
-            && access.instruction_count - self.at <= POLL_INSTRUCTIONS;
+        let goes_on =
+            self.program_counter == access.program_counter && access.instruction_count - self.at <= POLL_INSTRUCTIONS;
         self.count = match (is_read && is_poll, goes_on) {
             (false, _) => 0,
             (true, false) => 1,

@@ -6,8 +6,7 @@
 //! when.
 
 use rigless::emulator::{
-    Access, AccessKind, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HostCall,
-    InterruptLine, Processor, Queued,
+    Access, AccessKind, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HostCall, InterruptLine, Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
@@ -59,10 +58,7 @@ impl Turn {
 
 /// Returns true for requests about memory, which every processor must receive.
 fn is_of_memory(queued: Queued) -> bool {
-    matches!(
-        queued,
-        Queued::Invalidate(..) | Queued::Route(_) | Queued::Unroute(_)
-    )
+    matches!(queued, Queued::Invalidate(..) | Queued::Route(_) | Queued::Unroute(_))
 }
 
 /// One processor per [`Turn`], in its order. Only one of them holds the machine's state at a time.
@@ -282,13 +278,7 @@ impl Processor for Turns {
         self.active().gdb_register(number)
     }
 
-    fn debugger_access(
-        &mut self,
-        write: Option<u64>,
-        address: u64,
-        width: Width,
-        now: VirtualNanos,
-    ) -> Option<u64> {
+    fn debugger_access(&mut self, write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64> {
         (self.active_mut()).debugger_access(write, address, width, now)
     }
 

@@ -38,20 +38,13 @@ const TIM6_TRIGGER: u64 = 14;
 const SAMPLING_HALF_CYCLES: [u64; 8] = [3, 5, 17, 33, 65, 129, 775, 1621];
 /// Index of the converter's interrupt among the interrupts of its instance.
 const INTERRUPT: usize = 0;
-const RESULTS: [Register; 4] = [
-    Register::Jdr1,
-    Register::Jdr2,
-    Register::Jdr3,
-    Register::Jdr4,
-];
+const RESULTS: [Register; 4] = [Register::Jdr1, Register::Jdr2, Register::Jdr3, Register::Jdr4];
 
-const WITHOUT_ENABLE: &str =
-    "RM0433 25.6.3: JADSTART may be set only with ADEN set, so no sequence started";
+const WITHOUT_ENABLE: &str = "RM0433 25.6.3: JADSTART may be set only with ADEN set, so no sequence started";
 const WITHOUT_CLOCK: &str = "RM0433 25.4.3: the converter has no clock, so no sequence ends";
 const OTHER_TRIGGER: &str =
     "RM0433 25.4.19: of the injected triggers only TIM6's (14) is modelled, so no sequence starts";
-const OTHER_MODE: &str =
-    "RM0433 25.4.20, 25.4.21: JAUTO and JDISCEN are not modelled, so a sequence runs whole";
+const OTHER_MODE: &str = "RM0433 25.4.20, 25.4.21: JAUTO and JDISCEN are not modelled, so a sequence runs whole";
 const OVERSAMPLING: &str = "RM0433 25.4.31: JOVSE is not modelled, so a word is one conversion's";
 const OFFSETS: &str = "RM0433 25.4.27: OFRy is not modelled, so a word is not reduced";
 
@@ -150,19 +143,13 @@ impl Injected {
 
     /// Returns the samples kept so far, and clears them.
     pub fn take_samples(&mut self) -> Vec<Sample> {
-        self.samples
-            .as_mut()
-            .map(std::mem::take)
-            .unwrap_or_default()
+        self.samples.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Handles TIM6's trigger.
     pub fn trigger(&mut self, call: &mut Call<'_, '_>) {
         let setting = call.registers.get(Register::Jsqr);
-        if !self.started
-            || jsqr::JEXTEN.get(setting) == 0
-            || jsqr::JEXTSEL.get(setting) != TIM6_TRIGGER
-        {
+        if !self.started || jsqr::JEXTEN.get(setting) == 0 || jsqr::JEXTSEL.get(setting) != TIM6_TRIGGER {
             return;
         }
         // A trigger during a sequence is lost.
@@ -178,14 +165,12 @@ impl Injected {
             0..10 => (Register::Smpr1, channel),
             _ => (Register::Smpr2, channel - 10),
         };
-        let sampling =
-            SAMPLING_HALF_CYCLES[(registers.get(register) >> (3 * place) & 0b111) as usize];
+        let sampling = SAMPLING_HALF_CYCLES[(registers.get(register) >> (3 * place) & 0b111) as usize];
         (sampling, sampling + 1 + resolution(registers))
     }
 
     fn instant(&self, began: VirtualNanos, half_cycles: u64) -> VirtualNanos {
-        let nanos =
-            u128::from(half_cycles) * u128::from(NANOS_PER_SECOND) / u128::from(2 * self.hz);
+        let nanos = u128::from(half_cycles) * u128::from(NANOS_PER_SECOND) / u128::from(2 * self.hz);
         VirtualNanos(began.0 + nanos as u64)
     }
 
@@ -285,8 +270,7 @@ impl Around<Adc> for Injected {
         match register {
             // The emulator's model reports each of the two commands as not modelled, and clears it.
             Register::Cr => {
-                let others =
-                    registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
+                let others = registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
                 registers.set(Register::Cr, others);
             }
             Register::Isr => self.flags &= !value,
@@ -370,17 +354,9 @@ fn tell_what_is_left_out(Call { registers, context }: &mut Call<'_, '_>) {
     if cfgr2::JOVSE.is_set(registers.get(Register::Cfgr2)) {
         context.tell("CFGR2", OVERSAMPLING);
     }
-    let offsets = [
-        Register::Ofr1,
-        Register::Ofr2,
-        Register::Ofr3,
-        Register::Ofr4,
-    ];
+    let offsets = [Register::Ofr1, Register::Ofr2, Register::Ofr3, Register::Ofr4];
     // The offset itself, without the channel that it is for.
-    if offsets
-        .iter()
-        .any(|&offset| registers.get(offset) & 0x03FF_FFFF != 0)
-    {
+    if offsets.iter().any(|&offset| registers.get(offset) & 0x03FF_FFFF != 0) {
         context.tell("OFR1", OFFSETS);
     }
 }

@@ -17,8 +17,7 @@ pub struct Call<'a, 'c> {
 /// A wrapper of a model of type `D`, which is called before or after each call of the model.
 pub trait Around<D: Device>: Debug + Send {
     /// Called before the model for a write of `value`. The registers hold the written value already.
-    fn before_write(&mut self, _register: D::Register, _value: u64, _registers: &mut RegisterFile) {
-    }
+    fn before_write(&mut self, _register: D::Register, _value: u64, _registers: &mut RegisterFile) {}
 
     /// Called after the model for a read, with the value that the model returned. Returns another value if the core is
     /// to receive that instead.
@@ -95,12 +94,7 @@ where
         answered
     }
 
-    fn peek(
-        &self,
-        register: Self::Register,
-        registers: &RegisterFile,
-        now: VirtualNanos,
-    ) -> Option<u64> {
+    fn peek(&self, register: Self::Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
         self.inner.peek(register, registers, now)
     }
 
@@ -118,24 +112,14 @@ where
         self.around.after(&mut self.inner, &mut call);
     }
 
-    fn on_event(
-        &mut self,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let mut call = Call { registers, context };
         self.around.event(&mut self.inner, event, &mut call);
         self.inner.on_event(event, registers, context);
         self.after(registers, context);
     }
 
-    fn on_request(
-        &mut self,
-        request: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_request(&mut self, request: RequestChange, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.around.request(request, context);
         self.inner.on_request(request, registers, context);
     }
@@ -146,23 +130,12 @@ where
         self.after(registers, context);
     }
 
-    fn on_access(
-        &mut self,
-        token: u64,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_access(&mut self, token: u64, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.inner.on_access(token, value, registers, context);
         self.after(registers, context);
     }
 
-    fn on_refused(
-        &mut self,
-        token: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_refused(&mut self, token: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.inner.on_refused(token, registers, context);
         self.after(registers, context);
     }
@@ -176,9 +149,7 @@ where
         context: &mut DeviceContext<'_>,
     ) -> bool {
         self.around.before_store(address, width, value, registers);
-        let taken = self
-            .inner
-            .write_region(address, width, value, registers, context);
+        let taken = self.inner.write_region(address, width, value, registers, context);
         self.after(registers, context);
         taken
     }

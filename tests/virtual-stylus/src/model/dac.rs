@@ -107,12 +107,7 @@ impl Dac {
     }
 
     /// Handles a timer's trigger, which `TSELx` selects by `selection`.
-    pub fn trigger(
-        &mut self,
-        selection: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    pub fn trigger(&mut self, selection: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         for channel in 0..CHANNELS {
             if self.hears(channel, selection) {
                 self.latch(context.now(), channel, Cause::Trigger, registers);
@@ -180,13 +175,7 @@ impl Dac {
         }
     }
 
-    fn latch(
-        &mut self,
-        at: VirtualNanos,
-        channel: usize,
-        cause: Cause,
-        registers: &mut RegisterFile,
-    ) {
+    fn latch(&mut self, at: VirtualNanos, channel: usize, cause: Cause, registers: &mut RegisterFile) {
         self.output[channel] = self.holding[channel];
         let register = [Register::Dor1, Register::Dor2][channel];
         registers.set(register, u64::from(self.output[channel]));
@@ -224,12 +213,7 @@ impl Dac {
         }
     }
 
-    fn write_control(
-        &mut self,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn write_control(&mut self, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         for (bits, reason) in [
             (0x00C0_00C0, WAVES),
             (0x4000_4000, CALIBRATION),
@@ -280,13 +264,7 @@ impl Device for Dac {
         })
     }
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn write(&mut self, register: Register, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let at = context.now();
         if context.access_width() != Some(Width::W32) {
             context.tell(register.spec().name, NARROW);

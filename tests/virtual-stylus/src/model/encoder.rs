@@ -74,12 +74,8 @@ impl Quadrature {
         for at in instants {
             // These are in order, as the queue must be: the pulses of an instant end before the next instant.
             let half = width_ns / 2;
-            self.disturbances.extend([
-                (at, 0),
-                (at + half, 1),
-                (at + width_ns, 0),
-                (at + half + width_ns, 1),
-            ]);
+            self.disturbances
+                .extend([(at, 0), (at + half, 1), (at + width_ns, 0), (at + half + width_ns, 1)]);
         }
         self.settled = false;
     }

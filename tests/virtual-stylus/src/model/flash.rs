@@ -133,16 +133,12 @@ impl Contents {
         let mut bytes = Vec::new();
         let file = std::fs::File::open(path).map_err(|error| told(error.to_string()))?;
         let mut file = file.take(most as u64 + 1);
-        file.read_to_end(&mut bytes)
-            .map_err(|error| told(error.to_string()))?;
+        file.read_to_end(&mut bytes).map_err(|error| told(error.to_string()))?;
         if bytes.len() > most {
             return Err(told(format!("is longer than a flash's {most} bytes")));
         }
         if bytes.len() < BYTES || bytes.len() % 4 != 0 {
-            return Err(told(format!(
-                "has {} bytes, not the flash's {BYTES}",
-                bytes.len()
-            )));
+            return Err(told(format!("has {} bytes, not the flash's {BYTES}", bytes.len())));
         }
         let (words, _) = bytes[BYTES..].as_chunks::<4>();
         let marks = words.iter().map(|word| u32::from_le_bytes(*word));
@@ -151,9 +147,7 @@ impl Contents {
             word_of(address) == address && bank_of(address.into()).is_some()
         };
         if let Some(mark) = marks.clone().find(|mark| !is_word(*mark)) {
-            return Err(told(format!(
-                "marks {mark:#010x}, which is no word of the flash"
-            )));
+            return Err(told(format!("marks {mark:#010x}, which is no word of the flash")));
         }
         let (filled, unreadable) = marks.partition::<BTreeSet<_>, _>(|mark| mark & FILLED != 0);
         let filled = filled.into_iter().map(|mark| mark & !FILLED).collect();
@@ -482,10 +476,7 @@ impl Buffer {
         }
         let start = (address - self.address) as usize;
         let bytes = value.to_le_bytes();
-        for (place, byte) in self.bytes[start..]
-            .iter_mut()
-            .zip(&bytes[..width.bytes() as usize])
-        {
+        for (place, byte) in self.bytes[start..].iter_mut().zip(&bytes[..width.bytes() as usize]) {
             *place = Some(*byte);
         }
     }
@@ -595,31 +586,20 @@ impl Journal {
             let flags = registers.get(status(bank));
             registers.set(status(bank), sr1::DBECCERR1.set(flags, 1));
             let word = (address - BASE - bank as u32 * BANK_BYTES) / WORD_BYTES;
-            registers.set(
-                [Register::EccFa1r, Register::EccFa2r][bank],
-                u64::from(word),
-            );
+            registers.set([Register::EccFa1r, Register::EccFa2r][bank], u64::from(word));
         }
     }
 }
 
 const fn status(bank: usize) -> Register {
-    if bank == 0 {
-        Register::Sr1
-    } else {
-        Register::Sr2
-    }
+    if bank == 0 { Register::Sr1 } else { Register::Sr2 }
 }
 
 impl Around<Flash> for Journal {
     fn before_store(&mut self, address: u64, width: Width, value: u64, registers: &RegisterFile) {
         let address = address as u32;
         let bank = usize::from(address >= BASE + BANK_BYTES);
-        let control = registers.get(if bank == 0 {
-            Register::Cr1
-        } else {
-            Register::Cr2
-        });
+        let control = registers.get(if bank == 0 { Register::Cr1 } else { Register::Cr2 });
         if cr1::PG1.is_set(control) {
             self.buffers[bank].store(address, width, value);
             self.asked = Some(Asked::Store { bank });

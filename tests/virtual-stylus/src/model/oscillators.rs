@@ -15,9 +15,7 @@
 
 use rigless::device::RegisterFile;
 use rigless::soc::FieldSpec;
-use rigless::soc::stm32h743::generated::rcc::{
-    Register, cr, pll1divr, pll2divr, pll3divr, pllcfgr, pllckselr,
-};
+use rigless::soc::stm32h743::generated::rcc::{Register, cr, pll1divr, pll2divr, pll3divr, pllcfgr, pllckselr};
 use rigless::soc::stm32h743::peripherals::rcc::Rcc;
 
 use super::around::{Around, Call};
@@ -145,8 +143,7 @@ impl Oscillators {
             dividers,
             ..
         } = &PLLS[pll];
-        let (Some(source_hz), divided, false) = (source_hz, divm.get(selection), refused[pll])
-        else {
+        let (Some(source_hz), divided, false) = (source_hz, divm.get(selection), refused[pll]) else {
             return false;
         };
         if divided == 0 {
@@ -162,10 +159,7 @@ impl Oscillators {
         } else {
             reference_hz > MEDIUM_REFERENCE_HZ[1] && within(WIDE_VCO_HZ, vco_hz)
         };
-        within(
-            REFERENCES_HZ[range.get(configuration) as usize],
-            reference_hz,
-        ) && vco
+        within(REFERENCES_HZ[range.get(configuration) as usize], reference_hz) && vco
     }
 }
 

@@ -119,11 +119,7 @@ impl Ram {
     /// Follows an access of an instruction. Returns false if the access is a store that is refused.
     pub fn takes(&self, access: &Access) -> bool {
         let within = |(memory, _): &(Range<u64>, u64)| memory.contains(&access.address);
-        let Some(word_bytes) = MEMORIES
-            .iter()
-            .find(|memory| within(memory))
-            .map(|found| found.1)
-        else {
+        let Some(word_bytes) = MEMORIES.iter().find(|memory| within(memory)).map(|found| found.1) else {
             return true;
         };
         let mut state = self.state();
@@ -147,8 +143,7 @@ impl State {
         // Two stores to the same word by one instruction count as one store of 64 bits.
         let part = self.part.take();
         // A part that was not completed by its own instruction is an error, even if a later store completes the word.
-        let earlier =
-            part.filter(|part| part.word == word && part.instruction == access.instruction_count);
+        let earlier = part.filter(|part| part.word == word && part.instruction == access.instruction_count);
         if let (Some(part), None) = (part, earlier) {
             self.errors.insert(part.word);
         }

@@ -72,8 +72,7 @@ impl Watchdog {
 
     fn count_at(&self, now: VirtualNanos) -> u64 {
         let (from, count) = self.counted_from;
-        let cycles =
-            u128::from(now.0 - from.0) * u128::from(self.hz) / u128::from(NANOS_PER_SECOND);
+        let cycles = u128::from(now.0 - from.0) * u128::from(self.hz) / u128::from(NANOS_PER_SECOND);
         count.saturating_sub((cycles / u128::from(self.divider)) as u64)
     }
 
@@ -102,13 +101,7 @@ impl Watchdog {
 impl Device for Watchdog {
     type Register = Register;
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn write(&mut self, register: Register, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         match register {
             Register::Kr => self.key(value & 0xFFFF, context),
             Register::Pr if self.open => {
@@ -126,12 +119,7 @@ impl Device for Watchdog {
         registers.set(Register::Rlr, self.reload);
     }
 
-    fn on_clock(
-        &mut self,
-        hz: u64,
-        _registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_clock(&mut self, hz: u64, _registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let count = if self.hz == 0 {
             self.reload
         } else {
@@ -141,12 +129,7 @@ impl Device for Watchdog {
         self.count_from(count, context);
     }
 
-    fn on_event(
-        &mut self,
-        event: EventId,
-        _registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_event(&mut self, event: EventId, _registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         if self.end == Some(event) {
             self.end = None;
             context.request_reset();

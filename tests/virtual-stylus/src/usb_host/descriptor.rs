@@ -58,9 +58,7 @@ pub fn parts(configuration: &[u8]) -> impl Iterator<Item = &[u8]> {
 pub fn bulk_endpoints(configuration: &[u8]) -> Option<[u8; 2]> {
     let bulk = |from_device: bool| {
         parts(configuration).find_map(|part| match *part {
-            [_, ENDPOINT, address, attributes, ..]
-                if attributes & 3 == 2 && (address & 0x80 != 0) == from_device =>
-            {
+            [_, ENDPOINT, address, attributes, ..] if attributes & 3 == 2 && (address & 0x80 != 0) == from_device => {
                 Some(address)
             }
             _ => None,

@@ -13,9 +13,7 @@ pub mod descriptor;
 use std::collections::VecDeque;
 
 use self::descriptor::{microsoft_set, total_length};
-use crate::model::usb::host::{
-    Completion, Host, PACKET_BYTES, Transfer, TransferError, TransferId,
-};
+use crate::model::usb::host::{Completion, Host, PACKET_BYTES, Transfer, TransferError, TransferId};
 use crate::stylus::VirtualStylus;
 
 const MS: u64 = 1_000_000;
@@ -132,21 +130,14 @@ impl UsbHost {
     }
 
     /// Reads the first descriptor of `kind`.
-    fn read(
-        &mut self,
-        stylus: &mut VirtualStylus,
-        kind: u8,
-        length: u16,
-    ) -> Result<Vec<u8>, TransferError> {
+    fn read(&mut self, stylus: &mut VirtualStylus, kind: u8, length: u16) -> Result<Vec<u8>, TransferError> {
         self.control(stylus, Request::descriptor(kind, 0, 0, length), &[])
     }
 
     /// Resets the bus, and waits until the device has recovered.
     pub fn reset(&mut self, stylus: &mut VirtualStylus) {
         let Timing {
-            reset_ns,
-            recovery_ns,
-            ..
+            reset_ns, recovery_ns, ..
         } = self.timing;
         stylus.usb(move |host, now_ns| host.reset_bus(now_ns, reset_ns));
         stylus.run_for(reset_ns + recovery_ns);
@@ -194,11 +185,7 @@ impl UsbHost {
     }
 
     /// Ends an endpoint's halt, both at the device and at the host.
-    pub fn clear_halt(
-        &mut self,
-        stylus: &mut VirtualStylus,
-        endpoint: u8,
-    ) -> Result<(), TransferError> {
+    pub fn clear_halt(&mut self, stylus: &mut VirtualStylus, endpoint: u8) -> Result<(), TransferError> {
         self.control(stylus, Request::clear_halt(endpoint), &[])?;
         stylus.usb(move |host, _| host.reset_toggle(endpoint));
         Ok(())
@@ -313,13 +300,7 @@ pub struct BulkFrames {
 impl BulkFrames {
     /// Opens a pair of an OUT and an IN endpoint with these addresses. `waiting` IN transfers of `bytes` always wait
     /// for the device.
-    pub fn open(
-        stylus: &mut VirtualStylus,
-        output: u8,
-        input: u8,
-        bytes: usize,
-        waiting: usize,
-    ) -> Self {
+    pub fn open(stylus: &mut VirtualStylus, output: u8, input: u8, bytes: usize, waiting: usize) -> Self {
         let mut frames = Self {
             output: output & 0x0F,
             input: input & 0x0F,
@@ -362,11 +343,7 @@ impl BulkFrames {
     ///
     /// # Errors
     /// A transfer failed. The link is over then.
-    pub fn receive(
-        &mut self,
-        usb: &mut UsbHost,
-        stylus: &mut VirtualStylus,
-    ) -> Result<Vec<Vec<u8>>, TransferError> {
+    pub fn receive(&mut self, usb: &mut UsbHost, stylus: &mut VirtualStylus) -> Result<Vec<Vec<u8>>, TransferError> {
         let mut frames = Vec::new();
         usb.collect(stylus);
         while let Some(&id) = self.sending.front()

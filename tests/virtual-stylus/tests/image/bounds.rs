@@ -3,9 +3,7 @@
 use model_format::link::{PlayEndpoint, PlayError, UploadCommitEndpoint};
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, Surface, Tap};
-use model_format::{
-    CodeSpec, NodeFlags, NodeSpec, SAMPLE_RATE_HZ, TailSpec, TextureSpec, encode_with_scenes,
-};
+use model_format::{CodeSpec, NodeFlags, NodeSpec, SAMPLE_RATE_HZ, TailSpec, TextureSpec, encode_with_scenes};
 use postcard_rpc::Endpoint;
 
 use crate::device::{Device, MS};

@@ -43,10 +43,7 @@ pub fn count(device: &mut Device, what: &str, millis: u64) -> Count {
     };
     let uneven = within.iter().find(|&&one| one != count.within);
     assert_eq!(uneven, None, "{what}: {count:?}");
-    println!(
-        "instructions a tick, {what}: {} / {}",
-        count.within, count.beginning
-    );
+    println!("instructions a tick, {what}: {} / {}", count.within, count.beginning);
     count
 }
 
@@ -68,10 +65,7 @@ fn hands_over(ticks: &[Tick], tick: &Tick) -> bool {
     let least = fewest.iter().min().expect("there are ten");
     let more: Vec<usize> = (0..10).filter(|&place| fewest[place] > *least).collect();
     let lead = UPDATE_LEAD_TICKS as usize;
-    let apart = more
-        .last()
-        .zip(more.first())
-        .map(|(last, first)| last - first);
+    let apart = more.last().zip(more.first()).map(|(last, first)| last - first);
     assert!(
         more.len() == 2 && apart.is_some_and(|apart| [lead, 10 - lead].contains(&apart)),
         "{fewest:?}"
@@ -123,10 +117,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let texture = count(&mut device, "texture", 30);
     let lattice = count_scene(&mut device, "lattice");
     let [of_scene, of_texture] = [lattice, texture].map(|count| (count.within, count.beginning));
-    assert_eq!(
-        of_scene, of_texture,
-        "a scene of one surface is its texture"
-    );
+    assert_eq!(of_scene, of_texture, "a scene of one surface is its texture");
     let lattice = lattice.within;
     assert_inactive_effects_cost_nothing(&mut device, lattice);
     let mut of = |scene| count_scene(&mut device, scene).within;

@@ -5,8 +5,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use model_format::link::{
-    InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_DEVICE_FRAME_BYTES, RecordBlock,
-    RecordBlockTopic,
+    InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_DEVICE_FRAME_BYTES, RecordBlock, RecordBlockTopic,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
@@ -260,11 +259,7 @@ impl Device {
 
     /// Runs until the image answers.
     pub fn wait_for_start(&mut self) {
-        assert!(
-            self.answers_within(START_NS),
-            "no answer: {:?}",
-            self.stylus.report()
-        );
+        assert!(self.answers_within(START_NS), "no answer: {:?}", self.stylus.report());
     }
 
     /// Runs until an image answers. Returns false if none answers in time.
@@ -306,9 +301,7 @@ impl Device {
         let end = self.stylus.now_ns() + PATIENCE_NS;
         loop {
             if let Some(body) = self.take_answer(E::RESP_KEY, sequence) {
-                return Some(
-                    postcard::from_bytes(&body).expect("an answer of the type of its key"),
-                );
+                return Some(postcard::from_bytes(&body).expect("an answer of the type of its key"));
             }
             if matches!(self.side.line, Line::Usb(_, None)) {
                 return None;

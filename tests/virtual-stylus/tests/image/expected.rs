@@ -207,8 +207,7 @@ impl Compared {
     /// Returns the beginning for which [`Compared::explained_from`] is latest, and the tick that it returns.
     pub fn explained(&self, heard: &Heard<'_>) -> (Began, u64) {
         let mut codes = (1u64..).zip(&self.codes);
-        let first_heard =
-            codes.find(|&(tick, codes)| tick >= self.asked && *codes != [MID_SCALE; CODES]);
+        let first_heard = codes.find(|&(tick, codes)| tick >= self.asked && *codes != [MID_SCALE; CODES]);
         let (first_heard, _) = first_heard.expect("something is heard");
         // A host does not learn the ticks at which the play began and the mute ended, so all of them are tried.
         let output = Output::of(heard, self);
@@ -254,9 +253,10 @@ pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared
         let from_flash = (audit.flash_fetches, audit.flash_reads);
         assert_eq!(from_flash, (0, 0), "{audit:x?}");
     }
-    let late = device.dac().iter().find(|output| {
-        output.cause != Cause::Trigger && output.code.is_some_and(|code| code != MID_SCALE)
-    });
+    let late = device
+        .dac()
+        .iter()
+        .find(|output| output.cause != Cause::Trigger && output.code.is_some_and(|code| code != MID_SCALE));
     assert_eq!(late, None, "a code that no trigger has put out");
     Compared {
         recorded: Recorded::of(device),
@@ -280,10 +280,7 @@ pub fn plays_as_the_host_does(
     });
     let (began, same_until) = compared.explained(heard);
     let end = compared.end();
-    assert_eq!(
-        same_until, end,
-        "codes differ from there on, with {began:?}"
-    );
+    assert_eq!(same_until, end, "codes differ from there on, with {began:?}");
     compared.assert_heard(began);
     compared
 }

@@ -43,13 +43,7 @@ fn ends(wanted: &Ending) {
     let injected = device.stylus.now_ns();
     inject(&mut device, *fault);
     device.keep_alive(false);
-    device.run_for(
-        if cause == ResetCause::Watchdog {
-            700
-        } else {
-            200
-        } * MS,
-    );
+    device.run_for(if cause == ResetCause::Watchdog { 700 } else { 200 } * MS);
     assert_eq!(device.resets(), [cause], "{name}");
     device.wait_for_start();
     let status = device.status();

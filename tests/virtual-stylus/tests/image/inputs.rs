@@ -12,10 +12,7 @@ use crate::device::{Device, MS, PERIOD_NS, SECOND, inject, recording_s};
 /// A code that identifies the trigger and the channel.
 fn code(channel: u8, at_ns: u64) -> u16 {
     let tick = at_ns / 200_000;
-    (tick
-        .wrapping_mul(40_503)
-        .wrapping_add(u64::from(channel) * 9_973)
-        >> 3) as u16
+    (tick.wrapping_mul(40_503).wrapping_add(u64::from(channel) * 9_973) >> 3) as u16
 }
 
 /// REV_ID of silicon that halves the converter's clock, and of silicon that does not (section 60.5.8).
@@ -51,10 +48,7 @@ fn recorded_with(section: Injected, revision: u16) -> (Vec<(Option<usize>, bool)
             let sample = RecordSample::from(block.samples[index]);
             let [x, y, z] = sample.acceleration.map(|code| code.0);
             let words = [x, y, z, sample.force.0];
-            (
-                rows.iter().position(|row| *row == words),
-                block.is_whole(index),
-            )
+            (rows.iter().position(|row| *row == words), block.is_whole(index))
         })
     });
     (samples.collect(), late)
@@ -69,11 +63,7 @@ fn a_tick_that_is_25_microseconds_late_reads_the_row_of_its_trigger() {
             assert!(*is_whole);
             let before = pair[0].0;
             let before = before.unwrap_or_else(|| panic!("torn on revision {revision:#x}"));
-            assert_eq!(
-                *row,
-                Some(before + 1),
-                "each sample is the row after the one before"
-            );
+            assert_eq!(*row, Some(before + 1), "each sample is the row after the one before");
         }
     }
 }
@@ -189,8 +179,5 @@ fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
         .map(|sample| i64::from(sample.encoder_delta).abs())
         .sum();
     let expected = 3 * recorded.len() as i64;
-    assert!(
-        (counts - expected).abs() <= 3,
-        "{counts} counts of {expected}"
-    );
+    assert!((counts - expected).abs() <= 3, "{counts} counts of {expected}");
 }

@@ -118,9 +118,7 @@ fn latencies(step: &Step, both: bool) -> Latencies {
 
     let held = steps.clone();
     device.set_pins(move |channel, at_ns| {
-        let holds = held
-            .iter()
-            .any(|&step| (step..step + HELD_NS).contains(&at_ns));
+        let holds = held.iter().any(|&step| (step..step + HELD_NS).contains(&at_ns));
         match channel {
             5 => [before, after][usize::from(holds)],
             _ => 0x8000,
@@ -130,12 +128,7 @@ fn latencies(step: &Step, both: bool) -> Latencies {
     let [slow, fast] = step.speed;
     let knots = |&at: &u64| {
         let back = at + HELD_NS;
-        [
-            (at, slow),
-            (at + 100, fast),
-            (back, fast),
-            (back + 100, slow),
-        ]
+        [(at, slow), (at + 100, fast), (back, fast), (back + 100, slow)]
     };
     let knots: Vec<_> = steps.iter().flat_map(knots).collect();
     device
@@ -162,9 +155,7 @@ fn at_pin_and_tip(device: &mut Device, steps: &[u64]) -> Latencies {
     }
     [0, 1].map(|place| {
         let latency = |&step: &u64| {
-            let after = signals
-                .iter()
-                .filter(|(at, _)| (step..step + HELD_NS).contains(at));
+            let after = signals.iter().filter(|(at, _)| (step..step + HELD_NS).contains(at));
             let most = after.clone().map(|(_, of)| of[place]).fold(0.0, f64::max);
             assert!(most > 0.0, "nothing follows the step at {step} ns");
             let mut beyond = after.filter(|(_, of)| of[place] > most / 10.0);

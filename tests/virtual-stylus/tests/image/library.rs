@@ -57,9 +57,7 @@ fn flash_set(libraries: &[&[u8]], further: &[(Setting, f32)]) -> Contents {
         let flash = SimulatedFlash::new(Memory::blank(SETTINGS_RANGE.end as usize));
         let mut store = SettingsStore::open(flash, SETTINGS_RANGE).await;
         let required = SettingSet::REQUIRED.iter().map(default_of);
-        let further = further
-            .iter()
-            .map(|&(setting, value)| change(setting, value));
+        let further = further.iter().map(|&(setting, value)| change(setting, value));
         let values: Vec<_> = required.chain(further).collect();
         store.set_all(&values).await.expect("within their ranges");
         store.into_flash().memory

@@ -2,8 +2,8 @@
 
 use fake_stylus::device::MOTION;
 use model_format::link::{
-    InfoEndpoint, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource, MotionTopic, MuteReason,
-    PlayEndpoint, PlayRequest, UploadBeginEndpoint,
+    InfoEndpoint, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource, MotionTopic, MuteReason, PlayEndpoint, PlayRequest,
+    UploadBeginEndpoint,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use postcard_rpc::Endpoint;
@@ -121,11 +121,7 @@ fn malformed_frames_are_errors_or_silence_and_no_tick_is_missed() {
             device.run_for(200 * MS);
             device.forget_frames();
             let status = device.status();
-            assert_eq!(
-                (status.tick.missed, status.resets),
-                (0, 0),
-                "after {sent} frames"
-            );
+            assert_eq!((status.tick.missed, status.resets), (0, 0), "after {sent} frames");
         }
     }
     device.run_for(500 * MS);

@@ -47,8 +47,7 @@ pub fn check_bounds(marks: Marks) {
 }
 
 #[test]
-fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_and_both_links_are_busy()
- {
+fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_and_both_links_are_busy() {
     /// Number of bytes that are uploaded, enough for every task to run at the same time as every other.
     const UPLOADED: usize = 40_000;
     const PIECE: usize = 2_000;
@@ -73,10 +72,7 @@ fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_a
         let sent = device.stylus.receive();
         answered += sent.iter().filter(|sent| sent.byte == 0).count();
     }
-    assert!(
-        answered as u32 > asked / 2,
-        "{answered} of {asked} answered"
-    );
+    assert!(answered as u32 > asked / 2, "{answered} of {asked} answered");
     device.run_for(1_000 * MS);
     device.assert_undisturbed();
     check(device.status().marks);

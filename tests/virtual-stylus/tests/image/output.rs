@@ -93,9 +93,7 @@ fn a_core_that_stops_while_a_texture_plays_leaves_mid_scale_at_the_pin_within_a_
     assert_eq!(left, None, "after {last}");
     // The output reached mid-scale without a click.
     let faded = before.split_off(before.len() - 6 * CODES);
-    let steps = faded
-        .windows(2)
-        .map(|pair| offset(pair[0]).abs_diff(offset(pair[1])));
+    let steps = faded.windows(2).map(|pair| offset(pair[0]).abs_diff(offset(pair[1])));
     assert!(steps.max() <= Some(slew), "{faded:?}");
 }
 
@@ -292,10 +290,7 @@ fn a_plant_at_the_pin_moves_the_accelerometer_as_the_codes_and_the_enable_say() 
     let samples = device.stylus.take_samples();
     let outputs: Vec<Output> = device.dac().to_vec();
     let mut expected = Plant::new(&parameters, 0);
-    let mut outputs = outputs
-        .iter()
-        .filter(|output| output.at_ns > from_ns)
-        .peekable();
+    let mut outputs = outputs.iter().filter(|output| output.at_ns > from_ns).peekable();
     // Until the first code, the plant rests and its amplifier is not enabled.
     let mut volts = None;
     let mut largest = 0;
@@ -308,11 +303,7 @@ fn a_plant_at_the_pin_moves_the_accelerometer_as_the_codes_and_the_enable_say() 
             volts = Some((code - 2048.0) / 4096.0 * 3.3);
         }
         let shown = expected.accelerometer_volts()[0] / 3.3 * 65_535.0 + 32_768.0;
-        assert!(
-            (f64::from(sample.word) - shown).abs() <= 1.0,
-            "{} {shown}",
-            sample.word
-        );
+        assert!((f64::from(sample.word) - shown).abs() <= 1.0, "{} {shown}", sample.word);
         largest = largest.max(sample.word.abs_diff(MID_SCALE_WORD));
     }
     assert!(largest > 1_000, "{largest} words");

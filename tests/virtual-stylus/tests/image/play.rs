@@ -19,13 +19,7 @@ use crate::scenes::{OVER_AND_BACK, fast, force_code, plan, press, tapping};
 const BESIDES: u32 = 2_400;
 
 /// Speeds that rise and fall over the grid of a texture: instants in ms with speeds in mm/s.
-const STROKES: [(u64, f64); 5] = [
-    (0, 0.0),
-    (200, 20.0),
-    (500, 260.0),
-    (800, 30.0),
-    (1_000, 190.0),
-];
+const STROKES: [(u64, f64); 5] = [(0, 0.0), (200, 20.0), (500, 260.0), (800, 30.0), (1_000, 190.0)];
 
 /// A force that rises and falls over the grid, and an accelerometer whose axes differ.
 fn pins(channel: u8, at_ns: u64) -> u16 {
@@ -84,11 +78,10 @@ fn a_texture_at_ten_kilohertz_is_put_out_as_the_host_computes_it() {
 fn a_scene_is_played(bytes: &[u8], scene: &str) {
     let library = Library::decode(bytes).expect("a valid library");
     let heard = Heard::of_scene(plan(&library, scene), 5);
-    let Compared { audits, .. } =
-        plays_as_the_host_does(&mut touched(bytes), &heard, 1_300, |device| {
-            device.move_along(&OVER_AND_BACK);
-            device.play_scene(scene, 5);
-        });
+    let Compared { audits, .. } = plays_as_the_host_does(&mut touched(bytes), &heard, 1_300, |device| {
+        device.move_along(&OVER_AND_BACK);
+        device.play_scene(scene, 5);
+    });
     assert!(audits > 0);
 }
 
@@ -112,8 +105,7 @@ fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() 
     device.move_at(60.0);
     let settings = device.settings();
     let mut changes = Vec::new();
-    let changing =
-        |device: &mut Device| device.status().output.mute_counts[MuteReason::Changing as usize];
+    let changing = |device: &mut Device| device.status().output.mute_counts[MuteReason::Changing as usize];
     let before = changing(&mut device);
     for texture in ["slow", "fast", "slow"] {
         changes.push(device.status().tick.ticks as usize);

@@ -4,9 +4,8 @@ use std::sync::atomic::AtomicI16;
 
 use fake_stylus::device::response_for;
 use model_format::link::{
-    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, ProbeThrough,
-    Response, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
-    Sections, Setting,
+    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, ProbeThrough, Response, ResponseChange,
+    ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint, Sections, Setting,
 };
 use model_format::scene::Biquad;
 use model_format::{Library, PlayRate};
@@ -40,9 +39,7 @@ pub fn load(device: &mut Device) -> ProbeStart {
 
 pub fn start(device: &mut Device, request: ProbeStart) -> ProbeStarted {
     device.keep_alive(true);
-    device
-        .request::<ProbeStartEndpoint>(&request)
-        .expect("it is playable")
+    device.request::<ProbeStartEndpoint>(&request).expect("it is playable")
 }
 
 /// Proposes a response of `count` sections, made for the settings in force.
@@ -112,10 +109,7 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
     let (began, same_until) = compared.explained(&heard);
     // The reference continues to play, so its codes differ from the mute at the probe's end.
     let end = started.expect("it was started").end_tick;
-    assert!(
-        same_until >= end,
-        "codes differ from {same_until} on, with {began:?}"
-    );
+    assert!(same_until >= end, "codes differ from {same_until} on, with {began:?}");
     compared.assert_heard(began);
     let state = device.request::<ResponseGetEndpoint>(&());
     assert_eq!((state.stored, state.proposed), (None, Some(response.id())));

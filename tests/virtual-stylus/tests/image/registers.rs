@@ -69,9 +69,7 @@ fn block(ir: &IR, name: &str, at: u64, found: &mut BTreeMap<u64, Described>) {
 fn places(array: Option<&Array>) -> Vec<u64> {
     match array {
         None => vec![0],
-        Some(Array::Regular(array)) => (0..array.len)
-            .map(|n| u64::from(n * array.stride))
-            .collect(),
+        Some(Array::Regular(array)) => (0..array.len).map(|n| u64::from(n * array.stride)).collect(),
         Some(Array::Cursed(array)) => array.offsets.iter().map(|&offset| offset.into()).collect(),
     }
 }
@@ -168,28 +166,18 @@ fn touched() -> (BTreeMap<u64, u64>, BTreeMap<u64, Described>) {
     device.run_for(100 * MS);
     let noted = device.stylus.board(|board| board.touched.noted());
     let addresses: Vec<u64> = noted.range(PERIPHERALS).map(|(&at, _)| at).collect();
-    let described = Device::new(&product(), Options::default())
-        .stylus
-        .board(move |board| {
-            let mut described = BTreeMap::new();
-            for at in addresses {
-                if let Some(register) = svd(&board.part, at) {
-                    let window = USB.contains(&at).then(|| at - usb::BASE + usb::WINDOW_BASE);
-                    let value = board
-                        .part
-                        .peek(VirtualNanos(0), window.unwrap_or(at), Width::W32);
-                    let emulated = value.unwrap_or(register.reset);
-                    described.insert(
-                        at,
-                        Described {
-                            emulated,
-                            ..register
-                        },
-                    );
-                }
+    let described = Device::new(&product(), Options::default()).stylus.board(move |board| {
+        let mut described = BTreeMap::new();
+        for at in addresses {
+            if let Some(register) = svd(&board.part, at) {
+                let window = USB.contains(&at).then(|| at - usb::BASE + usb::WINDOW_BASE);
+                let value = board.part.peek(VirtualNanos(0), window.unwrap_or(at), Width::W32);
+                let emulated = value.unwrap_or(register.reset);
+                described.insert(at, Described { emulated, ..register });
             }
-            described
-        });
+        }
+        described
+    });
     (noted, described)
 }
 
@@ -203,10 +191,7 @@ const KNOWN: [(&str, &str); 11] = [
         "ADC1 cr: bits 0x200",
         "BOOST has two bits since revision X, and one in the SVD",
     ),
-    (
-        "USB_OTG_FS gintsts: bits",
-        "embassy clears all flags with ones",
-    ),
+    ("USB_OTG_FS gintsts: bits", "embassy clears all flags with ones"),
     (
         "USB_OTG_FS hwcfg4: not in SVD",
         "embassy reads what only the core's vendor describes",
@@ -241,10 +226,7 @@ const KNOWN_STARTS: [(&str, &str); 8] = [
         "USB_OTG_FS",
         "gotgctl gusbcfg grstctl gintsts hnptxfsiz cid dieptxf dctl dsts diepctl dtxfsts diepint doepint",
     ),
-    (
-        "FLASH",
-        "cr optcr optsr_cur prar_cur scar_cur wpsn_curr boot_curr",
-    ),
+    ("FLASH", "cr optcr optsr_cur prar_cur scar_cur wpsn_curr boot_curr"),
     ("GPIO", "moder ospeedr pupdr idr"),
     ("RCC", "cr rsr apb4enr ahb1lpenr ahb2lpenr apb1llpenr"),
     ("PWR", "cr3 d3cr"),
@@ -253,9 +235,8 @@ const KNOWN_STARTS: [(&str, &str); 8] = [
 
 fn is_known_start(name: &str) -> bool {
     let (peripheral, register) = name.split_once(' ').unwrap_or((name, ""));
-    (KNOWN_STARTS.iter()).any(|(prefix, names)| {
-        peripheral.starts_with(prefix) && names.split(' ').any(|known| known == register)
-    })
+    (KNOWN_STARTS.iter())
+        .any(|(prefix, names)| peripheral.starts_with(prefix) && names.split(' ').any(|known| known == register))
 }
 
 #[test]
@@ -291,10 +272,7 @@ fn every_register_and_bit_that_the_image_writes_is_in_both_descriptions() {
     for (known, why) in KNOWN {
         let before = differences.len();
         differences.retain(|difference| !difference.starts_with(known));
-        assert!(
-            differences.len() < before,
-            "{known} is no difference any more: {why}"
-        );
+        assert!(differences.len() < before, "{known} is no difference any more: {why}");
     }
     assert!(compared > 200, "{compared}");
     assert_eq!(differences, [""; 0]);

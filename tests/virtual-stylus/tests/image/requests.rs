@@ -6,13 +6,11 @@ use fake_stylus::device::change;
 pub use fake_stylus::library::announcement as announced;
 use fake_stylus::library::chunks;
 use model_format::link::{
-    ActivateEndpoint, Activated, BLOCK_SAMPLES, ListEndpoint, ListRequest, MAX_CHUNK_BYTES,
-    MotionSource, MuteReasons, PlayEndpoint, PlayRequest, RecordSample, RecordStartEndpoint,
-    RecordStopEndpoint, RecordStopped, Selection, Setting, SettingChange, SettingSet, Settings,
-    SettingsApplyEndpoint, SettingsChange, SettingsError, SettingsGetEndpoint,
-    SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, StopEndpoint,
-    TextureInfo, TickCounters, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
-    UploadCommitted,
+    ActivateEndpoint, Activated, BLOCK_SAMPLES, ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MotionSource, MuteReasons,
+    PlayEndpoint, PlayRequest, RecordSample, RecordStartEndpoint, RecordStopEndpoint, RecordStopped, Selection,
+    Setting, SettingChange, SettingSet, Settings, SettingsApplyEndpoint, SettingsChange, SettingsError,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, StopEndpoint,
+    TextureInfo, TickCounters, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted,
 };
 use postcard_rpc::Endpoint;
 use virtual_stylus::ResetCause;
@@ -24,8 +22,7 @@ use crate::device::{CODE_NS, Device, MID_SCALE, MS};
 
 impl Device {
     pub fn settings(&mut self) -> Settings {
-        self.request::<SettingsGetEndpoint>(&())
-            .expect("settings are read")
+        self.request::<SettingsGetEndpoint>(&()).expect("settings are read")
     }
 
     /// Moves the tool at `speed`, mm/s, from now on.
@@ -49,8 +46,7 @@ impl Device {
 
     /// Begins a recording.
     pub fn record(&mut self) {
-        self.request::<RecordStartEndpoint>(&())
-            .expect("nothing is recorded");
+        self.request::<RecordStartEndpoint>(&()).expect("nothing is recorded");
     }
 
     /// Ends the recording, and receives the blocks that are still under way.
@@ -105,9 +101,7 @@ impl Device {
         let mut told = self.stylus.report().told;
         // embassy selects a clock for the RTC, which is not used, and finds that a clock is selected already. The part
         // ignores a second write of the selection.
-        told.retain(|told| {
-            !told.starts_with("RCC.BDCR: ") || !told.contains("RTCSEL can be written only one time")
-        });
+        told.retain(|told| !told.starts_with("RCC.BDCR: ") || !told.contains("RTCSEL can be written only one time"));
         assert!(told.is_empty(), "{told:?}");
     }
 
@@ -169,8 +163,7 @@ impl Device {
     pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
         let from = self.begin_upload(library);
         self.send_chunks(library, from, library.len());
-        self.request::<UploadCommitEndpoint>(&())
-            .expect("a valid library")
+        self.request::<UploadCommitEndpoint>(&()).expect("a valid library")
     }
 
     /// Uploads with up to `window` chunks under way before the first of them is answered, like the product's client
@@ -178,8 +171,7 @@ impl Device {
     pub fn upload_ahead(&mut self, library: &[u8], window: usize) -> UploadCommitted {
         self.begin_upload(library);
         self.send_ahead(library, window);
-        self.request::<UploadCommitEndpoint>(&())
-            .expect("a valid library")
+        self.request::<UploadCommitEndpoint>(&()).expect("a valid library")
     }
 
     /// Sends all chunks of `bytes`, with up to `window` chunks under way before the first of them is answered.
@@ -203,16 +195,14 @@ impl Device {
     }
 
     pub fn activate(&mut self, slot: SlotId) -> Activated {
-        self.request::<ActivateEndpoint>(&slot)
-            .expect("a valid slot")
+        self.request::<ActivateEndpoint>(&slot).expect("a valid slot")
     }
 
     /// Sets the settings without which nothing plays, as the owner of the coil does. The values are those of
     /// `Settings::default`.
     pub fn set_coil(&mut self) {
         let values: Vec<SettingChange> = SettingSet::REQUIRED.iter().map(default_of).collect();
-        self.change_settings(&values)
-            .expect("in range, and nothing is played");
+        self.change_settings(&values).expect("in range, and nothing is played");
     }
 
     /// Proposes new values of settings, and applies them.

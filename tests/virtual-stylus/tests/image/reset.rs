@@ -38,10 +38,7 @@ impl Device {
         assert_eq!(off.drive, Drive::Low);
         assert!(off.at_ns <= reset_ns + FLOATING_NS, "{off:?}");
         let next = changes.next();
-        assert!(
-            next.is_none_or(|next| next.drive == Drive::High),
-            "{next:?}"
-        );
+        assert!(next.is_none_or(|next| next.drive == Drive::High), "{next:?}");
         reset_ns
     }
 }
@@ -66,11 +63,7 @@ fn after_each_kind_of_reset_both_pins_of_the_output_are_driven_before_ram_is_wri
         let ticks = device.stylus.take_ticks();
         assert!(ticks.iter().any(|tick| tick.at_ns > reset_ns), "{name}");
     }
-    let causes = [
-        ResetCause::Software,
-        ResetCause::Watchdog,
-        ResetCause::Other,
-    ];
+    let causes = [ResetCause::Software, ResetCause::Watchdog, ResetCause::Other];
     assert_eq!(device.resets(), causes);
 }
 

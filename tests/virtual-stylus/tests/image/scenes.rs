@@ -4,8 +4,8 @@ use kernel_vectors::scenes::{self, of_surface, side_by_side, sticky, tapped};
 use model_format::link::{Activity, MotionSource};
 use model_format::scene::{MotionOfScene, Scene, Surface};
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, ModulationSpec,
-    NodeFlags, NodeSpec, PartsSpec, TextureSpec, Wander, encode_with_scenes,
+    CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, ModulationSpec, NodeFlags, NodeSpec,
+    PartsSpec, TextureSpec, Wander, encode_with_scenes,
 };
 use stylus_kernel::scene::Plan;
 
@@ -52,9 +52,7 @@ fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 0.3 + 0.7 * at as f32,
         phase: 9_000 * at as u16,
-        amplitudes: (1..=spec.nodes.len())
-            .map(|node| 0.3 * node as f32)
-            .collect(),
+        amplitudes: (1..=spec.nodes.len()).map(|node| 0.3 * node as f32).collect(),
         wander: (at == 0).then_some(0),
     };
     let wander = Wander {
@@ -137,16 +135,8 @@ fn scenes() -> Vec<Scene> {
         two("away from the transition", both(), 500.0),
         of_surface("fed", of(FED_LATTICE)),
         of_surface("short fed", of(FED_SHORT_LATTICE)),
-        two(
-            "fed transition",
-            [FED_LATTICE, FED_SHORT_LATTICE].map(of),
-            0.0,
-        ),
-        two(
-            "fed beside plain",
-            [LATTICE, FED_SHORT_LATTICE].map(of),
-            0.0,
-        ),
+        two("fed transition", [FED_LATTICE, FED_SHORT_LATTICE].map(of), 0.0),
+        two("fed beside plain", [LATTICE, FED_SHORT_LATTICE].map(of), 0.0),
         everything([FOUR_LINES, SHORT_LATTICE]),
         fed_everything,
     ]
@@ -154,10 +144,7 @@ fn scenes() -> Vec<Scene> {
 
 /// A library with all scenes.
 pub fn bytes() -> Vec<u8> {
-    let plain = [
-        texture("lattice", ORDERS[0]),
-        texture("short lattice", ORDERS[1]),
-    ];
+    let plain = [texture("lattice", ORDERS[0]), texture("short lattice", ORDERS[1])];
     let four_lines = lined(texture("four lines", ORDERS[0]), 4);
     let textures = [
         plain[0].clone(),
@@ -252,13 +239,11 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
         "codes differ from tick {same_until} on, with {began:?}; the switch was in {switched:?}"
     );
     // The first update after the answer must already use the new scene.
-    let is_explained = (switched.start - 10..=switched.end + 10)
-        .step_by(10)
-        .any(|known| {
-            let next = Heard::of_scene(plan(&library, "sticky transition"), 0);
-            heard.switch = Some((known, next.plan, next.follower));
-            compared.explained_from(&heard, began) == compared.end()
-        });
+    let is_explained = (switched.start - 10..=switched.end + 10).step_by(10).any(|known| {
+        let next = Heard::of_scene(plan(&library, "sticky transition"), 0);
+        heard.switch = Some((known, next.plan, next.follower));
+        compared.explained_from(&heard, began) == compared.end()
+    });
     assert!(is_explained, "no switch in {switched:?} explains the codes");
     compared.assert_heard(began);
 }

@@ -24,10 +24,7 @@ fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {
     device
 }
 
-#[expect(
-    clippy::result_large_err,
-    reason = "the error is as large as its longest text"
-)]
+#[expect(clippy::result_large_err, reason = "the error is as large as its longest text")]
 fn ask(device: &mut Device, request: SelfTestRequest) -> Result<SelfTestValues, SelfTestError> {
     device.request::<SelfTestEndpoint>(&request)
 }
@@ -39,9 +36,7 @@ fn lines(device: &mut Device, request: SelfTestRequest) -> Vec<Line> {
         SelfTestValues::OptionBytes(values) => judge::option_bytes(&values),
         SelfTestValues::Clocks(values) => judge::clocks(&values),
         SelfTestValues::ErrorCorrection(values) => judge::memory(&values),
-        SelfTestValues::Output(values) => {
-            judge::output(&values, device.status().tick_histogram.core_hz)
-        }
+        SelfTestValues::Output(values) => judge::output(&values, device.status().tick_histogram.core_hz),
         SelfTestValues::Rest(values) => judge::rest(&values),
         SelfTestValues::Encoder(_) => Vec::new(),
         SelfTestValues::Flash(values) => judge::flash(&values),
@@ -96,11 +91,7 @@ fn silicon_and_option_bytes_that_are_wrong_are_named() {
     let found = lines(&mut device, SelfTestRequest::OptionBytes);
     assert_eq!(
         failing(&found),
-        [
-            "read protection",
-            "writable sectors",
-            "pins for low voltage"
-        ]
+        ["read protection", "writable sectors", "pins for low voltage"]
     );
     // New parts have this level.
     let mut options = Options::default();
@@ -119,9 +110,7 @@ fn a_crystal_that_is_off_and_a_low_speed_oscillator_that_is_off_are_found() {
     device.wait_for_start();
     let found = lines(&mut device, SelfTestRequest::Clocks);
     assert_eq!(failing(&found), ["LSI"]);
-    device
-        .stylus
-        .board(|board| board.part.low_speed.around.set_hz(None));
+    device.stylus.board(|board| board.part.low_speed.around.set_hz(None));
     let found = lines(&mut device, SelfTestRequest::Clocks);
     assert_eq!(failing(&found), ["LSI"]);
 }
@@ -160,30 +149,17 @@ fn faults_of_the_output_are_named() {
     let mut fails = |request, change: fn(&mut OutputPin), named: &[&str]| {
         let mut pin = OutputPin::default();
         change(&mut pin);
-        device
-            .stylus
-            .board(move |board| board.part.read_back.around.pin = pin);
+        device.stylus.board(move |board| board.part.read_back.around.pin = pin);
         let found = lines(&mut device, request);
         let found = failing(&found);
         let is_named = named.iter().all(|name| found.contains(name));
-        assert!(
-            is_named && found.len() < 6,
-            "{pin:?}: {found:?} for {named:?}"
-        );
+        assert!(is_named && found.len() < 6, "{pin:?}: {found:?} for {named:?}");
     };
-    fails(
-        OUTPUT,
-        |pin| pin.gain = 0.95,
-        &["output gain", "output offset"],
-    );
+    fails(OUTPUT, |pin| pin.gain = 0.95, &["output gain", "output offset"]);
     fails(OUTPUT, |pin| pin.offset = 40.0, &["output offset"]);
     fails(OUTPUT, |pin| pin.noise = 60.0, &["output noise"]);
     fails(OUTPUT, |pin| pin.settling_ns = 6_000.0, &["output delay"]);
-    fails(
-        OUTPUT,
-        |pin| pin.stuck_low = 1 << 6,
-        &["output smallest step"],
-    );
+    fails(OUTPUT, |pin| pin.stuck_low = 1 << 6, &["output smallest step"]);
     fails(OUTPUT, |pin| pin.disconnected = true, &["output at PA4"]);
     fails(Rest, |pin| pin.offset = 40.0, &["output at rest"]);
     fails(Rest, |pin| pin.disconnected = true, &["output at rest"]);
@@ -213,10 +189,7 @@ fn no_code_but_mid_scale_is_put_out_with_an_amplifier_that_may_be_on() {
             let answer = ask(&mut device, request);
             device.run_for(MS);
             let codes = &device.dac()[before..];
-            let away = codes
-                .iter()
-                .filter(|output| output.code != Some(MID_SCALE))
-                .count();
+            let away = codes.iter().filter(|output| output.code != Some(MID_SCALE)).count();
             let is_said = request == SelfTestRequest::Output { disconnected: true };
             let is_output = matches!(request, SelfTestRequest::Output { .. });
             let may_move = is_said || is_output && wired;
@@ -233,15 +206,10 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     let mut device = Device::started(library::options());
     // The host sends the request, but does not receive the answer.
     let asked_ns = device.stylus.now_ns();
-    device.send_frame(
-        <SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY,
-        &OUTPUT,
-    );
+    device.send_frame(<SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY, &OUTPUT);
     device.run_for(2 * SECOND);
     let (now, outputs) = (device.stylus.now_ns(), device.dac().to_vec());
-    let away = outputs
-        .iter()
-        .filter(|output| output.code != Some(MID_SCALE));
+    let away = outputs.iter().filter(|output| output.code != Some(MID_SCALE));
     let away: Vec<u64> = away.map(|output| output.at_ns).collect();
     assert!(away.len() > 1_000, "the output was moved");
     // After the start the amplifier is on. It must be on before and after the test, and off in between.

@@ -68,9 +68,7 @@ fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
     damaged.unreadable.extend(words);
     let mut device = Device::started(options(damaged));
     let refused = play(&mut device).expect_err("the limits are lost");
-    assert!(
-        matches!(*refused, PlayError::SettingsLost { lost } if lost.contains(Setting::HardLimit))
-    );
+    assert!(matches!(*refused, PlayError::SettingsLost { lost } if lost.contains(Setting::HardLimit)));
     device.reset_settings().expect("the flash can be erased");
     device.set_coil();
     assert_eq!(play(&mut device), Ok(()));
@@ -86,11 +84,7 @@ fn a_power_cut_at_any_operation_of_a_change_leaves_the_setting_before_or_the_new
     let wanted: Vec<(u64, Moment)> = cases
         .map(|case| {
             let number = 1 + case / 3 * 31 / 7;
-            let moments = [
-                Moment::Before,
-                Moment::During { seed: number },
-                Moment::After,
-            ];
+            let moments = [Moment::Before, Moment::During { seed: number }, Moment::After];
             (number, moments[case as usize % 3])
         })
         .collect();

@@ -4,9 +4,9 @@
 use fake_stylus::device::change;
 use hil::injection::Injected;
 use model_format::link::{
-    ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError,
-    QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport,
-    StartStage, UploadBeginEndpoint, UploadError,
+    ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError, QUICK_FAULTS,
+    ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport, StartStage, UploadBeginEndpoint,
+    UploadError,
 };
 use virtual_stylus::motion::Motion;
 use virtual_stylus::{Electrical, Options, ResetCause};
@@ -88,10 +88,7 @@ fn without_an_external_clock_the_device_plays_on_the_internal_one() {
     let mut device = Device::started(with(|electrical| electrical.clocks.external_hz = None));
     assert_eq!(device.resets(), []);
     let report = start(&mut device);
-    assert_eq!(
-        (report.clock, report.quick_faults),
-        (ClockSource::Internal, 0)
-    );
+    assert_eq!((report.clock, report.quick_faults), (ClockSource::Internal, 0));
     assert_eq!(register(&mut device, "RCC", RCC_CR) & HSEON, 0);
     plays(&mut device);
     let status = device.status();

@@ -49,11 +49,7 @@ type Limited = [u32; 3];
 
 fn limited(device: &mut Device) -> Limited {
     let output = device.status().output;
-    [
-        output.hard_limited,
-        output.slew_limited,
-        output.thermally_limited,
-    ]
+    [output.hard_limited, output.slew_limited, output.thermally_limited]
 }
 
 /// Ticks that play with `settings`, and the limits that acted on them.
@@ -74,11 +70,7 @@ fn playing(settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
     let audits = device.stylus.take_audits();
     assert!(audits.len() >= 3, "{} audits", audits.len());
     for audit in audits {
-        assert_eq!(
-            (audit.flash_fetches, audit.flash_reads),
-            (0, 0),
-            "{audit:x?}"
-        );
+        assert_eq!((audit.flash_fetches, audit.flash_reads), (0, 0), "{audit:x?}");
     }
     let before = limited(&mut device);
     let statistics = ticks(&mut device);
@@ -96,9 +88,7 @@ fn at_rest() -> [TickStatistics; 2] {
 }
 
 fn show(what: &str, statistics: TickStatistics) {
-    let TickStatistics {
-        min, median, max, ..
-    } = statistics;
+    let TickStatistics { min, median, max, .. } = statistics;
     println!("instructions a tick, {what}: {min} / {median} / {max}");
 }
 
@@ -107,10 +97,7 @@ fn a_tick_that_plays_takes_at_most_a_fifth_of_its_period_and_never_touches_flash
     let (statistics, _) = *PLAYING;
     show("playing", statistics);
     let cycles = statistics.max * CYCLES_PER_INSTRUCTION;
-    assert!(
-        cycles * 100 <= PERIOD_CYCLES * MOST_PERCENT,
-        "{statistics:?}"
-    );
+    assert!(cycles * 100 <= PERIOD_CYCLES * MOST_PERCENT, "{statistics:?}");
 }
 
 #[test]
@@ -118,23 +105,16 @@ fn a_tick_that_plays_nothing_takes_less_and_recording_adds_nothing_to_it() {
     let [idle, recording] = *AT_REST;
     show("idle", idle);
     show("recording", recording);
-    assert!(
-        idle.max * CYCLES_PER_INSTRUCTION * 25 <= PERIOD_CYCLES,
-        "{idle:?}"
-    );
+    assert!(idle.max * CYCLES_PER_INSTRUCTION * 25 <= PERIOD_CYCLES, "{idle:?}");
     // The tick passes every sample on, whether it is recorded or not.
-    assert!(
-        recording.max.abs_diff(idle.max) <= 8,
-        "{idle:?}, {recording:?}"
-    );
+    assert!(recording.max.abs_diff(idle.max) <= 8, "{idle:?}, {recording:?}");
 }
 
 #[test]
 fn a_tick_takes_the_same_instructions_whether_limits_act_on_it_or_not() {
     let (free, acted) = *PLAYING;
     assert_eq!(acted, [0; 3], "no limit acts");
-    let least_and_most =
-        |statistics: TickStatistics| [statistics.min, statistics.median, statistics.max];
+    let least_and_most = |statistics: TickStatistics| [statistics.min, statistics.median, statistics.max];
     for (settings, limits) in TIGHT.into_iter().zip([0..2, 2..3]) {
         let (limited, acted) = playing(settings);
         show("limited", limited);
@@ -150,15 +130,9 @@ fn a_tick_takes_the_same_instructions_whether_limits_act_on_it_or_not() {
 
 /// The lines of the page's block: a row for each kind of tick, and the compiler.
 fn table(compiler: &str) -> String {
-    let rows = [
-        (AT_REST[0], "idle"),
-        (AT_REST[1], "recording"),
-        (PLAYING.0, PLAYED.1),
-    ];
+    let rows = [(AT_REST[0], "idle"), (AT_REST[1], "recording"), (PLAYING.0, PLAYED.1)];
     let rows = rows.into_iter().map(|(statistics, name)| {
-        let TickStatistics {
-            min, median, max, ..
-        } = statistics;
+        let TickStatistics { min, median, max, .. } = statistics;
         format!("| {name} | {min} | {median} | {max} |\n")
     });
     format!(
@@ -173,8 +147,8 @@ fn table(compiler: &str) -> String {
 fn the_page_has_the_ticks_of_this_image() {
     const TABLE: &str = "ticks";
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/README.md");
-    let compiler = std::env::var("STYLUS_COMPILER")
-        .expect("set STYLUS_COMPILER, as `cargo tasks test-virtual-stylus` does");
+    let compiler =
+        std::env::var("STYLUS_COMPILER").expect("set STYLUS_COMPILER, as `cargo tasks test-virtual-stylus` does");
     let mut page = Page::read(&path).unwrap_or_else(|error| panic!("{error}"));
     let made = table(&compiler);
     let checked = if std::env::var_os("STYLUS_WRITE_TABLES").is_some() {

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use hil::injection::Injected;
 use model_format::link::{
-    DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED,
-    UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
-    UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
+    DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED, UPLOAD_WINDOW, UpdateBegin,
+    UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport,
+    UpdateStateEndpoint,
 };
 use stylus_app::update::sign;
 use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS, WORD_BYTES};
@@ -154,16 +154,11 @@ impl Device {
         let begin = self.stylus.now_ns();
         // After this time the previous image no longer answers.
         self.run_for(SECOND);
-        assert!(
-            self.answers_within(EXCHANGE_NS),
-            "{:?}",
-            self.stylus.report()
-        );
+        assert!(self.answers_within(EXCHANGE_NS), "{:?}", self.stylus.report());
         assert_eq!(self.sounds_from(begin), 0, "codes other than mid-scale");
         let reset_ns = self.assert_held_since_reset();
         // The image writes mid-scale to the output after the bootloader has done so.
-        let is_of_image =
-            |output: &&Output| output.at_ns > reset_ns && output.cause == Cause::Write;
+        let is_of_image = |output: &&Output| output.at_ns > reset_ns && output.cause == Cause::Write;
         let started = self.dac().iter().find(is_of_image);
         started.expect("the image starts").at_ns - begin
     }
@@ -196,10 +191,7 @@ fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_co
     let state = device.update_state();
     let told = (state.bootloader, state.trusts_development_key);
     assert_eq!(told, (Some(version), true));
-    assert_eq!(
-        (device.settings(), state_of(&mut device)),
-        (settings, before)
-    );
+    assert_eq!((device.settings(), state_of(&mut device)), (settings, before));
     device.confirm();
     device.reset();
     assert_eq!(device.update_state().phase, UpdatePhase::Confirmed);

@@ -17,19 +17,12 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     device.play_until_heard("lattice");
     device.record();
     let before = device.status();
-    let large = if long() {
-        library::large()
-    } else {
-        library::middling()
-    };
+    let large = if long() { library::large() } else { library::middling() };
     let committed = device.upload(&large);
     let after = device.status();
     let stopped = device.stop_recording();
 
-    assert_eq!(
-        after.output.mute, before.output.mute,
-        "it is heard all the time"
-    );
+    assert_eq!(after.output.mute, before.output.mute, "it is heard all the time");
     assert_eq!(after.output.mute_counts, before.output.mute_counts);
     assert_eq!(stopped.lost_blocks, 0);
     let stalls = device.stylus.flash_stalls();

@@ -3,9 +3,7 @@
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 use virtual_stylus::Options;
 use virtual_stylus::usb_host::Descriptors;
-use virtual_stylus::usb_host::descriptor::{
-    self, MICROSOFT_PLATFORM, bulk_endpoints, microsoft_set, parts,
-};
+use virtual_stylus::usb_host::descriptor::{self, MICROSOFT_PLATFORM, bulk_endpoints, microsoft_set, parts};
 
 use crate::device::{BULK_IN, BULK_OUT, Device};
 
@@ -44,19 +42,13 @@ fn the_descriptors_keep_the_rules_of_usb_2() {
 
 fn check_device(device: &[u8]) {
     // Table 9-8.
-    assert_eq!(
-        (device.len(), device[0], device[1]),
-        (18, 18, descriptor::DEVICE)
-    );
+    assert_eq!((device.len(), device[0], device[1]), (18, 18, descriptor::DEVICE));
     // From USB 2.1 on there is a BOS.
     assert!((0x0201..=0x0210).contains(&word(device, 2)));
     // The device has one function, which its interface describes.
     assert_eq!(device[4..7], [0, 0, 0]);
     assert!([8, 16, 32, 64].contains(&device[7]), "endpoint 0's packets");
-    assert_eq!(
-        (word(device, 8), word(device, 10)),
-        (USB_VENDOR_ID, USB_PRODUCT_ID)
-    );
+    assert_eq!((word(device, 8), word(device, 10)), (USB_VENDOR_ID, USB_PRODUCT_ID));
     assert_eq!(device[17], 1, "configurations");
 }
 
@@ -72,10 +64,7 @@ fn check_configuration(configuration: &[u8]) {
         "powered by itself, and no current from the bus"
     );
     let parts: Vec<&[u8]> = parts(configuration).collect();
-    assert_eq!(
-        parts.iter().map(|part| part.len()).sum::<usize>(),
-        configuration.len()
-    );
+    assert_eq!(parts.iter().map(|part| part.len()).sum::<usize>(), configuration.len());
     let kinds: Vec<[u8; 2]> = parts.iter().map(|part| [part[0], part[1]]).collect();
     assert_eq!(
         kinds,
@@ -121,10 +110,7 @@ fn windows_finds_its_driver_by_the_descriptors_of_microsoft_os_2() {
     let version = &platform[20..24];
     assert_eq!(version, [0, 0, 3, 6], "Windows 8.1");
     let (code, length) = microsoft_set(bos).expect("vendor code and length");
-    assert_eq!(
-        (code, usize::from(length)),
-        (platform[26], read.microsoft.len())
-    );
+    assert_eq!((code, usize::from(length)), (platform[26], read.microsoft.len()));
     // Table 10: the set's header.
     let set = &read.microsoft;
     assert_eq!((word(set, 0), word(set, 2)), (10, 0));
@@ -150,9 +136,7 @@ fn windows_finds_its_driver_by_the_descriptors_of_microsoft_os_2() {
     assert_eq!(usize::from(word(value, 0)), value.len() - 2);
     let guids = text(&value[2..]);
     let guid = guids.strip_suffix("\0\0").expect("it ends with two zeros");
-    let digits = guid
-        .strip_prefix('{')
-        .and_then(|guid| guid.strip_suffix('}'));
+    let digits = guid.strip_prefix('{').and_then(|guid| guid.strip_suffix('}'));
     let groups: Vec<usize> = digits.expect("braces").split('-').map(str::len).collect();
     assert_eq!(groups, [8, 4, 4, 4, 12]);
     assert_eq!(features.len(), 2);

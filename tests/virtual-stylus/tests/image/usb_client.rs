@@ -44,16 +44,12 @@ impl Running {
     fn start() -> Self {
         let socket = UsbSocket::listen(0).expect("a free port");
         let port = socket.port().expect("it listens");
-        let (now_ns, ends) = (
-            Arc::new(AtomicU64::new(0)),
-            Arc::new(AtomicBool::new(false)),
-        );
+        let (now_ns, ends) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
         let (jobs, orders) = channel::<Job>();
         let (clock, over) = (now_ns.clone(), ends.clone());
         let thread = std::thread::spawn(move || {
             let mut socket = socket;
-            let mut stylus =
-                VirtualStylus::new(&product(), library::options()).expect("the image fits");
+            let mut stylus = VirtualStylus::new(&product(), library::options()).expect("the image fits");
             stylus.run_for(300 * MS);
             let (began, from_ns) = (Instant::now(), stylus.now_ns());
             while !over.load(Ordering::Relaxed) {
@@ -76,9 +72,7 @@ impl Running {
             (outputs, stylus.resets())
         });
         Self {
-            address: format!("usb-virtual:127.0.0.1:{port}")
-                .parse()
-                .expect("a link"),
+            address: format!("usb-virtual:127.0.0.1:{port}").parse().expect("a link"),
             now_ns,
             ends,
             jobs,
@@ -113,9 +107,7 @@ impl Running {
             .map(|thread| thread.join().expect("the run went on"))
             .expect("it ends once");
         assert_eq!(resets, []);
-        let triggered = outputs
-            .into_iter()
-            .filter(|output| output.cause == Cause::Trigger);
+        let triggered = outputs.into_iter().filter(|output| output.cause == Cause::Trigger);
         assert_even(&triggered.collect::<Vec<_>>());
     }
 }
@@ -155,12 +147,7 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
         duration: Some(Duration::from_secs(1)),
     };
     let mut mutes = Vec::new();
-    let driven = drive(
-        &device,
-        &plan,
-        || true,
-        |_, status| mutes.push(status.output.mute),
-    );
+    let driven = drive(&device, &plan, || true, |_, status| mutes.push(status.output.mute));
     assert!(driven.expect("the link holds").keep_alives > 10);
     assert!(mutes.contains(&MuteReasons::NONE), "{mutes:?}");
     let recorded = capture(&device, recording_s() as f64, 0.0, || true, |_, _, _| {})
@@ -168,19 +155,12 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
         .expect("nobody stops it");
     assert!(recorded.loss.is_none(), "{}", recorded.loss);
     assert_eq!(recorded.holes, 0);
-    assert_eq!(
-        recorded.samples.len(),
-        (recording_s() as f64 * 5_000.0) as usize
-    );
+    assert_eq!(recorded.samples.len(), (recording_s() as f64 * 5_000.0) as usize);
     device.stop().expect("it stops");
     let status = device.status().expect("the link holds");
     assert_eq!(status.tick.missed, 0);
     assert_eq!(
-        (
-            status.usb.malformed,
-            status.usb.oversized,
-            status.usb.unsent
-        ),
+        (status.usb.malformed, status.usb.oversized, status.usb.unsent),
         (0, 0, 0)
     );
     drop(device);
@@ -215,11 +195,7 @@ fn the_clients_upload_goes_on_after_the_cable_was_pulled_and_the_bus_reset() {
     assert!(uploaded.retries > 0);
     assert_eq!(uploaded.textures, ["texture 0"]);
     let slots = device.slots().expect("the link holds");
-    assert_ne!(
-        slots.active,
-        Some(uploaded.slot),
-        "the old library is still active"
-    );
+    assert_ne!(slots.active, Some(uploaded.slot), "the old library is still active");
     drop(device);
     running.finish();
 }

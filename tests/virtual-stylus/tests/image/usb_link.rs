@@ -45,9 +45,7 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
     // transaction, that happens to three transactions in a million.
     const PER_MILLION: u64 = 5_000;
     let mut device = Device::on_usb(library::options());
-    device
-        .stylus
-        .usb(|host, _| host.break_packets(PER_MILLION, 7));
+    device.stylus.usb(|host, _| host.break_packets(PER_MILLION, 7));
     device.record();
     let other = library::other();
     let committed = device.upload(&other);
@@ -61,19 +59,14 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
     device.assert_whole();
     let status = device.status();
     assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
-    assert_eq!(
-        device.activate(committed.slot).library.crc32,
-        announced(&other).crc32
-    );
+    assert_eq!(device.activate(committed.slot).library.crc32, announced(&other).crc32);
 }
 
 #[test]
 fn a_bus_that_breaks_many_packets_still_enumerates_within_some_tries() {
     let mut device = Device::on_usb(Options::default());
     for seed in 0..if long() { 6 } else { 2 } {
-        device
-            .stylus
-            .usb(move |host, _| host.break_packets(100_000, seed));
+        device.stylus.usb(move |host, _| host.break_packets(100_000, seed));
         let tries = (1..=40).find(|_| device.enumerate().is_ok());
         println!("seed {seed}: {tries:?}");
         assert!(tries.is_some(), "seed {seed}");
@@ -91,9 +84,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     for millis in [1, 3, 4, 10, 200] {
         device.stylus.usb(Host::suspend);
         device.run_for(millis * MS);
-        device
-            .stylus
-            .usb(|host, now_ns| host.resume(now_ns, 20 * MS));
+        device.stylus.usb(|host, now_ns| host.resume(now_ns, 20 * MS));
         device.run_for(30 * MS);
         device.status();
     }
@@ -102,9 +93,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     device.run_for(100 * MS);
     device.stylus.usb(Host::suspend);
     device.run_for(SECOND);
-    device
-        .stylus
-        .usb(|host, now_ns| host.resume(now_ns, 20 * MS));
+    device.stylus.usb(|host, now_ns| host.resume(now_ns, 20 * MS));
     device.run_for(200 * MS);
     device.stop_recording();
     // The frame that was under way is incomplete.
@@ -208,19 +197,12 @@ fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
         device.status();
     }
     let sequences = (device.blocks.windows(2)).map(|pair| pair[1].sequence - pair[0].sequence);
-    assert!(
-        sequences.clone().all(|apart| apart > 0),
-        "in order, none twice"
-    );
+    assert!(sequences.clone().all(|apart| apart > 0), "in order, none twice");
     assert!(sequences.max() > Some(10), "the host was away");
     // A frame that begins with a part of another one would be noticed, because the levels on the pins are constant.
-    let mut samples =
-        (device.blocks.iter()).flat_map(|block| block.samples.map(RecordSample::from));
+    let mut samples = (device.blocks.iter()).flat_map(|block| block.samples.map(RecordSample::from));
     let first = samples.next().expect("there are blocks");
-    assert!(
-        samples.all(|sample| sample == first),
-        "samples of two frames in one"
-    );
+    assert!(samples.all(|sample| sample == first), "samples of two frames in one");
     let status = device.status();
     assert!(status.usb.unsent > 0);
     assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));

@@ -2,9 +2,7 @@
 //! works, and the active library stays.
 
 use fake_stylus::library::chunks;
-use model_format::link::{
-    MAX_CHUNK_BYTES, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
-};
+use model_format::link::{MAX_CHUNK_BYTES, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint};
 use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::usb_host::Timing;
@@ -27,20 +25,14 @@ const HURRIED: Timing = Timing {
 /// is hurried at two of three points.
 fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
     (0..count).filter(|&point| is_drawn(point)).map(|point| {
-        let timing = if point % 3 == 0 {
-            Timing::default()
-        } else {
-            HURRIED
-        };
+        let timing = if point % 3 == 0 { Timing::default() } else { HURRIED };
         (point, MISHAPS[(point % 2) as usize], timing)
     })
 }
 
 /// Schedules `mishap` after `transactions` more transactions.
 pub fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
-    device
-        .stylus
-        .usb(move |host, _| host.have(mishap, transactions));
+    device.stylus.usb(move |host, _| host.have(mishap, transactions));
 }
 
 pub fn has_happened(device: &mut Device) -> bool {
@@ -49,10 +41,7 @@ pub fn has_happened(device: &mut Device) -> bool {
 
 /// Checks that the device can be enumerated again and answers the first request.
 fn comes_back(device: &mut Device, after: &str) {
-    assert!(
-        device.enumerate().is_ok(),
-        "it does not enumerate after {after}"
-    );
+    assert!(device.enumerate().is_ok(), "it does not enumerate after {after}");
     let status = device.status();
     assert_eq!(status.tick.missed, 0, "after {after}");
     assert_eq!(device.stylus.resets(), [], "after {after}");

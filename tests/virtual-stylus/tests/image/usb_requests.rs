@@ -102,13 +102,8 @@ fn a_control_transfer_that_is_given_up_anywhere_does_not_keep_the_next_one() {
             let (stylus, _) = device.usb();
             let id = stylus.usb(move |host, _| host.submit(transfer));
             device.stylus.run_for(point * 17_000);
-            device
-                .stylus
-                .usb(move |host, now_ns| host.cancel(id, now_ns));
-            lives(
-                &mut device,
-                &format!("{request:x?} given up after {} us", point * 17),
-            );
+            device.stylus.usb(move |host, now_ns| host.cancel(id, now_ns));
+            lives(&mut device, &format!("{request:x?} given up after {} us", point * 17));
         }
     }
     // The device may have reset its toggles without the host's knowledge.

@@ -4,9 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use virtual_stylus::flash_file::FlashFile;
-use virtual_stylus::model::flash::{
-    BASE, BYTES, Contents, Kind, Moment, SECTOR_BYTES, Stalls, WORD_BYTES,
-};
+use virtual_stylus::model::flash::{BASE, BYTES, Contents, Kind, Moment, SECTOR_BYTES, Stalls, WORD_BYTES};
 use virtual_stylus::{Error, Options, ResetCause};
 
 use crate::probe::{MILLISECOND_NS, TICK_NS, ask, ready, words};
@@ -78,11 +76,7 @@ fn code_in_a_bank_that_is_busy_stands_still_and_so_do_its_interrupts() {
     let stalls = stylus.flash_stalls();
     assert!(stalls.fetches >= 1 && stalls.reads == 0, "{stalls:?}");
     let ticks = stylus.take_ticks();
-    assert!(
-        (ticks.len() as u64) < nanos / TICK_NS / 10,
-        "{} ticks",
-        ticks.len()
-    );
+    assert!((ticks.len() as u64) < nanos / TICK_NS / 10, "{} ticks", ticks.len());
     // Time has continued, and the code runs on.
     ask(&mut stylus, b'c', 2);
     stylus.run_for(100 * TICK_NS);
@@ -108,15 +102,9 @@ fn every_program_and_erase_is_one_operation() {
     for command in *b"epp" {
         ask(&mut stylus, command, 1);
     }
-    let operations: Vec<Kind> = stylus
-        .flash_operations()
-        .into_iter()
-        .map(|done| done.kind)
-        .collect();
+    let operations: Vec<Kind> = stylus.flash_operations().into_iter().map(|done| done.kind).collect();
     let word = |number: u32| {
-        let bytes: Vec<u8> = std::iter::repeat_n(number.to_le_bytes(), 8)
-            .flatten()
-            .collect();
+        let bytes: Vec<u8> = std::iter::repeat_n(number.to_le_bytes(), 8).flatten().collect();
         bytes.try_into().unwrap()
     };
     let expected = [
@@ -136,16 +124,10 @@ fn every_program_and_erase_is_one_operation() {
 #[test]
 fn a_word_torn_by_a_power_cut_is_a_bus_fault_when_read_until_its_sector_is_erased() {
     let flash = cut(Contents::default(), b'p', 1, Moment::During { seed: 7 });
-    assert_eq!(
-        flash.unreadable.iter().copied().collect::<Vec<_>>(),
-        [BANK_2]
-    );
+    assert_eq!(flash.unreadable.iter().copied().collect::<Vec<_>>(), [BANK_2]);
     let mut stylus = ready(with(flash));
     let answer = ask(&mut stylus, b'r', FAULT_BYTES);
-    assert_eq!(
-        answer[0], b'!',
-        "a bus fault, which the image takes for a hard one"
-    );
+    assert_eq!(answer[0], b'!', "a bus fault, which the image takes for a hard one");
     assert_eq!(stylus.failed_reads(), 1);
     stylus.run_for(crate::probe::READY_NS);
     let resets = stylus.resets();
@@ -184,12 +166,8 @@ fn a_cut_before_or_after_an_operation_leaves_a_whole_word() {
 #[test]
 fn a_cut_erase_leaves_the_rest_of_the_flash_alone() {
     let mut flash = Contents::default();
-    flash
-        .place(u64::from(BANK_2), &vec![0; SECTOR_BYTES as usize])
-        .unwrap();
-    flash
-        .place(u64::from(BANK_2 + SECTOR_BYTES), &[0; 64])
-        .unwrap();
+    flash.place(u64::from(BANK_2), &vec![0; SECTOR_BYTES as usize]).unwrap();
+    flash.place(u64::from(BANK_2 + SECTOR_BYTES), &[0; 64]).unwrap();
     let cut = cut(flash, b'e', 1, Moment::During { seed: 3 });
     let sector = BANK_2..BANK_2 + SECTOR_BYTES;
     let start = (BANK_2 - BASE) as usize;
@@ -275,17 +253,10 @@ fn a_second_run_with_the_same_flash_file_is_refused_by_its_name_until_the_first_
         assert_eq!(code, Some(2), "{said}");
         assert_eq!(said.trim_end().lines().count(), 1, "{said}");
         assert!(said.contains(&name.display().to_string()), "{said}");
-        assert!(
-            said.contains("end that one") && said.contains("--flash"),
-            "{said}"
-        );
+        assert!(said.contains("end that one") && said.contains("--flash"), "{said}");
     }
     let kept = Contents::read(&file).unwrap();
-    assert_eq!(
-        kept.to_bytes(),
-        contents.to_bytes(),
-        "the refused ones changed nothing"
-    );
+    assert_eq!(kept.to_bytes(), contents.to_bytes(), "the refused ones changed nothing");
     drop(held);
     // The file is free now, so only the image is missing.
     let (code, said) = start_with(&file);

@@ -35,11 +35,7 @@ pub fn ask(stylus: &mut VirtualStylus, command: u8, expected: usize) -> Vec<u8> 
         answer.extend(stylus.receive().iter().map(|sent| sent.byte));
         answer.len() >= expected
     });
-    assert!(
-        answered,
-        "{:?} was answered with {answer:?}",
-        char::from(command)
-    );
+    assert!(answered, "{:?} was answered with {answer:?}", char::from(command));
     answer
 }
 

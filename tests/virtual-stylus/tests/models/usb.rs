@@ -111,19 +111,11 @@ fn a_setup_is_taken_whatever_its_endpoint_does_and_is_complete_with_the_next_tok
     core.write(DOEPCTL0, STALL | SNAK);
     assert_eq!(core.answer_in(0), Some(InAnswer::Stall));
     assert_eq!(core.setup([1, 2, 3, 4, 5, 6, 7, 8]), Some(Handshake::Ack));
-    assert_eq!(
-        core.answer_in(0),
-        Some(InAnswer::Nak),
-        "a SETUP ends the stall"
-    );
+    assert_eq!(core.answer_in(0), Some(InAnswer::Nak), "a SETUP ends the stall");
     assert_eq!(drain(&mut core), [(0b0110, vec![0x0403_0201, 0x0807_0605])]);
     assert_eq!(core.peek(DOEPINT0) & 1 << 3, 0);
     assert_eq!(core.token_in(0), Some(InAnswer::Nak));
-    assert_eq!(
-        core.peek(GINTSTS) & OEPINT,
-        0,
-        "the entry has to be popped first"
-    );
+    assert_eq!(core.peek(GINTSTS) & OEPINT, 0, "the entry has to be popped first");
     assert_eq!(drain(&mut core), [(0b0100, vec![])]);
     assert_eq!(core.peek(DOEPINT0) & 1 << 3, 1 << 3);
     assert_eq!(core.peek(DAINT), 1 << 16);
@@ -142,10 +134,7 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
     assert_ne!(core.peek(DOEPCTL1) & NAKSTS, 0);
     let entries = drain(&mut core);
     assert_eq!(entries[0].0, 0b0010);
-    assert_eq!(
-        (entries[0].1[0], entries[0].1[15]),
-        (0x0302_0100, 0x3F3E_3D3C)
-    );
+    assert_eq!((entries[0].1[0], entries[0].1[15]), (0x0302_0100, 0x3F3E_3D3C));
     assert_eq!(entries[1], (0b0011, vec![]));
     assert_eq!(core.peek(DOEPCTL1) & EPENA, 0, "the transfer is complete");
     core.write(DOEPTSIZ1, 1 << 19 | 64);
@@ -154,10 +143,7 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
     assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
     assert_eq!(drain(&mut core), [], "it is acknowledged and dropped");
     assert_eq!(core.out(1, Pid::Data1, &[9, 8, 7]), Some(Handshake::Ack));
-    assert_eq!(
-        drain(&mut core),
-        [(0b0010, vec![0x0007_0809]), (0b0011, vec![])]
-    );
+    assert_eq!(drain(&mut core), [(0b0010, vec![0x0007_0809]), (0b0011, vec![])]);
 }
 
 #[test]
@@ -180,20 +166,12 @@ fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
     assert_eq!(core.peek(DTXFSTS1), 16);
     send(&mut core, &[0x0403_0201], 6);
-    assert_eq!(
-        core.token_in(1),
-        Some(InAnswer::Nak),
-        "half of it is not there"
-    );
+    assert_eq!(core.token_in(1), Some(InAnswer::Nak), "half of it is not there");
     core.write(FIFO1, 0x0605);
     assert_eq!(core.peek(DTXFSTS1), 14);
     let answer = Some(InAnswer::Data(Pid::Data0, vec![1, 2, 3, 4, 5, 6]));
     assert_eq!(core.token_in(1), answer);
-    assert_eq!(
-        core.token_in(1),
-        answer,
-        "without an acknowledgement the same again"
-    );
+    assert_eq!(core.token_in(1), answer, "without an acknowledgement the same again");
     assert_eq!(core.peek(DIEPCTL1) & EPENA, EPENA);
     core.acknowledged(1);
     assert_eq!(core.peek(DIEPCTL1) & EPENA, 0);
@@ -212,19 +190,12 @@ fn a_disabled_or_flushed_in_endpoint_sends_nothing() {
     send(&mut core, &[7], 4);
     core.write(GRSTCTL, 1 << 5 | 1 << 6);
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
-    assert_eq!(
-        core.peek(DIEPCTL1) & EPENA,
-        EPENA,
-        "a flush does not disable it"
-    );
+    assert_eq!(core.peek(DIEPCTL1) & EPENA, EPENA, "a flush does not disable it");
     core.write(DIEPCTL1, core.peek(DIEPCTL1) | SNAK | EPDIS);
     assert_eq!(core.peek(DIEPCTL1) & EPENA, 0);
     assert_eq!(core.peek(DIEPINT1) & 2, 2);
     send(&mut core, &[8], 4);
-    assert_eq!(
-        core.token_in(1),
-        Some(InAnswer::Data(Pid::Data0, vec![8, 0, 0, 0]))
-    );
+    assert_eq!(core.token_in(1), Some(InAnswer::Data(Pid::Data0, vec![8, 0, 0, 0])));
 }
 
 const USB2OTG: u64 = 1 << 27;
@@ -286,20 +257,14 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     assert!(drive(&mut bench, |host, _| host.sees_device()));
     drive(&mut bench, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
     bench.wait(11 * MS);
-    assert_eq!(
-        read(&mut bench, GINTSTS) & (USBRST | ENUMDNE),
-        USBRST | ENUMDNE
-    );
+    assert_eq!(read(&mut bench, GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
     assert_eq!(read(&mut bench, DSTS) & 1, 0);
     // Frames are counted, one per millisecond.
     let frame = read(&mut bench, DSTS) >> 8 & 0x3FFF;
     bench.wait(10 * MS);
     assert_eq!(read(&mut bench, DSTS) >> 8 & 0x3FFF, frame + 10);
     bench.write(WINDOW_BASE + DCTL, 1 << 1);
-    assert!(
-        !drive(&mut bench, |host, _| host.sees_device()),
-        "soft disconnect"
-    );
+    assert!(!drive(&mut bench, |host, _| host.sees_device()), "soft disconnect");
 }
 
 /// Returns how many packets endpoint 1 receives in `frames` frames, and the serial number read from each. The host
@@ -311,9 +276,7 @@ fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     drive(&mut bench, move |host, _| {
         host.break_packets(per_million, 3);
         // Each packet holds its number.
-        let data = (0..frames * 20)
-            .flat_map(|number| [number as u8; 64])
-            .collect();
+        let data = (0..frames * 20).flat_map(|number| [number as u8; 64]).collect();
         host.submit(Transfer::Out { endpoint: 1, data });
     });
     for (register, value) in [

@@ -5,16 +5,14 @@ use std::sync::LazyLock;
 use fake_stylus::device::{MOTION, change, play_request, response_for};
 use fake_stylus::library::{announcement, small_texture};
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, DEVELOPMENT_SEED, InfoEndpoint, KeepAliveTopic, ListEndpoint,
-    ListRequest, ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint,
-    PlayRequest, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough,
-    ProposalToken, RecordStartEndpoint, RecordStopEndpoint, ResponseChange, ResponseGetEndpoint,
-    ResponseProposeEndpoint, ResponseSetEndpoint, Selection, SelfTestEndpoint, SelfTestRequest,
-    Setting, SettingChange, Settings, SettingsApplyEndpoint, SettingsChange, SettingsGetEndpoint,
-    SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UpdateBegin,
-    UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateStateEndpoint,
-    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadProgressEndpoint,
+    ActivateEndpoint, CyclesEndpoint, DEVELOPMENT_SEED, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
+    ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint, PlayRequest, ProbeLoad,
+    ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough, ProposalToken, RecordStartEndpoint,
+    RecordStopEndpoint, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint, Selection,
+    SelfTestEndpoint, SelfTestRequest, Setting, SettingChange, Settings, SettingsApplyEndpoint, SettingsChange,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UpdateBegin,
+    UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateStateEndpoint, UploadAbortEndpoint,
+    UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use model_format::scene::{Scene, Surface};
 use model_format::{PlayRate, encode_with_scenes};
@@ -173,10 +171,7 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         asked::<SlotsEndpoint>("slots", &()),
         asked::<ListEndpoint>("list", &first_of(SlotId::A)),
         asked::<ListSceneEndpoint>("list scenes", &first_of(SlotId::B)),
-        proposed(
-            "set a value out of range",
-            &[change(Setting::HardLimit, 99.0)],
-        ),
+        proposed("set a value out of range", &[change(Setting::HardLimit, 99.0)]),
         proposed("propose and forget", &[change(Setting::OutputGain, 0.5)]),
         applied("apply by a token of nobody", ProposalToken(0)),
         asked::<SettingsGetEndpoint>("settings", &()),

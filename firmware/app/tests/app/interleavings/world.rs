@@ -37,8 +37,7 @@ fn stored_settings(brief: bool) -> Memory {
     let mut flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
     let range = 0..2 * SECTOR_BYTES as u32;
     let mut store = block_on(SettingsStore::open(&mut flash, range));
-    let ramps =
-        [Setting::MuteRamp, Setting::SoftStart].map(|ramp| change(ramp, ramp.spec().lowest));
+    let ramps = [Setting::MuteRamp, Setting::SoftStart].map(|ramp| change(ramp, ramp.spec().lowest));
     for change in COIL.into_iter().chain(ramps.into_iter().filter(|_| brief)) {
         block_on(store.set(change)).expect("it is in range");
     }
@@ -179,21 +178,13 @@ pub struct World {
 }
 
 impl World {
-    pub fn new(
-        beginning: &Beginning,
-        lists: [&[Request]; 2],
-        plays: bool,
-        mistake: Mistake,
-    ) -> Self {
+    pub fn new(beginning: &Beginning, lists: [&[Request]; 2], plays: bool, mistake: Mistake) -> Self {
         let stylus = SteppedStylus::boot_as(
             SimulatedFlash::new(beginning.slots.clone()),
             SimulatedFlash::new(beginning.settings.clone()),
             Hardware::new(),
         );
-        let SteppedStylus {
-            control,
-            mut storage,
-        } = stylus;
+        let SteppedStylus { control, mut storage } = stylus;
         if let Some(records) = &beginning.records {
             storage.set_updates(updates(records.clone(), RUNNING));
         }
@@ -272,10 +263,7 @@ impl World {
     }
 
     pub fn is_done(&self) -> bool {
-        self.hosts
-            .iter()
-            .all(|host| host.sent == host.requests.len())
-            && !self.requests.is_storage_busy()
+        self.hosts.iter().all(|host| host.sent == host.requests.len()) && !self.requests.is_storage_busy()
     }
 
     /// The tasks that can continue without waiting for time to pass.
@@ -284,8 +272,8 @@ impl World {
             let host = &self.hosts[index];
             (host.sent < host.requests.len()).then_some(Choice::Host(index))
         });
-        let storage = (self.requests.is_storage_busy() && !self.control.is_storage_waiting())
-            .then_some(Choice::Storage);
+        let storage =
+            (self.requests.is_storage_busy() && !self.control.is_storage_waiting()).then_some(Choice::Storage);
         hosts.into_iter().chain([storage]).flatten()
     }
 
@@ -385,9 +373,7 @@ impl World {
         let sounds = control.device().sounds();
         drop(control);
         if sounds || activity != Activity::Idle {
-            return Err(format!(
-                "after a stop it is {activity:?}, sounding: {sounds}"
-            ));
+            return Err(format!("after a stop it is {activity:?}, sounding: {sounds}"));
         }
         let settings = self.control.borrow().status().settings;
         if settings.check_playable().is_err() {

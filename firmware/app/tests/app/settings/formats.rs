@@ -47,26 +47,14 @@ fn twice(bytes: &[u8]) -> Memory {
 fn with(known: &Known, setting: Setting, value: f32) -> Known {
     let &(settings, set, lost, response) = known;
     let settings = settings.with(change(setting, value)).expect("in range");
-    (
-        settings,
-        set.with(setting, true),
-        lost.with(setting, false),
-        response,
-    )
+    (settings, set.with(setting, true), lost.with(setting, false), response)
 }
 
 /// Settings of a coil, all of them in range.
 fn coil() -> Known {
-    let nothing = (
-        Settings::default(),
-        SettingSet::NONE,
-        SettingSet::NONE,
-        None,
-    );
+    let nothing = (Settings::default(), SettingSet::NONE, SettingSet::NONE, None);
     let coil = fake_stylus::device::COIL.into_iter();
-    coil.fold(nothing, |known, change| {
-        with(&known, change.setting, change.value)
-    })
+    coil.fold(nothing, |known, change| with(&known, change.setting, change.value))
 }
 
 #[test]

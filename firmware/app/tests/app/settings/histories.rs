@@ -31,11 +31,7 @@ enum Step {
     /// Power is lost at an operation by which a start mends the copies.
     CutStart { at: usize, how: usize },
     /// A word of a copy's last record, or a word shortly before that record, faults, flips a bit, or becomes unstable.
-    Damage {
-        copy: usize,
-        word: usize,
-        how: usize,
-    },
+    Damage { copy: usize, word: usize, how: usize },
     /// A restart.
     Restart,
     /// A reset, and the coil's settings.
@@ -96,9 +92,7 @@ impl Life {
         let mut memory = beginning.map_or_else(blank, |number| NEARLY_FULL[number].clone());
         memory.seed(seed);
         let defaults = Settings::default();
-        let known = Setting::ALL
-            .map(|setting| vec![defaults.get(setting)])
-            .to_vec();
+        let known = Setting::ALL.map(|setting| vec![defaults.get(setting)]).to_vec();
         let mut life = Self {
             memory,
             known,
@@ -288,10 +282,7 @@ fn no_limit_becomes_weaker_by_what_a_cut_erasure_leaves() {
         life.memory.seed(chance.below(usize::MAX) as u64);
         let how = Cut::EVERY.len() - 1;
         let at = erasures(&life.memory)[0];
-        let (setting, share) = (
-            chance.below(Setting::ALL.len()),
-            chance.below(65_536) as u16,
-        );
+        let (setting, share) = (chance.below(Setting::ALL.len()), chance.below(65_536) as u16);
         let mut step = match seed / 8 % 2 {
             0 => Step::CutSet {
                 setting,

@@ -5,9 +5,7 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 use embassy_futures::block_on;
-use model_format::link::{
-    FlashOperation, Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState,
-};
+use model_format::link::{FlashOperation, Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState};
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::settings::SettingsStore;
 
@@ -111,17 +109,13 @@ fn nearly_full(lost_places: [usize; 2]) -> Vec<Memory> {
     let last = CHANGES_PER_COPY as usize - 3 - COIL.len() - 2 * lost;
     memory = set(memory, &vec![again; last - LAST_CHANGES]);
     let next = |memory: &Memory| Some(set(memory.clone(), &[again]));
-    iter::successors(Some(memory), next)
-        .take(LAST_CHANGES + 1)
-        .collect()
+    iter::successors(Some(memory), next).take(LAST_CHANGES + 1).collect()
 }
 
 /// Offsets of the words of the last record of the copy with number `copy`.
 fn last_record(memory: &Memory, copy: usize) -> impl Iterator<Item = usize> + use<> {
     let sector = copy * SECTOR_BYTES..(copy + 1) * SECTOR_BYTES;
-    let last = memory
-        .last_programmed(sector)
-        .expect("something was written");
+    let last = memory.last_programmed(sector).expect("something was written");
     (last + 1 - RECORD_WORDS..=last).map(|word| word * WORD_BYTES)
 }
 
@@ -159,18 +153,12 @@ fn what_is_set_is_there_after_a_restart_whatever_went_before() {
         let share = f32::from((round % 1009) as u16) / 1009.0;
         let value = spec.lowest + (spec.highest - spec.lowest) * share;
         let value = if spec.whole { value.trunc() } else { value };
-        expected = expected
-            .with(change(setting, value))
-            .expect("it is in range");
+        expected = expected.with(change(setting, value)).expect("it is in range");
         set = set.with(setting, true);
         assert_eq!(block_on(store.set(change(setting, value))), Ok(expected));
     }
     let writes = (6 * CHANGES_PER_COPY) as usize * 2 * RECORD_WORDS;
-    assert!(
-        flash.operations > writes + 10,
-        "{} operations",
-        flash.operations
-    );
+    assert!(flash.operations > writes + 10, "{} operations", flash.operations);
     let state = SettingsState {
         set,
         ..SettingsState::default()
@@ -203,11 +191,7 @@ fn any_lost_word_of_one_copy_leaves_every_setting_as_it_was() {
                 // The copy was mended, so the other copy may be lost now.
                 let offsets: Vec<_> = last_record(&memory, 1 - copy).collect();
                 memory.set_faulty(offsets[1]);
-                assert_eq!(
-                    opened(&mut memory).0,
-                    expected.0,
-                    "copy {copy}, byte {offset}"
-                );
+                assert_eq!(opened(&mut memory).0, expected.0, "copy {copy}, byte {offset}");
             }
         }
     }
@@ -227,9 +211,7 @@ fn a_limit_that_both_copies_lost_is_lost_until_it_is_set_again_and_sensors_are_c
         assert_eq!(settings.get(Setting::ForceZero), 5_000.0);
         assert!(state.set.contains(Setting::ForceZero));
         assert!(SettingSet::REQUIRED.without(state.lost).is_empty());
-        assert!(
-            state.lost.contains(Setting::HardLimit) && !state.lost.contains(Setting::ForceZero)
-        );
+        assert!(state.lost.contains(Setting::HardLimit) && !state.lost.contains(Setting::ForceZero));
         assert!(state.check_playable().is_err());
     }
     let lost = opened(&mut memory).1.lost;
@@ -258,11 +240,7 @@ fn copies_that_differ_give_the_tighter_limit_and_say_so() {
             })
             .swap_remove(0);
             let (settings, state) = opened(&mut memory);
-            assert_eq!(
-                settings.get(setting),
-                tight,
-                "{setting} from {before} to {after}"
-            );
+            assert_eq!(settings.get(setting), tight, "{setting} from {before} to {after}");
             assert_eq!(state.differing, SettingSet::NONE.with(setting, true));
             assert!(state.mended && state.check_playable().is_ok());
             // From then on both copies hold the value.
@@ -284,17 +262,10 @@ fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
         let error = block_on(store.set(change(Setting::HardLimit, 0.25)));
         let operation = FlashOperation::Write;
-        assert_eq!(
-            error,
-            Err(SettingsError::Flash { operation }),
-            "from {refused} on"
-        );
+        assert_eq!(error, Err(SettingsError::Flash { operation }), "from {refused} on");
         assert_eq!(store.settings().hard_limit().0, 0.5);
         assert!(store.state().unwritable);
-        assert_eq!(
-            block_on(store.reset()),
-            Err(SettingsError::Flash { operation })
-        );
+        assert_eq!(block_on(store.reset()), Err(SettingsError::Flash { operation }));
         assert_eq!(
             store.state().set,
             SettingSet::NONE,

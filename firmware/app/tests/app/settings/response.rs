@@ -12,11 +12,7 @@ use super::{RANGE, Store, blank, cuts, open, set};
 /// Settings and response in force after a start on a copy of `memory`.
 pub fn found(memory: &Memory) -> (Settings, Option<Response>) {
     let store = open(memory.clone());
-    assert!(
-        store.state().check_playable().is_ok(),
-        "{:?}",
-        store.state()
-    );
+    assert!(store.state().check_playable().is_ok(), "{:?}", store.state());
     (store.settings(), store.response())
 }
 
@@ -36,10 +32,7 @@ fn a_cut_while_a_response_is_stored_leaves_all_of_the_old_or_all_of_the_new() {
     for response in [first, second] {
         let old = found(&memory);
         let store = async |store: &mut Store<'_, '_>| {
-            store
-                .set_response(Some(&response))
-                .await
-                .expect("the flash works");
+            store.set_response(Some(&response)).await.expect("the flash works");
         };
         let left = cuts(&memory, |_| 0..5, store);
         let new = found(&left[left.len() - 1]);
@@ -53,10 +46,7 @@ fn a_cut_while_a_response_is_stored_leaves_all_of_the_old_or_all_of_the_new() {
             if number % 7 == 0 {
                 for mended in cuts(cut, |_| 0..5, async |_: &mut _| ()) {
                     let then = found(&mended);
-                    assert!(
-                        then == old || then == new,
-                        "mended after cut {number}: {then:?}"
-                    );
+                    assert!(then == old || then == new, "mended after cut {number}: {then:?}");
                 }
             }
         }

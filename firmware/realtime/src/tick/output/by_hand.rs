@@ -37,13 +37,7 @@ pub fn instead_of(codes: [DacCode; OVERSAMPLING]) -> [DacCode; OVERSAMPLING] {
     let before = BEFORE.load(Ordering::Relaxed);
     BEFORE.store(code, Ordering::Relaxed);
     let [before, code] = [before, code].map(DacCode::from_mid_scale);
-    core::array::from_fn(|place| {
-        if place < OVERSAMPLING / 2 {
-            before
-        } else {
-            code
-        }
-    })
+    core::array::from_fn(|place| if place < OVERSAMPLING / 2 { before } else { code })
 }
 
 /// The right to set the output by hand. When it is dropped, the tick has the output again, and the amplifier is enabled

@@ -194,13 +194,9 @@ fn start_clocks() {
 /// Lets the streams run; they wait for their first requests.
 fn set_up_streams() {
     let [converter, eraser] = [TO_CONVERTER, ERASER].map(|stream| DMA1.st(stream));
-    DMAMUX1
-        .ccr(TO_CONVERTER)
-        .write(|w| w.set_dmareq_id(REQUEST_DAC_1));
+    DMAMUX1.ccr(TO_CONVERTER).write(|w| w.set_dmareq_id(REQUEST_DAC_1));
     DMAMUX1.ccr(ERASER).write(|w| w.set_dmareq_id(REQUEST_TIM7));
-    converter
-        .par()
-        .write_value(DAC1.dhr12r(CHANNEL).as_ptr() as u32);
+    converter.par().write_value(DAC1.dhr12r(CHANNEL).as_ptr() as u32);
     converter.m0ar().write_value(ring::address());
     eraser.par().write_value(ring::eraser_address());
     eraser.m0ar().write_value(ring::address());
@@ -272,8 +268,7 @@ pub fn mid_scale_now() {
         }
     }
     DAC1.cr().modify(|w| w.set_ten(CHANNEL, false));
-    DAC1.dhr12r(CHANNEL)
-        .write(|w| w.set_dhr(DacCode::MID_SCALE.get()));
+    DAC1.dhr12r(CHANNEL).write(|w| w.set_dhr(DacCode::MID_SCALE.get()));
 }
 
 /// Returns true if `code` is at the converter's output.

@@ -92,21 +92,14 @@ fn nodes<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Vec<(Loudest, &'t T
 /// Returns the loudest windows that `traces` may have at all of their nodes: `reach` times what the recordings of all
 /// nodes but the calmest eighth reach, and at least those of steady noise.
 pub(super) fn most<'t>(traces: impl IntoIterator<Item = &'t Trace>, reach: f64) -> Loudest {
-    let of_nodes: Vec<Loudest> = nodes(traces)
-        .into_iter()
-        .map(|(loudest, _)| loudest)
-        .collect();
+    let of_nodes: Vec<Loudest> = nodes(traces).into_iter().map(|(loudest, _)| loudest).collect();
     let least = Loudest::of_least(&of_nodes).unwrap_or_default();
     least.times(reach).with(STEADY, f64::max)
 }
 
 /// Returns the `samples` of a residual of `trace`, limited so that nothing is louder than `most` behind the filter of
 /// the trace's node, and then scaled to a mean square of 1.
-pub(super) fn limited<'t>(
-    trace: &'t Trace,
-    samples: Cow<'t, [f64]>,
-    most: Loudest,
-) -> Cow<'t, [f64]> {
+pub(super) fn limited<'t>(trace: &'t Trace, samples: Cow<'t, [f64]>, most: Loudest) -> Cow<'t, [f64]> {
     let Some(gains) = Ringing::of(&trace.reflection).limit(&samples, &trace.flaws, most) else {
         return samples;
     };
@@ -137,11 +130,7 @@ impl SourceNodes<'_> {
 
 /// Returns the nodes of each source of `parts`, where number 0 is Gaussian noise, for a grid with `forces` forces.
 /// Nodes with noise of steady level are left out.
-fn sources<'t>(
-    traces: &'t [Trace],
-    forces: usize,
-    parts: &PartsSpec,
-) -> BTreeMap<u8, SourceNodes<'t>> {
+fn sources<'t>(traces: &'t [Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, SourceNodes<'t>> {
     let samples = match parts.modulation {
         Some(_) => PLAYED_AT_LEVELS,
         None => PLAYED,
@@ -172,9 +161,7 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
     let of_source = |(number, source): (u8, SourceNodes<'_>)| {
         let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
         let nodes = &source.nodes;
-        let longest = nodes
-            .iter()
-            .min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
+        let longest = nodes.iter().min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
         let heard = nodes.iter().take(CALMEST).chain(longest);
         let most = heard.map(|node| source.over(node)).fold(0.0, f64::max);
         (number, most / AIM)
@@ -185,18 +172,12 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
 
 /// Returns the excess that is left once `parts` are made: each node at which they are louder than [`BOUND`] times its
 /// recordings, with the factor of the excess.
-pub(super) fn remaining_excess(
-    traces: &[Trace],
-    forces: usize,
-    parts: &PartsSpec,
-) -> Vec<((usize, usize), f64)> {
+pub(super) fn remaining_excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Vec<((usize, usize), f64)> {
     let sources = sources(traces, forces, parts);
     let of_source = |source: &SourceNodes<'_>| {
         let nodes = source.nodes.par_iter();
         let ratios = nodes.map(|node| (node.1.at, source.over(node) / BOUND));
-        ratios
-            .filter(|(_, excess)| *excess > 1.0)
-            .collect::<Vec<_>>()
+        ratios.filter(|(_, excess)| *excess > 1.0).collect::<Vec<_>>()
     };
     sources.values().flat_map(of_source).collect()
 }

@@ -10,8 +10,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 
 use model_format::{
-    CodeSpec, ExcitationSpec, Library, MillimetresPerSecond, Newton, NodeSpec, PartsSpec,
-    TextureSpec, encode,
+    CodeSpec, ExcitationSpec, Library, MillimetresPerSecond, Newton, NodeSpec, PartsSpec, TextureSpec, encode,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -74,10 +73,7 @@ pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
         for block in trace.inside(trace.blocks().fitted()) {
             // A flaw that reaches beyond the block ends with it.
             let moved = |at: usize| residual.len() + at.clamp(block.start, block.end) - block.start;
-            let own = trace
-                .flaws
-                .iter()
-                .map(|flaw| moved(flaw.start)..moved(flaw.end));
+            let own = trace.flaws.iter().map(|flaw| moved(flaw.start)..moved(flaw.end));
             flaws.extend(own.filter(|flaw| !flaw.is_empty()));
             residual.extend_from_slice(&trace.residual[block]);
         }
@@ -167,10 +163,7 @@ pub(super) fn source(trace: &Trace, forces: usize, parts: &PartsSpec) -> u8 {
 /// deviations.
 pub(super) fn played(number: u8, parts: &PartsSpec, samples: usize) -> Option<Vec<f64>> {
     // Alone in a texture of one node, the source is all that the feed draws from.
-    let codebook = parts
-        .excitation
-        .as_ref()
-        .zip(usize::from(number).checked_sub(1));
+    let codebook = parts.excitation.as_ref().zip(usize::from(number).checked_sub(1));
     let parts = PartsSpec {
         excitation: codebook.map(|(spec, index)| ExcitationSpec {
             codebooks: vec![spec.codebooks[index].clone()],
@@ -211,11 +204,7 @@ impl Levels {
     }
 
     /// Measures in windows of `samples` samples, relative to `against` of the window's level.
-    fn against<'a>(
-        blocks: impl Iterator<Item = &'a [f64]>,
-        samples: usize,
-        against: impl Fn(f64) -> f64,
-    ) -> Self {
+    fn against<'a>(blocks: impl Iterator<Item = &'a [f64]>, samples: usize, against: impl Fn(f64) -> f64) -> Self {
         let db = |samples: &[f64]| 10.0 * mean_square(samples).max(LEAST_POWER).log10();
         let mut octaves = [const { Vec::new() }; OCTAVES];
         for window in blocks.flat_map(|block| block.chunks_exact(samples)) {
@@ -224,9 +213,8 @@ impl Levels {
             for octave in &mut octaves {
                 // Haar's filters, which halve the rate.
                 let pairs = below.as_chunks::<2>().0.iter();
-                let (sums, differences): (Vec<f64>, Vec<f64>) = pairs
-                    .map(|[a, b]| ((a + b) / SQRT_2, (a - b) / SQRT_2))
-                    .unzip();
+                let (sums, differences): (Vec<f64>, Vec<f64>) =
+                    pairs.map(|[a, b]| ((a + b) / SQRT_2, (a - b) / SQRT_2)).unzip();
                 octave.push(db(&differences) - level);
                 below = sums;
             }

@@ -2,8 +2,7 @@
 //! the mu-law, or in blocks if it keeps the recording's level.
 
 use model_format::{
-    BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, MU_LAW_FRACTION_BITS, block_scale,
-    limits, mu_law,
+    BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, MU_LAW_FRACTION_BITS, block_scale, limits, mu_law,
 };
 
 use crate::dsp::fourier::{self, Complex};
@@ -56,24 +55,15 @@ pub(super) fn coded_in_blocks(material: &[f64], highest: f64) -> Option<Coded> {
     let (samples, cut) = prepared(&material[..whole], highest)?;
     let peak = peak_of(&samples);
     let blocks = samples.as_chunks::<BLOCK_SAMPLES>().0;
-    let coded: Vec<_> = blocks
-        .iter()
-        .map(|block| coded_block(block, peak))
-        .collect();
-    let codes: Vec<i8> = coded
-        .iter()
-        .flat_map(|(bytes, _)| bytes.map(u8::cast_signed))
-        .collect();
+    let coded: Vec<_> = blocks.iter().map(|block| coded_block(block, peak)).collect();
+    let codes: Vec<i8> = coded.iter().flat_map(|(bytes, _)| bytes.map(u8::cast_signed)).collect();
     let decoded: Vec<f64> = coded.iter().flat_map(|(_, samples)| *samples).collect();
     with_unit_power(codes, peak, &samples, &decoded, cut)
 }
 
 /// Returns the bytes of a block of samples, for a codebook with this `peak`, and the samples that they decode to. The
 /// block's level is the one with the least error.
-fn coded_block(
-    samples: &[f64; BLOCK_SAMPLES],
-    peak: f64,
-) -> ([u8; BLOCK_BYTES], [f64; BLOCK_SAMPLES]) {
+fn coded_block(samples: &[f64; BLOCK_SAMPLES], peak: f64) -> ([u8; BLOCK_BYTES], [f64; BLOCK_SAMPLES]) {
     /// Levels that are tried below and above the block's own peak: 6 dB and 1 dB, in steps of 0.5 dB.
     const TRIED: std::ops::RangeInclusive<i32> = -12..=2;
     // A silent block gives -∞, which the cast and the clamp turn into the lowest level.
@@ -91,11 +81,7 @@ fn coded_block(
             let magnitude = magnitudes[code & 3];
             if code & 4 == 0 { magnitude } else { -magnitude }
         });
-        let error: f64 = samples
-            .iter()
-            .zip(&decoded)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum();
+        let error: f64 = samples.iter().zip(&decoded).map(|(a, b)| (a - b).powi(2)).sum();
         (error, level, codes, decoded)
     });
     let best = coded.min_by(|a, b| a.0.total_cmp(&b.0));
@@ -117,13 +103,7 @@ fn peak_of(samples: &[f64]) -> f64 {
 
 /// Returns the codebook with these codes and this peak, scaled to a mean square of 1. The codes decode to `decoded`
 /// instead of `samples`.
-fn with_unit_power(
-    codes: Vec<i8>,
-    peak: f64,
-    samples: &[f64],
-    decoded: &[f64],
-    cut: usize,
-) -> Option<Coded> {
+fn with_unit_power(codes: Vec<i8>, peak: f64, samples: &[f64], decoded: &[f64], cut: usize) -> Option<Coded> {
     let errors: Vec<f64> = decoded.iter().zip(samples).map(|(a, b)| a - b).collect();
     let power = mean_square(decoded);
     let peak = (peak / power.sqrt()) as f32;
@@ -203,11 +183,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     let reach = (*PIECE_SAMPLES.end()).min(count / 2);
     for lag in 0..=count / 2 {
         // No two samples of one piece are further apart than the longest piece.
-        let share = if lag <= reach {
-            share_in_one_piece(lag)
-        } else {
-            0.0
-        };
+        let share = if lag <= reach { share_in_one_piece(lag) } else { 0.0 };
         lags[lag] *= share;
         // Lag 0, and the middle one of an even number, are their own mirror images.
         if lag > 0 && count - lag > lag {
@@ -280,18 +256,11 @@ mod tests {
         let mut lags = vec![0.0; 401];
         let (pieces, mut played) = (20_000, 0);
         for _ in 0..pieces {
-            let (start, length) = (
-                random.random_range(0..count),
-                random.random_range(PIECE_SAMPLES),
-            );
+            let (start, length) = (random.random_range(0..count), random.random_range(PIECE_SAMPLES));
             let piece = (start..start + length).map(|n| samples[n % count]);
             let piece: Vec<f64> = piece.collect();
             for (lag, sum) in lags.iter_mut().enumerate().take(length) {
-                *sum += piece[lag..]
-                    .iter()
-                    .zip(&piece)
-                    .map(|(a, b)| a * b)
-                    .sum::<f64>();
+                *sum += piece[lag..].iter().zip(&piece).map(|(a, b)| a * b).sum::<f64>();
             }
             played += length;
         }
@@ -319,11 +288,7 @@ mod tests {
             let coded = coded(&material, 38.0).unwrap();
             let samples = decoded(&coded.spec);
             assert!((mean_square(&samples) - 1.0).abs() < 1e-6);
-            assert!(
-                coded.cut == 0 && coded.snr_db > 30.0,
-                "{coded:?}",
-                coded = coded.snr_db
-            );
+            assert!(coded.cut == 0 && coded.snr_db > 30.0, "{coded:?}", coded = coded.snr_db);
             let density = played(&samples, seed);
             for band in 0..19 {
                 let centre = 30.0 * 2f64.powf(f64::from(band) / 3.0);

@@ -116,12 +116,8 @@ pub(super) struct Levels {
 /// Tests the spread of levels about the mean of each trial: one-sided, at [`LEVEL`], by the distribution of the
 /// variance (chi-squared, by the cube root of Wilson and Hilferty, 1931).
 pub(super) fn spread(trials: &[Levels]) -> Evidence {
-    let freedom: f64 = trials
-        .iter()
-        .map(|t| (t.levels_db.count - 1.0).max(0.0))
-        .sum();
-    let per_freedom =
-        |of: &dyn Fn(&Levels) -> f64| trials.iter().map(of).sum::<f64>() / freedom.max(1.0);
+    let freedom: f64 = trials.iter().map(|t| (t.levels_db.count - 1.0).max(0.0)).sum();
+    let per_freedom = |of: &dyn Fn(&Levels) -> f64| trials.iter().map(of).sum::<f64>() / freedom.max(1.0);
     let variance = per_freedom(&|trial| trial.levels_db.scatter());
     let steady = per_freedom(&|t| t.steady_db2 * (t.levels_db.count - 1.0).max(0.0));
     // Chi-squared divided by its n degrees of freedom is close to the cube of a Gaussian of mean 1 - 2/9n and variance
@@ -172,12 +168,7 @@ pub(super) struct Judged {
 /// Judges `signal`, with models of at most the order `order`. Returns no evidence if the signal is too short or is
 /// predicted down to its round-off. If `most` is given, the residual is limited until nothing in it is louder than that
 /// behind the filter. A level is that of `level_samples` samples, 50 ms.
-pub(super) fn held_out(
-    signal: &[f64],
-    order: usize,
-    most: Option<Loudest>,
-    level_samples: usize,
-) -> Judged {
+pub(super) fn held_out(signal: &[f64], order: usize, most: Option<Loudest>, level_samples: usize) -> Judged {
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
@@ -195,12 +186,7 @@ pub(super) fn held_out(
     // The first judged block follows a fitted one, which is longer than the predictor.
     let mut parts: Vec<Vec<f64>> = blocks
         .judged()
-        .map(|block| {
-            residual(
-                &signal[block.start.saturating_sub(order)..block.end],
-                &predictor,
-            )
-        })
+        .map(|block| residual(&signal[block.start.saturating_sub(order)..block.end], &predictor))
         .collect();
     let ringing = Ringing::of(&prediction.reflection);
     let gains = most.and_then(|most| ringing.limit(&parts.concat(), &[], most));
@@ -218,11 +204,7 @@ fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
     if mean.is_nan() || mean <= ROUND_OFF * power {
         return Judged::default();
     }
-    let windows = |samples: usize| {
-        parts
-            .iter()
-            .flat_map(move |part| part.chunks_exact(samples))
-    };
+    let windows = |samples: usize| parts.iter().flat_map(move |part| part.chunks_exact(samples));
     let local = |samples: usize| -> Vec<f64> {
         let loud = windows(samples).filter(|window| mean_square(window) > QUIET * mean);
         loud.map(kurtosis_of).collect()
@@ -248,8 +230,7 @@ fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
 /// Reduces an event that happened once to the level of the loudest other window. The event may lie in two neighbouring
 /// windows.
 fn calm_lone_event(levels_db: &mut [f64]) {
-    let Some(loudest) = (0..levels_db.len()).max_by(|&a, &b| levels_db[a].total_cmp(&levels_db[b]))
-    else {
+    let Some(loudest) = (0..levels_db.len()).max_by(|&a, &b| levels_db[a].total_cmp(&levels_db[b])) else {
         return;
     };
     let near = loudest.saturating_sub(1)..=(loudest + 1).min(levels_db.len() - 1);
@@ -258,9 +239,7 @@ fn calm_lone_event(levels_db: &mut [f64]) {
         return;
     };
     if levels_db[loudest] > next + LONE_DB {
-        levels_db[near]
-            .iter_mut()
-            .for_each(|level| *level = level.min(next));
+        levels_db[near].iter_mut().for_each(|level| *level = level.min(next));
     }
 }
 
@@ -281,10 +260,7 @@ fn correlation(parts: &[Vec<f64>]) -> f64 {
             *sum += lag;
         }
     }
-    2.0 * lags[1..]
-        .iter()
-        .map(|lag| (lag / lags[0]).powi(2))
-        .sum::<f64>()
+    2.0 * lags[1..].iter().map(|lag| (lag / lags[0]).powi(2)).sum::<f64>()
 }
 
 /// Returns the residual of `signal`, from the first sample that has enough samples before it for the predictor. It is

@@ -49,11 +49,7 @@ const LARGEST_ERROR: f64 = 0.01;
 /// If they exceed the format's length, each contributes an equal part from its middle. If these parts would be shorter
 /// than a second, fewer trials, evenly distributed, contribute a second each. `None` if all of them together are too
 /// short, if their levels are all alike, or if these cannot be stored with a mean square of 1.
-pub(super) fn track(
-    traces: &[&Trace],
-    resolution: Resolution,
-    loudest: Loudest,
-) -> Option<(ModulationSpec, usize)> {
+pub(super) fn track(traces: &[&Trace], resolution: Resolution, loudest: Loudest) -> Option<(ModulationSpec, usize)> {
     let step = usize::from(resolution.step);
     let shortest = (SHORTEST_S * f64::from(SAMPLE_RATE_HZ)) as usize / step;
     let most = limits::MAX_MODULATION_ENTRIES;
@@ -121,10 +117,7 @@ fn entries(mut amplitudes: Vec<f64>) -> Option<Vec<i8>> {
     };
     let coded = |trial: i32| -> Vec<i8> {
         let shift = 2.0 * f64::from(trial) / f64::from(TRIALS);
-        amplitudes
-            .iter()
-            .map(|&amplitude| code(amplitude, shift))
-            .collect()
+        amplitudes.iter().map(|&amplitude| code(amplitude, shift)).collect()
     };
     let error = |codes: &Vec<i8>| {
         let played: Vec<f64> = codes.iter().map(|&code| amplitude(code)).collect();
@@ -169,9 +162,7 @@ mod tests {
     /// A tone of 800 Hz whose level changes at 5 Hz, by 1 + 0.8 cos.
     fn beating(samples: usize) -> Vec<f64> {
         let envelope = |n: usize| 1.0 + 0.8 * (n as f64 * std::f64::consts::TAU / 1000.0).cos();
-        (0..samples)
-            .map(|n| envelope(n) * (n as f64).sin())
-            .collect()
+        (0..samples).map(|n| envelope(n) * (n as f64).sin()).collect()
     }
 
     #[test]
@@ -194,11 +185,7 @@ mod tests {
             let level = |n: usize| amplitude(spec.entries[n / step]);
             let dip_db = 20.0 * (level(10_000) / level(10_500)).log10();
             // A window of 100 ms partly fills a dip of 200 ms.
-            let expected = if resolution == BESIDE_NOISE {
-                18.0
-            } else {
-                11.0
-            };
+            let expected = if resolution == BESIDE_NOISE { 18.0 } else { 11.0 };
             assert!(dip_db > expected && dip_db < 19.5, "{dip_db}");
         }
     }

@@ -38,10 +38,7 @@ impl Loudest {
     pub fn of(samples: &[f64], flaws: &[Range<usize>]) -> Self {
         let clean = clean_milliseconds(samples.len(), flaws);
         let all = powers(samples).into_iter().zip(clean);
-        let powers: Vec<f64> = all
-            .filter(|(_, clean)| *clean)
-            .map(|(power, _)| power)
-            .collect();
+        let powers: Vec<f64> = all.filter(|(_, clean)| *clean).map(|(power, _)| power).collect();
         Self::of_powers(&powers, mean(&powers))
     }
 
@@ -59,11 +56,7 @@ impl Loudest {
                 Some(*sum)
             });
             let loudest = sums.fold(first, f64::max) / window as f64;
-            if power > 0.0 {
-                (loudest / power).sqrt()
-            } else {
-                0.0
-            }
+            if power > 0.0 { (loudest / power).sqrt() } else { 0.0 }
         }))
     }
 
@@ -149,21 +142,14 @@ impl Ringing {
         let mut before = vec![0.0; self.shares.len() - 1];
         before.extend_from_slice(powers);
         let mut heard = sliding(&before, &self.shares);
-        heard
-            .iter_mut()
-            .for_each(|power| *power += self.later * mean);
+        heard.iter_mut().for_each(|power| *power += self.later * mean);
         Loudest::of_powers(&heard, mean)
     }
 
     /// Returns gains for the samples of `residual` that limit its level. The limit is the highest with which the
     /// loudest windows at the output, without those in `flaws`, are no louder than `most`; it is never below the median
     /// level. `None` if they are not louder without a limit.
-    pub fn limit(
-        &self,
-        residual: &[f64],
-        flaws: &[Range<usize>],
-        most: Loudest,
-    ) -> Option<Vec<f64>> {
+    pub fn limit(&self, residual: &[f64], flaws: &[Range<usize>], most: Loudest) -> Option<Vec<f64>> {
         /// Halvings of the range in which the limit is searched.
         const HALVINGS: usize = 12;
         // What is in a flaw is played nowhere, so it may be loud.
@@ -171,9 +157,7 @@ impl Ringing {
         let count = clean.iter().filter(|clean| **clean).count().max(1);
         let heard = |residual: &[f64]| {
             let all = powers(residual).into_iter().zip(&clean);
-            let powers: Vec<f64> = all
-                .map(|(power, clean)| if *clean { power } else { 0.0 })
-                .collect();
+            let powers: Vec<f64> = all.map(|(power, clean)| if *clean { power } else { 0.0 }).collect();
             let mean = powers.iter().sum::<f64>() / count as f64;
             self.loudest(&powers, mean).over(most)
         };
@@ -181,12 +165,7 @@ impl Ringing {
             return None;
         }
         let levels = local_rms(residual, SMOOTHING);
-        let gains = |limit: f64| -> Vec<f64> {
-            levels
-                .iter()
-                .map(|level| (limit / level).min(1.0))
-                .collect()
-        };
+        let gains = |limit: f64| -> Vec<f64> { levels.iter().map(|level| (limit / level).min(1.0)).collect() };
         let limited = |limit: f64| heard(&product(residual, &gains(limit)));
         let mut sorted = levels.clone();
         sorted.sort_by(f64::total_cmp);
@@ -206,11 +185,7 @@ impl Ringing {
 
 /// Returns the products of `samples` and `gains`.
 pub(super) fn product(samples: &[f64], gains: &[f64]) -> Vec<f64> {
-    samples
-        .iter()
-        .zip(gains)
-        .map(|(x, gain)| x * gain)
-        .collect()
+    samples.iter().zip(gains).map(|(x, gain)| x * gain).collect()
 }
 
 /// Returns the mean square of each whole millisecond of `samples`.
@@ -319,11 +294,7 @@ mod tests {
         let limited = product(&residual, &gains);
         assert_eq!(ringing.limit(&limited, &[], most), None);
         let touched = gains.iter().filter(|gain| **gain < 0.9).count();
-        assert!(
-            gains[9010] < 0.1 && touched < 400,
-            "{} {touched}",
-            gains[9010]
-        );
+        assert!(gains[9010] < 0.1 && touched < 400, "{} {touched}", gains[9010]);
         // In a flaw the peak does not count.
         let flaw: Vec<Range<usize>> = std::iter::once(8900..9100).collect();
         assert_eq!(ringing.limit(&residual, &flaw, most), None);

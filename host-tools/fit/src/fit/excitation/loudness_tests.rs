@@ -6,9 +6,7 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
 use super::bound;
-use super::tests::{
-    bursting, chosen, filtered, fitted_to, forced, impulsive, node_of, swelling, trace, written,
-};
+use super::tests::{bursting, chosen, filtered, fitted_to, forced, impulsive, node_of, swelling, trace, written};
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
@@ -31,13 +29,7 @@ fn loudest(samples: &[f64]) -> [f64; 3] {
 }
 
 /// Returns `seconds` of the library's first texture, m/s².
-pub(super) fn synthesis(
-    library: &[u8],
-    speed_mm_s: f64,
-    force_n: f64,
-    seconds: f64,
-    seed: u64,
-) -> Vec<f64> {
+pub(super) fn synthesis(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: f64, seed: u64) -> Vec<f64> {
     let library = Library::decode(library).unwrap();
     let texture = library.textures().next().unwrap();
     let speed = MillimetresPerSecond(speed_mm_s as f32);
@@ -48,8 +40,7 @@ pub(super) fn synthesis(
 
 /// Returns the loudest windows of a texture's syntheses: the median over three seeds for each length.
 fn of_syntheses(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: f64) -> [f64; 3] {
-    let played =
-        [1, 2, 3].map(|seed| loudest(&synthesis(library, speed_mm_s, force_n, seconds, seed)));
+    let played = [1, 2, 3].map(|seed| loudest(&synthesis(library, speed_mm_s, force_n, seconds, seed)));
     std::array::from_fn(|window| {
         let mut of_seeds = played.map(|own| own[window]);
         of_seeds.sort_by(f64::total_cmp);

@@ -28,10 +28,7 @@ pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
     signal.iter_mut().for_each(|x| *x /= length as f64);
     let ends = (ENDS as f64 * ratio).ceil() as usize;
     let inner = signal.get(ends..signal.len() - ends).unwrap_or_default();
-    (
-        inner.to_vec(),
-        (LEVEL_SAMPLES as f64 * ratio).round() as usize,
-    )
+    (inner.to_vec(), (LEVEL_SAMPLES as f64 * ratio).round() as usize)
 }
 
 /// Returns `residual` with Gaussian noise above `carried_hz`. The noise is the same for each call.

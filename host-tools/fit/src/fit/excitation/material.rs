@@ -65,12 +65,7 @@ pub(super) struct Material {
 ///
 /// The stretches are taken at equal ranks of their kurtosis, so that calm and lively ones are as frequent as in the
 /// recordings. Those of recorded snippets are taken at equal ranks of their power.
-pub(super) fn choose(
-    traces: &[&Trace],
-    level: Level,
-    most: usize,
-    loudest: Loudest,
-) -> Option<Material> {
+pub(super) fn choose(traces: &[&Trace], level: Level, most: usize, loudest: Loudest) -> Option<Material> {
     let prepared = traces.par_iter();
     let prepared = prepared.map(|trace| limited(trace, levelled(&trace.residual, level), loudest));
     let prepared: Vec<Cow<'_, [f64]>> = prepared.collect();
@@ -107,8 +102,7 @@ pub(super) fn choose(
     let mut chosen: Vec<Stretch> = (0..count).map(|n| stretches[rank(n)]).collect();
     // Keeps neighbours together.
     chosen.sort_by_key(|stretch| (stretch.trace, stretch.start));
-    let samples =
-        |stretch: &Stretch| prepared[stretch.trace][stretch.start..stretch.start + length].to_vec();
+    let samples = |stretch: &Stretch| prepared[stretch.trace][stretch.start..stretch.start + length].to_vec();
     let mut of: Vec<usize> = chosen.iter().map(|stretch| stretch.trace).collect();
     of.dedup();
     Some(Material {
@@ -138,8 +132,7 @@ fn clean(trace: &Trace, length: usize, level: Level) -> impl Iterator<Item = usi
                 .flaws
                 .iter()
                 .find(|flaw| flaw.start < stretch.end && stretch.start < flaw.end);
-            let is_loud =
-                level == Level::OfMoments || mean_square(&trace.residual[stretch.clone()]) > QUIET;
+            let is_loud = level == Level::OfMoments || mean_square(&trace.residual[stretch.clone()]) > QUIET;
             start = flaw.map_or(stretch.end, |flaw| flaw.end);
             if flaw.is_none() && is_loud {
                 return Some(stretch.start);
@@ -193,12 +186,7 @@ mod tests {
         );
         assert_eq!(choose(&[], Level::Apart, MOST_STRETCHES, ANY), None);
         assert_eq!(
-            choose(
-                &[&trace(STRETCH_SAMPLES - 1)],
-                Level::Apart,
-                MOST_STRETCHES,
-                ANY
-            ),
+            choose(&[&trace(STRETCH_SAMPLES - 1)], Level::Apart, MOST_STRETCHES, ANY),
             None
         );
     }
@@ -225,8 +213,7 @@ mod tests {
             let levels = levels.map(|w| 10.0 * mean_square(w).log10());
             levels.clone().fold(f64::MIN, f64::max) - levels.fold(f64::MAX, f64::min)
         };
-        let [with, without] =
-            [Level::Apart, Level::Steady].map(|level| choose(&[&one], level, 10, ANY).unwrap());
+        let [with, without] = [Level::Apart, Level::Steady].map(|level| choose(&[&one], level, 10, ANY).unwrap());
         assert!(level_db(&without.samples) > 8.0);
         assert!(level_db(&with.samples) < 1.5, "{}", level_db(&with.samples));
     }

@@ -85,10 +85,7 @@ pub(super) fn of(
     part: Part,
     progress: &(impl Fn() + Sync),
 ) -> Chosen {
-    let Axes {
-        speeds_mm_s,
-        forces_n,
-    } = choice.axes;
+    let Axes { speeds_mm_s, forces_n } = choice.axes;
     let trace = |take: Take<'_>| {
         let report = &reports[take.number];
         let (speed, force) = (take.trial.speed_mm_s, take.trial.force_n);
@@ -96,8 +93,7 @@ pub(super) fn of(
         let node = report.used.then(|| nodes.get(at.0 * forces_n.len() + at.1));
         // Nothing excites a silent node.
         let node = node.flatten().filter(|node| node.output_power > 0.0);
-        let trace =
-            node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
+        let trace = node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
         progress();
         trace.map(|trace| (take.number, trace))
     };
@@ -107,8 +103,7 @@ pub(super) fn of(
     let loudness: Vec<Loudest> = traces.iter().map(|(_, trace)| trace.loudest).collect();
     let others = Loudest::of_most(&loudness);
     for (number, trace) in traces {
-        let note =
-            |kind, size, text| Warning::of(kind, ("recording", &reports[number].file), size, text);
+        let note = |kind, size, text| Warning::of(kind, ("recording", &reports[number].file), size, text);
         let over = others.map_or(0.0, |others| trace.loudest.over(others));
         // The trial's spectrum and level stay at its own node, but its moments would sound at others, too.
         if over > LOUDER {

@@ -55,10 +55,7 @@ fn apart(one: &[Vec<f64>], other: &[Vec<f64>]) -> (f64, f64) {
         for share in [0.05, 0.5, 0.95] {
             sum += (quantile(one, share) - quantile(other, share)).abs();
         }
-        beyond += one
-            .iter()
-            .filter(|&&level| level > other[other.len() - 1])
-            .count();
+        beyond += one.iter().filter(|&&level| level > other[other.len() - 1]).count();
         count += one.len();
     }
     (sum / (3 * one.len()) as f64, beyond as f64 / count as f64)
@@ -88,11 +85,7 @@ fn clicks_are_as_short_at_every_speed_as_the_recordings_of_that_speed_have_them(
     let forces = ("forces_n", "[0.6, 1.0, 1.4]");
     let set = recordings(folder.path(), "fitted", &[forces]);
     let (_, library) = fitted_to(set.trials, &Options::default());
-    let long = [
-        ("forces_n", "[1.0]"),
-        ("speeds_mm_s", "[120]"),
-        ("duration_s", "5.8"),
-    ];
+    let long = [("forces_n", "[1.0]"), ("speeds_mm_s", "[120]"), ("duration_s", "5.8")];
     let long = recordings(folder.path(), "long", &long);
     let mut axes = read(&long.trials[0]).unwrap().axes;
     let signal = reduce(&mut axes, Reduction::Pca).unwrap().signal;

@@ -26,9 +26,7 @@ pub(super) fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: us
     let reach = weights.len() / 2;
     let first = at.saturating_sub(reach);
     let near = residual[first..].iter().zip(&weights[first + reach - at..]);
-    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), (x, w)| {
-        (sum + x * x * w, weight + w)
-    });
+    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), (x, w)| (sum + x * x * w, weight + w));
     (sum / weight).max(least).sqrt()
 }
 
@@ -52,7 +50,5 @@ pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
     };
     let level = |(n, sum): (usize, f64)| (sum / weight(n)).max(least).sqrt();
     let sums = sliding(&padded, &weights);
-    (sums.into_iter().enumerate().take(residual.len()))
-        .map(level)
-        .collect()
+    (sums.into_iter().enumerate().take(residual.len())).map(level).collect()
 }

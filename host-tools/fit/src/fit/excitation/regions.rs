@@ -135,19 +135,13 @@ mod tests {
 
     /// Makes a trial at each node. The kurtosis of its windows has the mean `kurtosis` and a scatter of a third of
     /// that.
-    fn grid(
-        shape: (usize, usize),
-        seed: u64,
-        kurtosis: impl Fn(usize, usize) -> f64,
-    ) -> Vec<Trace> {
+    fn grid(shape: (usize, usize), seed: u64, kurtosis: impl Fn(usize, usize) -> f64) -> Vec<Trace> {
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
         let nodes = (0..shape.0).flat_map(|speed| (0..shape.1).map(move |force| (speed, force)));
         nodes
             .map(|at| {
                 let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-                let windows: Vec<f64> = (0..80)
-                    .map(|_| kurtosis(at.0, at.1) * (1.0 + normal() / 3.0))
-                    .collect();
+                let windows: Vec<f64> = (0..80).map(|_| kurtosis(at.0, at.1) * (1.0 + normal() / 3.0)).collect();
                 Trace {
                     at,
                     judged: Judged {
@@ -164,10 +158,7 @@ mod tests {
     fn halves_that_differ_are_told_apart_where_they_do() {
         let traces = grid((10, 6), 1, |speed, _| if speed < 4 { 3.0 } else { 7.0 });
         let found = regions(&traces, (10, 6), 4);
-        let halves = [0..4, 4..10].map(|speeds| Region {
-            speeds,
-            forces: 0..6,
-        });
+        let halves = [0..4, 4..10].map(|speeds| Region { speeds, forces: 0..6 });
         assert_eq!(found, halves);
         let traces = grid((10, 6), 2, |speed, force| match (speed < 4, force < 3) {
             (true, _) => 3.0,
@@ -203,11 +194,7 @@ mod tests {
     #[test]
     fn grids_that_are_alike_throughout_or_hardly_recorded_stay_whole() {
         for seed in 0..50 {
-            assert_eq!(
-                regions(&grid((8, 5), seed, |_, _| 8.0), (8, 5), 4).len(),
-                1,
-                "{seed}"
-            );
+            assert_eq!(regions(&grid((8, 5), seed, |_, _| 8.0), (8, 5), 4).len(), 1, "{seed}");
         }
         let few = grid((2, 2), 1, |speed, _| if speed == 0 { 3.0 } else { 30.0 });
         assert_eq!(regions(&few, (2, 2), 4).len(), 1);

@@ -79,10 +79,7 @@ pub(super) fn trace(samples: &[f64], order: usize) -> Trace {
 /// Returns the node of a texture that was recorded once.
 pub(super) fn node_of(samples: &[f64], order: usize) -> NodeSpec {
     let lags = corrected(Autocorrelation::of(samples, order).lags);
-    let model = Model::new(
-        Prediction::levinson_durbin(&lags, order).reflection,
-        lags[0],
-    );
+    let model = Model::new(Prediction::levinson_durbin(&lags, order).reflection, lags[0]);
     let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
     nodes("test", &grid).unwrap().remove(0)
 }
@@ -102,10 +99,7 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
 fn choice<'a>(speeds_mm_s: &'a [f32], forces_n: &'a [f32], options: &'a Options) -> Choice<'a> {
     Choice {
         name: "test",
-        axes: Axes {
-            speeds_mm_s,
-            forces_n,
-        },
+        axes: Axes { speeds_mm_s, forces_n },
         options,
         room: limits::MAX_LIBRARY_BYTES,
     }
@@ -218,8 +212,7 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
                 assert_eq!(parts.excitation.is_some(), is_fed);
                 let is_tracked = modulation == ModulationChoice::Track;
                 assert_eq!(parts.modulation.is_some(), is_tracked);
-                let asked =
-                    report.source.contains("as asked for") && report.level.contains("as asked for");
+                let asked = report.source.contains("as asked for") && report.level.contains("as asked for");
                 assert!(asked, "{report:?}");
             }
         }
@@ -280,13 +273,7 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
 }
 
 /// Writes these axes to a folder and returns the trial.
-pub(super) fn written(
-    folder: &Path,
-    name: &str,
-    axes: &[Vec<f64>],
-    speed_mm_s: f64,
-    force_n: f64,
-) -> Trial {
+pub(super) fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_n: f64) -> Trial {
     let file = folder.join(format!("{name}.wav"));
     let samples = (0..axes[0].len()).flat_map(|n| axes.iter().map(move |axis| axis[n]));
     let bytes = float_wav(axes.len(), SAMPLE_RATE_HZ, samples).unwrap();
@@ -321,11 +308,7 @@ fn relative_level(bytes: &[u8]) -> f64 {
     assert_eq!(rendered.saturations, 0);
     let samples = rendered.accelerations_m_s2();
     let played = mean_square(&samples);
-    if power > 0.0 {
-        (played / power).sqrt()
-    } else {
-        played
-    }
+    if power > 0.0 { (played / power).sqrt() } else { played }
 }
 
 pub(super) fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options {
@@ -349,9 +332,7 @@ fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
     impulse[6000] = 5.0;
     let mut impulse_in_noise: Vec<f64> = noise(4, 12_000).iter().map(|x| 1e-2 * x).collect();
     impulse_in_noise[6000] += 5.0;
-    let square: Vec<f64> = (0..12_000)
-        .map(|n| if n / 50 % 2 == 0 { 1.0 } else { -1.0 })
-        .collect();
+    let square: Vec<f64> = (0..12_000).map(|n| if n / 50 % 2 == 0 { 1.0 } else { -1.0 }).collect();
     let tone: Vec<f64> = (0..12_000).map(|n| (0.3 * f64::from(n)).sin()).collect();
     let mut half_silent = filtered(&impulsive(7, 12_000), 90.0);
     half_silent[..7000].fill(0.0);
@@ -365,8 +346,7 @@ fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
         ("short", filtered(&impulsive(8, 900), 90.0)),
     ];
     for (name, samples) in &cases {
-        let fitted =
-            |excitation, modulation| fitted(name, samples, &forced(excitation, modulation));
+        let fitted = |excitation, modulation| fitted(name, samples, &forced(excitation, modulation));
         let plain = fitted(ExcitationChoice::Gaussian, ModulationChoice::None).1;
         let plain = relative_level(&plain);
         for (excitation, modulation) in [
@@ -400,11 +380,7 @@ fn a_recording_too_short_for_a_codebook_is_said_to_be_and_gets_gaussian_noise() 
         );
     }
     let (fit, _) = fitted("enough", &filtered(&impulsive(8, 6000), 90.0), &options);
-    assert!(
-        fit.textures[0].grid.parts.excitation.is_some(),
-        "{:?}",
-        account(&fit)
-    );
+    assert!(fit.textures[0].grid.parts.excitation.is_some(), "{:?}", account(&fit));
 }
 
 #[test]
@@ -414,13 +390,7 @@ fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     let limit = 0.5 * sound[..15_000].iter().fold(0.0, |a: f64, x| a.max(x.abs()));
     let clipped: Vec<f64> = sound.iter().map(|x| x.clamp(-limit, limit)).collect();
     let folder = tempfile::tempdir().unwrap();
-    let trial = written(
-        folder.path(),
-        "clipped",
-        std::slice::from_ref(&clipped),
-        100.0,
-        1.0,
-    );
+    let trial = written(folder.path(), "clipped", std::slice::from_ref(&clipped), 100.0, 1.0);
     let signal = crate::fit::signal(&trial, options.conditioning).unwrap();
     let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
     let in_runs = at_limit.windows(3).filter(|run| run[2] - run[0] == 2);

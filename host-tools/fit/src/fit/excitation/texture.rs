@@ -1,9 +1,7 @@
 //! The choice of a texture's excitation, from the traces of its trials.
 
 use crate::support::number::counted;
-use model_format::{
-    BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, ModulationSpec, PartsSpec, SAMPLE_RATE_HZ, limits,
-};
+use model_format::{BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, ModulationSpec, PartsSpec, SAMPLE_RATE_HZ, limits};
 use serde::{Deserialize, Serialize};
 
 use super::bound::{self, Reach};
@@ -11,9 +9,7 @@ use super::choice::{self, Distances};
 use super::codebook::{Coded, coded, coded_in_blocks};
 use super::evidence::{Evidence, KURTOSIS_SAMPLES, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
 use super::level::{BESIDE_CODEBOOK, BESIDE_NOISE, amplitude, track};
-use super::material::{
-    LEAST_STRETCHES, Level, MOST_STRETCHES, MOST_STRETCHES_OF_MOMENTS, STRETCH_SAMPLES, choose,
-};
+use super::material::{LEAST_STRETCHES, Level, MOST_STRETCHES, MOST_STRETCHES_OF_MOMENTS, STRETCH_SAMPLES, choose};
 use super::regions::{Region, by_speed, regions};
 use super::trace::Trace;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
@@ -79,8 +75,8 @@ impl Choice<'_> {
     /// otherwise an excitation with a separate level.
     pub(super) fn made(&self, traces: &[Trace]) -> Chosen {
         let apart = |reach: &Reach| Some(self.apart(traces, reach));
-        let is_free = self.options.modulation == ModulationChoice::Auto
-            && self.options.excitation == ExcitationChoice::Auto;
+        let is_free =
+            self.options.modulation == ModulationChoice::Auto && self.options.excitation == ExcitationChoice::Auto;
         // Snippets keep a level that varies. At a steady level there is nothing for them to keep.
         let chosen = if is_free && spread_of(traces).is_significant() {
             self.nearer(traces)
@@ -103,17 +99,13 @@ impl Choice<'_> {
             .and_then(|moments| distance_db(&moments));
         let judged = |reach: &Reach| {
             let apart_db = distance_db(&self.apart(&half, reach))?;
-            moments_db.map(|moments_db| Distances {
-                moments_db,
-                apart_db,
-            })
+            moments_db.map(|moments_db| Distances { moments_db, apart_db })
         };
         let apart = |reach: &Reach| Some(self.apart(traces, reach));
         // A codebook takes as many bytes as snippets, a track fewer, so this decides how much they must gain.
         let has_codebook = apart(&Reach::FIRST)?.parts.excitation.is_some();
-        let is_for_moments = |judged: &Option<Distances>| {
-            judged.is_some_and(|judged| judged.is_for_moments(has_codebook))
-        };
+        let is_for_moments =
+            |judged: &Option<Distances>| judged.is_some_and(|judged| judged.is_for_moments(has_codebook));
         let mut found = judged(&Reach::FIRST);
         let mut chosen = None;
         if !is_for_moments(&found) {
@@ -139,11 +131,7 @@ impl Choice<'_> {
 
     /// Returns the excitation that `made` makes of `traces`. Its reach is lowered from the first one, a few times at
     /// most, until the nodes that are checked play no louder than aimed at.
-    fn bounded(
-        &self,
-        traces: &[Trace],
-        made: impl Fn(&Reach) -> Option<Chosen>,
-    ) -> Option<(Chosen, Reach)> {
+    fn bounded(&self, traces: &[Trace], made: impl Fn(&Reach) -> Option<Chosen>) -> Option<(Chosen, Reach)> {
         /// Largest number of times that the reach is lowered.
         const ROUNDS: usize = 4;
         let mut reach = Reach::FIRST;
@@ -172,31 +160,19 @@ impl Choice<'_> {
             ModulationChoice::Auto => spread_db.is_significant(),
         };
         let track = |resolution| {
-            let found = is_level_wanted
-                .then(|| track(&all, resolution, loudest))
-                .flatten();
+            let found = is_level_wanted.then(|| track(&all, resolution, loudest)).flatten();
             found.filter(|(spec, _)| bytes_of(spec) <= self.room)
         };
         // The level is divided out of a codebook only if a track restores it.
         let beside = track(BESIDE_CODEBOOK);
-        let (codebooks, source) = self.codebooks_beside(
-            beside.as_ref().map(|(spec, _)| spec),
-            traces,
-            kurtosis,
-            reach,
-        );
+        let (codebooks, source) = self.codebooks_beside(beside.as_ref().map(|(spec, _)| spec), traces, kurtosis, reach);
         // Noise has no fast changes of its own, so the track beside it must have a finer resolution.
         let chosen = if codebooks.is_empty() {
             track(BESIDE_NOISE)
         } else {
             beside
         };
-        let level = reason_of_level(
-            chosen.is_some(),
-            is_level_wanted,
-            spread_db,
-            self.options.modulation,
-        );
+        let level = reason_of_level(chosen.is_some(), is_level_wanted, spread_db, self.options.modulation);
         self.chosen(traces, codebooks, chosen, None, source, level)
     }
 
@@ -216,11 +192,7 @@ impl Choice<'_> {
         let budget = self.budget(self.room.saturating_sub(track.map_or(0, bytes_of)));
         let wanted = Wanted {
             is_forced: self.options.excitation == ExcitationChoice::Residual,
-            level: if track.is_some() {
-                Level::Apart
-            } else {
-                Level::Steady
-            },
+            level: if track.is_some() { Level::Apart } else { Level::Steady },
             highest_peak: HIGHEST_PEAK / track.map_or(1.0, highest),
             reach: reach.codebooks,
         };
@@ -305,9 +277,7 @@ impl Choice<'_> {
             moment_s: moment_samples.map(|n| f64::from(n) / f64::from(SAMPLE_RATE_HZ)),
             moments: None,
             lowered_db: None,
-            track: track
-                .as_ref()
-                .map(|(spec, trials)| track_report(spec, *trials)),
+            track: track.as_ref().map(|(spec, trials)| track_report(spec, *trials)),
             source,
             level,
         };
@@ -340,12 +310,7 @@ fn bytes_of(track: &ModulationSpec) -> usize {
 
 /// Tests the spread of the levels of all trials.
 fn spread_of(traces: &[Trace]) -> Evidence {
-    spread(
-        &traces
-            .iter()
-            .map(|trace| trace.judged.levels)
-            .collect::<Vec<_>>(),
-    )
+    spread(&traces.iter().map(|trace| trace.judged.levels).collect::<Vec<_>>())
 }
 
 /// Returns the mean length of recorded snippets for codebooks of which the shortest has `shortest` samples. It is a
@@ -386,10 +351,7 @@ impl Budget {
     /// Returns the largest number of codebooks with which all are long enough.
     fn codebooks(self, level: Level) -> usize {
         let long_enough = |&count: &usize| self.stretches(count, level) >= LEAST_STRETCHES;
-        (1..=limits::MAX_CODEBOOKS)
-            .filter(long_enough)
-            .max()
-            .unwrap_or(0)
+        (1..=limits::MAX_CODEBOOKS).filter(long_enough).max().unwrap_or(0)
     }
 }
 
@@ -407,18 +369,9 @@ struct Wanted {
 }
 
 /// Returns the codebooks of those of `regions` that need one and have enough material.
-fn codebooks(
-    traces: &[Trace],
-    regions: Vec<Region>,
-    wanted: Wanted,
-    budget: Budget,
-) -> Vec<OfRegion> {
-    let members = |region: &Region| -> Vec<&Trace> {
-        traces
-            .iter()
-            .filter(|trace| region.contains(trace.at))
-            .collect()
-    };
+fn codebooks(traces: &[Trace], regions: Vec<Region>, wanted: Wanted, budget: Budget) -> Vec<OfRegion> {
+    let members =
+        |region: &Region| -> Vec<&Trace> { traces.iter().filter(|trace| region.contains(trace.at)).collect() };
     let wanting: Vec<(Region, Vec<&Trace>, Evidence)> = regions
         .into_iter()
         .map(|region| {
@@ -462,11 +415,7 @@ fn highest(spec: &ModulationSpec) -> f64 {
     spec.entries.iter().copied().max().map_or(1.0, amplitude)
 }
 
-fn excitation(
-    codebooks: Vec<OfRegion>,
-    axes: Axes<'_>,
-    moment_samples: Option<u16>,
-) -> Option<ExcitationSpec> {
+fn excitation(codebooks: Vec<OfRegion>, axes: Axes<'_>, moment_samples: Option<u16>) -> Option<ExcitationSpec> {
     let (speeds, forces) = (axes.speeds_mm_s.len(), axes.forces_n.len());
     let nodes = (0..speeds).flat_map(|speed| (0..forces).map(move |force| (speed, force)));
     let number = |at: (usize, usize)| {
@@ -485,8 +434,7 @@ fn excitation(
 
 fn codebook_report(own: &OfRegion, axes: Axes<'_>) -> CodebookReport {
     let Region { speeds, forces } = &own.region;
-    let ends =
-        |axis: &[f32], range: &std::ops::Range<usize>| [axis[range.start], axis[range.end - 1]];
+    let ends = |axis: &[f32], range: &std::ops::Range<usize>| [axis[range.start], axis[range.end - 1]];
     CodebookReport {
         speeds_mm_s: ends(axes.speeds_mm_s, speeds),
         forces_n: ends(axes.forces_n, forces),
@@ -505,10 +453,7 @@ fn track_report(spec: &ModulationSpec, trials: usize) -> TrackReport {
         trials,
         entries: spec.entries.len(),
         step_s: f64::from(spec.step_samples) / f64::from(SAMPLE_RATE_HZ),
-        range_db: [
-            level_db(spec.entries.iter().min()),
-            level_db(spec.entries.iter().max()),
-        ],
+        range_db: [level_db(spec.entries.iter().min()), level_db(spec.entries.iter().max())],
     }
 }
 
@@ -543,29 +488,19 @@ fn reason_of_source(found: &[OfRegion], all: Evidence, wanted: Wanted, budget: B
         "the library has no room for a codebook".to_owned()
     } else {
         let least_s = (LEAST_STRETCHES * STRETCH_SAMPLES) as f64 / f64::from(SAMPLE_RATE_HZ);
-        format!(
-            "too short for a codebook, which takes {least_s} s that are sound and not quiet: record for longer"
-        )
+        format!("too short for a codebook, which takes {least_s} s that are sound and not quiet: record for longer")
     };
     format!("Gaussian noise: {why}")
 }
 
-fn reason_of_level(
-    is_kept: bool,
-    is_wanted: bool,
-    spread: Evidence,
-    choice: ModulationChoice,
-) -> String {
+fn reason_of_level(is_kept: bool, is_wanted: bool, spread: Evidence, choice: ModulationChoice) -> String {
     let tested = || format!("spread of 50 ms levels {}", said(spread, " dB"));
     match (is_kept, choice) {
         (true, ModulationChoice::Auto) => format!("that of the recordings: {}", tested()),
         (true, _) => "that of the recordings, as asked for".to_owned(),
         (false, ModulationChoice::None) => "steady, as asked for".to_owned(),
         (false, ModulationChoice::Auto) if !is_wanted => format!("steady: {}", tested()),
-        (false, _) => {
-            "steady: too short for a level track of 1 s, or no room for it in the library"
-                .to_owned()
-        }
+        (false, _) => "steady: too short for a level track of 1 s, or no room for it in the library".to_owned(),
     }
 }
 
@@ -638,8 +573,7 @@ mod tests {
     use crate::fit::excitation::tests::{impulsive, trace};
 
     #[test]
-    fn a_reach_is_that_of_the_codebook_of_its_number_even_if_a_region_before_has_too_little_material()
-     {
+    fn a_reach_is_that_of_the_codebook_of_its_number_even_if_a_region_before_has_too_little_material() {
         let short = trace(&impulsive(1, 3000), 20);
         let long = Trace {
             at: (1, 0),

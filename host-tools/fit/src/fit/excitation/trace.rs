@@ -86,12 +86,7 @@ impl Trace {
     /// Returns the trace of a trial `at` a node with these `codes`. It is limited so that its loudest windows are at
     /// most [`MOST`] times as loud at the output as the signal's. `None` if its residual does not come from the surface
     /// according to one of its `verdicts`, or if the trial is too short, silent, or predicted down to its round-off.
-    pub fn of(
-        signal: &Signal,
-        at: (usize, usize),
-        codes: &CodeSpec,
-        verdicts: &[Verdict],
-    ) -> Option<Self> {
+    pub fn of(signal: &Signal, at: (usize, usize), codes: &CodeSpec, verdicts: &[Verdict]) -> Option<Self> {
         if !verdicts.iter().all(leaves_the_residual) {
             return None;
         }
@@ -101,9 +96,8 @@ impl Trace {
         let order = predictor.len();
         let mut residual = residual(samples, &predictor);
         // Index 0 of the residual is sample `order` of the signal.
-        let moved = |flaw: &Range<usize>| {
-            flaw.start.saturating_sub(order)..(flaw.end + AFTER_FLAW).saturating_sub(order)
-        };
+        let moved =
+            |flaw: &Range<usize>| flaw.start.saturating_sub(order)..(flaw.end + AFTER_FLAW).saturating_sub(order);
         let mut flaws: Vec<Range<usize>> = signal.flaws.iter().map(moved).collect();
         let length = residual.len();
         let carried_hz = carried_hz(signal.source_rate_hz).filter(|_| length > 2 * ENDS);
@@ -153,13 +147,9 @@ impl Trace {
 
     /// Returns, for each of the signal's `blocks` that has one, the part of the residual that depends only on samples
     /// of the block.
-    pub fn inside(
-        &self,
-        blocks: impl Iterator<Item = Range<usize>>,
-    ) -> impl Iterator<Item = Range<usize>> {
-        let of = move |block: Range<usize>| {
-            block.start..(block.end.saturating_sub(self.order)).min(self.residual.len())
-        };
+    pub fn inside(&self, blocks: impl Iterator<Item = Range<usize>>) -> impl Iterator<Item = Range<usize>> {
+        let of =
+            move |block: Range<usize>| block.start..(block.end.saturating_sub(self.order)).min(self.residual.len());
         blocks.map(of).filter(|block| !block.is_empty())
     }
 
@@ -182,10 +172,7 @@ fn event(gains: &[f64], order: usize, flaws: &[Range<usize>]) -> Option<Event> {
 /// from clipped peaks. That of a silent trial, a copy, or one with a converter's visible steps does not. Values that
 /// were repeated are read once each, at their own rate.
 fn leaves_the_residual(verdict: &Verdict) -> bool {
-    !matches!(
-        verdict.kind(),
-        Kind::Silent | Kind::Coarse | Kind::Duplicate
-    )
+    !matches!(verdict.kind(), Kind::Silent | Kind::Coarse | Kind::Duplicate)
 }
 
 #[cfg(test)]

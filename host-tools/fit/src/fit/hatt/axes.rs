@@ -101,10 +101,7 @@ impl Candidates {
 /// Returns the `places` of models above zero, and others: half the lowest, and the middles of the gaps from zero on,
 /// those of the widest gaps first.
 fn lines(places: impl Iterator<Item = f64>) -> Vec<Line> {
-    let mut own: Vec<f32> = places
-        .map(|place| place as f32)
-        .filter(|&place| place > 0.0)
-        .collect();
+    let mut own: Vec<f32> = places.map(|place| place as f32).filter(|&place| place > 0.0).collect();
     own.sort_by(f32::total_cmp);
     own.dedup();
     while own.len() > limits::MAX_AXIS_LEN {
@@ -219,10 +216,7 @@ impl<'a> Search<'a> {
         let mut search = Self {
             candidates,
             rate_hz: toolkit.play_rate_hz(),
-            thetas: models
-                .iter()
-                .map(|model| (angles(model), model.output_power))
-                .collect(),
+            thetas: models.iter().map(|model| (angles(model), model.output_power)).collect(),
             models,
             spots: spots(toolkit, &probes),
             probes,
@@ -265,18 +259,13 @@ impl<'a> Search<'a> {
         let nodes = speeds
             .iter()
             .flat_map(|&speed| forces.iter().map(move |&force| (speed, force)));
-        let nodes: usize = nodes
-            .map(|(s, f)| node_bytes(&self.models[self.index(s, f)]))
-            .sum();
+        let nodes: usize = nodes.map(|(s, f)| node_bytes(&self.models[self.index(s, f)])).sum();
         nodes + size_of::<f32>() * (speeds.len() + forces.len())
     }
 
     /// Returns the axes that must lose a line; `None` if the grid is within its bounds.
     fn excess(&self, bounds: Bounds) -> Option<Axes> {
-        let over = [
-            self.left[0].len() > bounds.speeds,
-            self.left[1].len() > bounds.forces,
-        ];
+        let over = [self.left[0].len() > bounds.speeds, self.left[1].len() > bounds.forces];
         if over.contains(&true) {
             return Some(over);
         }
@@ -317,11 +306,7 @@ impl<'a> Search<'a> {
     fn line_bytes(&self, axis: usize, line: usize) -> usize {
         let here = self.left[axis][line];
         let bytes = |&other: &usize| {
-            let (speed, force) = if axis == 0 {
-                (here, other)
-            } else {
-                (other, here)
-            };
+            let (speed, force) = if axis == 0 { (here, other) } else { (other, here) };
             node_bytes(&self.models[self.index(speed, force)])
         };
         self.left[1 - axis].iter().map(bytes).sum()
@@ -359,11 +344,7 @@ impl<'a> Search<'a> {
     /// Returns the mean squared error of the bands plus the squared error of the level, dB², times the spot's weight.
     fn cost(&self, spot: &Spot, left: &[Vec<usize>; 2]) -> f64 {
         let played = self.played_db(spot.place, left);
-        let square = |band: usize| {
-            (played[band] - spot.wanted_db[band])
-                .clamp(-MOST_DB, MOST_DB)
-                .powi(2)
-        };
+        let square = |band: usize| (played[band] - spot.wanted_db[band]).clamp(-MOST_DB, MOST_DB).powi(2);
         // A band beyond the file's highest frequency has no power and no wanted level.
         let bands: Vec<usize> = (0..MOST_BANDS)
             .filter(|&band| spot.wanted_db[band].is_finite())
@@ -395,11 +376,8 @@ impl<'a> Search<'a> {
         }
         let reflection: Vec<f64> = thetas.into_iter().map(f64::sin).collect();
         // One-sided density of an all-pole model: 2/fs · power · Π(1 - k²) / |A|².
-        let scale =
-            2.0 / self.rate_hz * power * speeds.fade * forces.fade * error_share(&reflection);
-        levels_db(&self.probes, |probe| {
-            scale / probe.inverse_gain(&reflection)
-        })
+        let scale = 2.0 / self.rate_hz * power * speeds.fade * forces.fade * error_share(&reflection);
+        levels_db(&self.probes, |probe| scale / probe.inverse_gain(&reflection))
     }
 
     fn position(&self, axis: usize, left: &[usize], value: f64) -> Position {
@@ -518,10 +496,7 @@ impl Probe {
         // A of the order m so far, and the backward polynomial, which is e^(-jωm) times the conjugate of A.
         let (mut a, mut b) = ((1.0, 0.0), (1.0, 0.0));
         for &k in reflection {
-            let delayed = (
-                b.0 * self.cos + b.1 * self.sin,
-                b.1 * self.cos - b.0 * self.sin,
-            );
+            let delayed = (b.0 * self.cos + b.1 * self.sin, b.1 * self.cos - b.0 * self.sin);
             b = (delayed.0 + k * a.0, delayed.1 + k * a.1);
             a = (a.0 + k * delayed.0, a.1 + k * delayed.1);
         }

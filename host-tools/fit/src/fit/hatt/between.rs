@@ -35,10 +35,7 @@ pub(super) fn at(toolkit: &Toolkit, place: (f64, f64)) -> Between {
         .collect();
     Between {
         shape: shape(toolkit, &models),
-        variance: models
-            .iter()
-            .map(|(model, weight)| model.variance * weight)
-            .sum(),
+        variance: models.iter().map(|(model, weight)| model.variance * weight).sum(),
         is_extrapolated,
     }
 }
@@ -46,19 +43,13 @@ pub(super) fn at(toolkit: &Toolkit, place: (f64, f64)) -> Between {
 /// Returns the one-sided density, (m/s²)²/Hz, that the file defines at a speed, mm/s, and a force, N, at these
 /// frequencies, which are at most half the file's rate. Returns `None` outside of all triangles and where the file is
 /// silent. Speeds and forces above the highest are treated as the highest.
-pub(super) fn density(
-    toolkit: &Toolkit,
-    place: (f64, f64),
-    frequencies_hz: &[f64],
-) -> Option<Vec<f64>> {
+pub(super) fn density(toolkit: &Toolkit, place: (f64, f64), frequencies_hz: &[f64]) -> Option<Vec<f64>> {
     let highest = (toolkit.max_speed_mm_s, toolkit.max_force_n);
     let place = (place.0.min(highest.0), place.1.min(highest.1));
     let between = at(toolkit, place);
     // The weights' rounding leaves a tiny variance at the edges of silence.
     let is_silent = between.variance <= 1e-15;
-    let shape = between
-        .shape
-        .filter(|_| !between.is_extrapolated && !is_silent)?;
+    let shape = between.shape.filter(|_| !between.is_extrapolated && !is_silent)?;
     let scale = 2.0 / toolkit.play_rate_hz() * between.variance;
     let frequencies = frequencies_hz.iter();
     Some(
@@ -90,19 +81,12 @@ fn corners(toolkit: &Toolkit, place: (f64, f64)) -> (Corners, bool) {
         // Rounding may make the weights on an edge slightly negative.
         let weights = barycentric(wanted, points);
         if let Some(weights) = weights.filter(|weights| weights.iter().all(|&w| w >= -1e-9)) {
-            let inside = triangle
-                .iter()
-                .copied()
-                .zip(weights.map(|w| w.max(0.0)))
-                .collect();
+            let inside = triangle.iter().copied().zip(weights.map(|w| w.max(0.0))).collect();
             return (inside, false);
         }
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (distance, share) = nearest_on_edge(wanted, points[from], points[to]);
-            consider(
-                distance,
-                vec![(triangle[from], 1.0 - share), (triangle[to], share)],
-            );
+            consider(distance, vec![(triangle[from], 1.0 - share), (triangle[to], share)]);
         }
     }
     if toolkit.triangles.is_empty() {
@@ -137,10 +121,7 @@ fn nearest_on_edge(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     } else {
         0.0
     };
-    (
-        (a.0 + share * dx - p.0).hypot(a.1 + share * dy - p.1),
-        share,
-    )
+    ((a.0 + share * dx - p.0).hypot(a.1 + share * dy - p.1), share)
 }
 
 fn shape(toolkit: &Toolkit, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum> {
@@ -161,11 +142,7 @@ fn shape(toolkit: &Toolkit, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum>
         Some(lines)
     };
     let (poles, zeros) = (mean(|t| t.poles.as_slice())?, mean(|t| t.zeros.as_slice())?);
-    let gain = shaped
-        .iter()
-        .map(|(timbre, weight)| timbre.gain * weight)
-        .sum::<f64>()
-        / total;
+    let gain = shaped.iter().map(|(timbre, weight)| timbre.gain * weight).sum::<f64>() / total;
     Some(at_play_rate(toolkit, &poles, &zeros, gain)).filter(|_| gain > 0.0)
 }
 
@@ -190,10 +167,7 @@ fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> L
     };
     let last = (nyquist_hz / step_hz).round() as usize;
     let first = (0.9 * nyquist_hz / step_hz) as usize;
-    let edge = (first..=last)
-        .map(|bin| value(bin as f64 * step_hz))
-        .sum::<f64>()
-        / (last - first + 1) as f64;
+    let edge = (first..=last).map(|bin| value(bin as f64 * step_hz)).sum::<f64>() / (last - first + 1) as f64;
     let slope = ROLL_OFF_DB_PER_OCTAVE / 10.0 * std::f64::consts::LN_10 / std::f64::consts::LN_2;
     let values = (0..BINS).map(|bin| {
         let frequency_hz = bin as f64 * step_hz;
@@ -210,9 +184,7 @@ fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> L
 pub const ORDER_TOLERANCE_DB: f64 = 0.4;
 
 /// Orders that are tried. The last one is used if none is within the tolerance.
-const ORDERS: [usize; 17] = [
-    6, 8, 10, 12, 14, 16, 18, 20, 23, 26, 30, 35, 42, 50, 65, 80, 100,
-];
+const ORDERS: [usize; 17] = [6, 8, 10, 12, 14, 16, 18, 20, 23, 26, 30, 35, 42, 50, 65, 80, 100];
 
 /// Returns the model at a speed, mm/s, and a force, N.
 ///
@@ -279,10 +251,7 @@ fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
 
 /// Returns the sum of the spectrum's values up to the `last`, which is proportional to power.
 fn power_below(spectrum: &LogSpectrum, last: usize) -> f64 {
-    let inner: f64 = spectrum.values()[1..last]
-        .iter()
-        .map(|value| value.exp())
-        .sum();
+    let inner: f64 = spectrum.values()[1..last].iter().map(|value| value.exp()).sum();
     inner + 0.5 * (spectrum.values()[0].exp() + spectrum.values()[last].exp())
 }
 
@@ -384,15 +353,11 @@ mod tests {
         // Halfway to a silent corner with the same shape, and to one with another shape.
         let half = at(&toolkit, (30.0, 0.25));
         assert!((half.variance - 0.002).abs() < 1e-12);
-        let (here, there) = (
-            at(&toolkit, (60.0, 0.5)).shape.unwrap(),
-            half.shape.unwrap(),
-        );
+        let (here, there) = (at(&toolkit, (60.0, 0.5)).shape.unwrap(), half.shape.unwrap());
         assert!((here.values()[300] - there.values()[300]).abs() < 1e-9);
         let other = at(&toolkit, (130.0, 0.25));
         let wanted = fixture::density(&[(1, 0.5), (4, 0.5)], 150.0);
-        let density = 2.0 * other.variance * other.shape.unwrap().at(150.0 / STEP_HZ).exp()
-            / f64::from(SAMPLE_RATE_HZ);
+        let density = 2.0 * other.variance * other.shape.unwrap().at(150.0 / STEP_HZ).exp() / f64::from(SAMPLE_RATE_HZ);
         assert!((density / wanted - 1.0).abs() < 1e-3, "{density} {wanted}");
         assert!(at(&toolkit, (0.0, 1.0)).variance.abs() < 1e-15);
     }

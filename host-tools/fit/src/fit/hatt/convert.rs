@@ -6,8 +6,8 @@
 //! third octaves within [`ORDER_TOLERANCE_DB`], or the highest of them if none does.
 
 use model_format::{
-    FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, OutputSample,
-    Provenance, Texture, TextureSpec, encode,
+    FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, OutputSample, Provenance, Texture,
+    TextureSpec, encode,
 };
 use rayon::prelude::*;
 use serde::Serialize;
@@ -30,8 +30,7 @@ pub use super::axes::Bounds;
 pub use super::between::{ORDER_TOLERANCE_DB, ROLL_OFF_DB_PER_OCTAVE};
 
 /// Nominal frequencies of the third octaves that follow those of [`BAND_LABELS_HZ`], Hz.
-const HIGH_LABELS_HZ: [&str; MOST_BANDS - BAND_LABELS_HZ.len()] =
-    ["1250", "1600", "2000", "2500", "3150", "4000"];
+const HIGH_LABELS_HZ: [&str; MOST_BANDS - BAND_LABELS_HZ.len()] = ["1250", "1600", "2000", "2500", "3150", "4000"];
 
 /// Weights of the corners for the positions within triangles at which a conversion is judged. The choice of the axes
 /// does not use these positions.
@@ -83,10 +82,7 @@ const WARN_DB: f64 = 1.0;
 /// Returns a warning about nodes that differ from the file by more than 1 dB; `None` if there are none.
 pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
     let error = |node: &ConvertedNode| {
-        let (band, level) = (
-            node.worst_band_db.unwrap_or(0.0),
-            node.level_db.unwrap_or(0.0),
-        );
+        let (band, level) = (node.worst_band_db.unwrap_or(0.0), node.level_db.unwrap_or(0.0));
         band.max(level.abs())
     };
     let far = nodes.iter().filter(|node| error(node) > WARN_DB).count();
@@ -149,12 +145,7 @@ pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converte
         .collect();
     let judged: Vec<(f64, f64)> = toolkit.inside_triangles(JUDGED_WEIGHTS).collect();
     let own: Vec<(f64, f64)> = toolkit.model_places().collect();
-    let sounding = |places: &[(f64, f64)]| {
-        errors(toolkit, &texture, places)
-            .into_iter()
-            .flatten()
-            .collect()
-    };
+    let sounding = |places: &[(f64, f64)]| errors(toolkit, &texture, places).into_iter().flatten().collect();
     let (own, between) = (sounding(&own), sounding(&judged));
     Ok(Converted {
         spec,
@@ -210,34 +201,22 @@ impl Summary {
         levels.sort_by(f64::total_cmp);
         let rank = |share: f64| levels[(share * (levels.len() - 1) as f64).round() as usize];
         let bands = || errors.iter().flat_map(|error| &error.bands_db);
-        let unfelt = bands()
-            .filter(|(_, error)| error.abs() <= AMPLITUDE_JND_DB)
-            .count();
+        let unfelt = bands().filter(|(_, error)| error.abs() <= AMPLITUDE_JND_DB).count();
         (!levels.is_empty()).then(|| Self {
             places: errors.len(),
             level_median_db: rank(0.5),
             level_95_db: rank(0.95),
             level_worst_db: rank(1.0),
             unfelt_bands_percent: 100.0 * unfelt as f64 / bands().count().max(1) as f64,
-            band_worst_db: errors
-                .iter()
-                .map(PlaceError::worst_band_db)
-                .fold(0.0, f64::max),
+            band_worst_db: errors.iter().map(PlaceError::worst_band_db).fold(0.0, f64::max),
         })
     }
 }
 
 /// Compares `texture` with `toolkit` at speeds, mm/s, and forces, N. Returns one result per position: `None` where the
 /// file is silent, and outside of all triangles.
-pub fn errors(
-    toolkit: &Toolkit,
-    texture: &Texture<'_>,
-    places: &[(f64, f64)],
-) -> Vec<Option<PlaceError>> {
-    places
-        .par_iter()
-        .map(|&place| error(toolkit, texture, place))
-        .collect()
+pub fn errors(toolkit: &Toolkit, texture: &Texture<'_>, places: &[(f64, f64)]) -> Vec<Option<PlaceError>> {
+    places.par_iter().map(|&place| error(toolkit, texture, place)).collect()
 }
 
 fn error(toolkit: &Toolkit, texture: &Texture<'_>, place: (f64, f64)) -> Option<PlaceError> {
@@ -249,8 +228,7 @@ fn error(toolkit: &Toolkit, texture: &Texture<'_>, place: (f64, f64)) -> Option<
         .collect();
     let wanted = between::density(toolkit, place, &frequencies_hz)?;
     let error = |low_hz: f64, high_hz: f64| {
-        let ratio =
-            power_between(&played, low_hz, high_hz) / power_between(&wanted, low_hz, high_hz);
+        let ratio = power_between(&played, low_hz, high_hz) / power_between(&wanted, low_hz, high_hz);
         10.0 * ratio.log10()
     };
     let labels = || BAND_LABELS_HZ.into_iter().chain(HIGH_LABELS_HZ);
@@ -274,11 +252,7 @@ fn power_between(density: &[f64], low_hz: f64, high_hz: f64) -> f64 {
         let at = bin as f64;
         ((at + 0.5).min(high_hz) - (at - 0.5).max(low_hz)).max(0.0)
     };
-    density
-        .iter()
-        .enumerate()
-        .map(|(bin, value)| value * share(bin))
-        .sum()
+    density.iter().enumerate().map(|(bin, value)| value * share(bin)).sum()
 }
 
 /// Height of the impulse in standard deviations of the excitation, as a power of two: half of full scale.
@@ -287,19 +261,11 @@ const HEIGHT_BITS: u32 = 2;
 /// Returns the one-sided density, (m/s²)²/Hz, of `texture`, a lattice, at a speed, mm/s, and a force, N, both finite.
 /// The frequencies are 0 Hz, 1 Hz and so on to half the sample rate.
 pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64, f64)) -> Vec<f64> {
-    let motion = Motion::new(
-        MillimetresPerSecond(speed_mm_s as f32),
-        Newton(force_n as f32),
-    )
-    .expect("speeds and forces of a file are finite");
+    let motion = Motion::new(MillimetresPerSecond(speed_mm_s as f32), Newton(force_n as f32))
+        .expect("speeds and forces of a file are finite");
     // The kernel's own filter, so that its fixed-point errors count.
     let mut frame = LatticeFrame::silent(texture.max_order());
-    frame.update::<Portable>(
-        texture,
-        &GridPoint::locate(texture, motion),
-        frame.levels(0),
-        1,
-    );
+    frame.update::<Portable>(texture, &GridPoint::locate(texture, motion), frame.levels(0), 1);
     let mut state = LatticeState::new();
     let step = f64::from(1u32 << HEIGHT_BITS) * f64::from(1u32 << OutputSample::FRACTION_BITS);
     // A response of 1 s gives densities 1 Hz apart.
@@ -355,19 +321,13 @@ mod tests {
     #[test]
     fn with_room_the_grid_holds_every_model_at_its_own_place() {
         let converted = converted(&fixture::whole(), ROOM);
-        let (speeds, forces) = (
-            &converted.spec.speed_axis_mm_s,
-            &converted.spec.force_axis_n,
-        );
+        let (speeds, forces) = (&converted.spec.speed_axis_mm_s, &converted.spec.force_axis_n);
         assert!([60.0, 140.0, 200.0].iter().all(|own| speeds.contains(own)));
         assert!([0.5, 1.3, 2.0].iter().all(|own| forces.contains(own)));
         assert_eq!(converted.own.len(), 3);
         for error in &converted.own {
             assert!(error.level_db.abs() < 0.01, "{error:?}");
-            assert!(
-                error.worst_band_db() < ORDER_TOLERANCE_DB + 0.05,
-                "{error:?}"
-            );
+            assert!(error.worst_band_db() < ORDER_TOLERANCE_DB + 0.05, "{error:?}");
         }
         for node in &converted.nodes {
             assert!(node.level_db.unwrap().abs() < 0.01, "{node:?}");
@@ -387,24 +347,13 @@ mod tests {
         let smaller = converted(&text, few);
         assert!(smaller.spec.speed_axis_mm_s.len() <= few.speeds);
         assert!(smaller.spec.force_axis_n.len() <= few.forces);
-        let size =
-            |converted: &Converted| encode(std::slice::from_ref(&converted.spec)).unwrap().len();
-        let tight = converted(
-            &text,
-            Bounds {
-                bytes: 1000,
-                ..ROOM
-            },
-        );
+        let size = |converted: &Converted| encode(std::slice::from_ref(&converted.spec)).unwrap().len();
+        let tight = converted(&text, Bounds { bytes: 1000, ..ROOM });
         assert!(size(&tight) <= 1000 + 80, "{}", size(&tight));
         assert!(size(&tight) < size(&whole));
         // The shapes of these models change gradually with the speed, so that every second one is enough to predict the
         // others.
-        let worst = |errors: &[PlaceError]| {
-            errors
-                .iter()
-                .fold(0.0, |worst: f64, e| worst.max(e.level_db.abs()))
-        };
+        let worst = |errors: &[PlaceError]| errors.iter().fold(0.0, |worst: f64, e| worst.max(e.level_db.abs()));
         assert!(worst(&whole.own) < 0.01);
         assert!(worst(&smaller.own) < 1.5, "{}", worst(&smaller.own));
     }
@@ -455,10 +404,7 @@ mod tests {
         let one = fixture::file(&fixture::PLACES, &fixture::TRIANGLES[..1]);
         let misread = converted(&one, ROOM);
         let errors = errors_at(&misread, &text, &[(140.0, 1.3), (200.0, 2.0)]);
-        assert!(
-            errors.iter().any(|error| error.level_db.abs() > 2.0),
-            "{errors:?}"
-        );
+        assert!(errors.iter().any(|error| error.level_db.abs() > 2.0), "{errors:?}");
     }
 
     #[test]
@@ -468,17 +414,13 @@ mod tests {
         let bytes = encode(std::slice::from_ref(&converted.spec)).unwrap();
         let library = Library::decode(&bytes).unwrap();
         let density = played_density(&library.texture("felt").unwrap(), (140.0, 1.3));
-        let (below, above): (f64, f64) =
-            (density[..=500].iter().sum(), density[600..].iter().sum());
+        let (below, above): (f64, f64) = (density[..=500].iter().sum(), density[600..].iter().sum());
         assert!(above < 0.01 * below, "{above} {below}");
     }
 
     #[test]
     fn a_file_without_a_speed_or_a_force_is_refused() {
-        let text = fixture::file(
-            &[(0.0, 0.0, 0.1), (0.0, 1.0, 0.1), (0.0, 2.0, 0.1)],
-            &[[1, 2, 3]],
-        );
+        let text = fixture::file(&[(0.0, 0.0, 0.1), (0.0, 1.0, 0.1), (0.0, 2.0, 0.1)], &[[1, 2, 3]]);
         let toolkit = read(Path::new("felt.xml"), &text).unwrap();
         assert!(convert("felt", &toolkit, ROOM).is_err());
     }

@@ -58,8 +58,7 @@ fn costly_line(text: &str) -> Option<u64> {
         if inner.starts_with("</") {
             // Text with more closing than opening tags is refused by the parser.
             depth = depth.saturating_sub(1);
-        } else if inner.starts_with('<') && !inner.starts_with(['?', '!']) && !inner.ends_with("/>")
-        {
+        } else if inner.starts_with('<') && !inner.starts_with(['?', '!']) && !inner.ends_with("/>") {
             depth += 1;
         }
         // Every attribute has an equals sign; others in the text only raise the count.
@@ -106,14 +105,11 @@ impl<'a> File<'a> {
 
     /// Returns the numbers of the first element of that name; empty if there is no such element.
     pub fn list(&self, name: &str) -> Result<Vec<f64>> {
-        self.element(name)
-            .map_or(Ok(Vec::new()), |node| self.numbers(node))
+        self.element(name).map_or(Ok(Vec::new()), |node| self.numbers(node))
     }
 
     fn element(&self, name: &str) -> Option<Node<'a, 'a>> {
-        self.document
-            .descendants()
-            .find(|node| is_named(*node, name))
+        self.document.descendants().find(|node| is_named(*node, name))
     }
 
     /// Returns the elements that are models.
@@ -138,9 +134,9 @@ impl<'a> File<'a> {
                 .unwrap_or("")
                 .split(|c: char| c.is_whitespace() || ",;".contains(c));
             for word in words.filter(|word| !word.is_empty()) {
-                let number = word.parse::<f64>().map_err(|_| {
-                    self.wrong(text, format!("'{word}' in <{name}> is not a number"))
-                })?;
+                let number = word
+                    .parse::<f64>()
+                    .map_err(|_| self.wrong(text, format!("'{word}' in <{name}> is not a number")))?;
                 numbers.push(number);
             }
         }
@@ -185,9 +181,7 @@ impl<'a> File<'a> {
         match self.element(name) {
             Some(node) if self.one(name)? != Some(count as f64) => {
                 let stated = node.text().unwrap_or("").trim();
-                let problem = format!(
-                    "<{name}> says {stated}, and the file has {count} {what}: is it whole?"
-                );
+                let problem = format!("<{name}> says {stated}, and the file has {count} {what}: is it whole?");
                 Err(self.wrong(node, problem))
             }
             _ => Ok(()),
@@ -196,18 +190,11 @@ impl<'a> File<'a> {
 
     /// Checks the units that the file states, if any.
     pub fn check_units(&self) -> Result<()> {
-        for (name, unit) in [
-            ("AccelUnits", "m/s^2"),
-            ("SpeedUnits", "mm/s"),
-            ("ForceUnits", "N"),
-        ] {
+        for (name, unit) in [("AccelUnits", "m/s^2"), ("SpeedUnits", "mm/s"), ("ForceUnits", "N")] {
             if let Some(node) = self.element(name) {
                 let stated = node.text().unwrap_or("").trim();
                 if !stated.eq_ignore_ascii_case(unit) {
-                    return Err(self.wrong(
-                        node,
-                        format!("<{name}> is '{stated}'; only '{unit}' can be read"),
-                    ));
+                    return Err(self.wrong(node, format!("<{name}> is '{stated}'; only '{unit}' can be read")));
                 }
             }
         }

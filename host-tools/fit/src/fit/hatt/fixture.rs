@@ -19,14 +19,7 @@ pub const PLACES: [(f64, f64, f64); 6] = [
 ];
 
 /// Triangles of [`whole`], from 1. They cover all speeds up to 200 mm/s and forces up to 2 N.
-pub const TRIANGLES: [[usize; 3]; 6] = [
-    [1, 2, 5],
-    [2, 6, 5],
-    [2, 4, 6],
-    [3, 5, 6],
-    [3, 6, 4],
-    [1, 5, 3],
-];
+pub const TRIANGLES: [[usize; 3]; 6] = [[1, 2, 5], [2, 6, 5], [2, 4, 6], [3, 5, 6], [3, 6, 4], [1, 5, 3]];
 
 /// Returns a file of [`PLACES`] and [`TRIANGLES`].
 pub fn whole() -> String {
@@ -49,12 +42,7 @@ pub fn scattered(count: usize) -> String {
 /// 60 mm/s.
 pub fn lines(speed: f64) -> [Vec<f64>; 2] {
     let moved = if speed <= 0.0 { 60.0 } else { speed } / 1000.0;
-    let own = |lines: &[f64]| {
-        lines
-            .iter()
-            .map(|line| line + moved * (PI - line))
-            .collect()
-    };
+    let own = |lines: &[f64]| lines.iter().map(|line| line + moved * (PI - line)).collect();
     [own(&[0.25, 0.4, 1.1, 1.5]), own(&[0.5, 1.9])]
 }
 
@@ -69,9 +57,7 @@ pub fn gain(speed: f64) -> f64 {
 /// |A|² = 2ⁿ (cos² ω/2 Π (cos ω - cos l)² + sin² ω/2 Π (cos ω - cos l)²) for an even order n. The first product is over
 /// the first, third ... line spectral frequency l, the second over the others.
 pub fn density(models: &[(usize, f64)], frequency_hz: f64) -> f64 {
-    let mean = |of: &dyn Fn((f64, f64, f64)) -> f64| {
-        models.iter().map(|&(i, w)| w * of(PLACES[i])).sum::<f64>()
-    };
+    let mean = |of: &dyn Fn((f64, f64, f64)) -> f64| models.iter().map(|&(i, w)| w * of(PLACES[i])).sum::<f64>();
     let omega = TAU * frequency_hz / 1000.0;
     let power = |half: usize| {
         let order = lines(0.0)[half].len();

@@ -73,11 +73,7 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
         let mut found = Vec::new();
         for entry in std::fs::read_dir(path).map_err(Error::io("read", path))? {
             let file = entry.map_err(Error::io("read", path))?.path();
-            if file
-                .extension()
-                .is_some_and(|e| e.eq_ignore_ascii_case("xml"))
-                && file.is_file()
-            {
+            if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml")) && file.is_file() {
                 found.push(file);
             }
         }
@@ -196,9 +192,7 @@ pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     let names: usize = sources.iter().map(|source| source.name.len()).sum();
     let fixed = LIBRARY_BYTES + TEXTURE_BYTES * sources.len() + names;
     let room = limits::MAX_LIBRARY_BYTES.saturating_sub(fixed);
-    let own = sources
-        .iter()
-        .map(|source| Candidates::of(&source.toolkit).own());
+    let own = sources.iter().map(|source| Candidates::of(&source.toolkit).own());
     let own: Vec<usize> = own.collect();
     let all: usize = own.iter().sum();
     let bounds = own.into_iter().map(|own| Bounds {
@@ -262,10 +256,7 @@ pub fn import(
             converted
         })
         .collect::<Result<_>>()?;
-    let specs: Vec<TextureSpec> = converted
-        .iter()
-        .map(|texture| texture.spec.clone())
-        .collect();
+    let specs: Vec<TextureSpec> = converted.iter().map(|texture| texture.spec.clone()).collect();
     let bytes = encoded(&specs)?;
     Ok((converted, bytes))
 }
@@ -296,9 +287,7 @@ mod tests {
         for options in [asked, Options::default()] {
             let plan = plan(&sources, &options).unwrap();
             let bytes: usize = plan.iter().map(|bounds| bounds.bytes).sum();
-            assert!(
-                bytes < limits::MAX_LIBRARY_BYTES && bytes > limits::MAX_LIBRARY_BYTES * 9 / 10
-            );
+            assert!(bytes < limits::MAX_LIBRARY_BYTES && bytes > limits::MAX_LIBRARY_BYTES * 9 / 10);
         }
         let speeds = Some(65);
         assert!(plan(&sources, &Options { speeds, ..asked }).is_err());

@@ -31,9 +31,7 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     file.check_units()?;
     let sample_rate_hz = file.one("SampleRate")?.unwrap_or(1000.0);
     if !(sample_rate_hz.is_finite() && is_models_rate(sample_rate_hz)) {
-        let problem = format!(
-            "a sample rate of {sample_rate_hz} Hz is no model's; HaTT's are of 1000 or 10000 Hz"
-        );
+        let problem = format!("a sample rate of {sample_rate_hz} Hz is no model's; HaTT's are of 1000 or 10000 Hz");
         return Err(Error::file(path, problem));
     }
     let mut remarks = BTreeMap::new();
@@ -63,12 +61,8 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     let mut toolkit = Toolkit {
         sample_rate_hz,
         play_rate: PlayRate::default(),
-        max_speed_mm_s: file
-            .one("maxSpeed")?
-            .unwrap_or_else(|| largest(|m| m.speed_mm_s)),
-        max_force_n: file
-            .one("maxForce")?
-            .unwrap_or_else(|| largest(|m| m.force_n)),
+        max_speed_mm_s: file.one("maxSpeed")?.unwrap_or_else(|| largest(|m| m.speed_mm_s)),
+        max_force_n: file.one("maxForce")?.unwrap_or_else(|| largest(|m| m.force_n)),
         models,
         triangles,
         warnings: warnings(&remarks),
@@ -107,10 +101,7 @@ fn models(file: &File<'_>, remarks: &mut Remarks) -> Result<Vec<Option<ArmaModel
 }
 
 /// Leaves out the missing models, and every triangle that uses one.
-fn without_missing(
-    read: Vec<Option<ArmaModel>>,
-    triangles: &[[usize; 3]],
-) -> (Vec<ArmaModel>, Vec<[usize; 3]>) {
+fn without_missing(read: Vec<Option<ArmaModel>>, triangles: &[[usize; 3]]) -> (Vec<ArmaModel>, Vec<[usize; 3]>) {
     let mut count = 0;
     let places: Vec<Option<usize>> = read
         .iter()
@@ -196,22 +187,14 @@ pub(super) mod tests {
         for piece in whole.split_inclusive("lsf>") {
             // A list of line spectral frequencies ends at its closing tag.
             if !piece.ends_with("</ARlsf>") && !piece.ends_with("</MAlsf>") {
-                text.push_str(
-                    piece
-                        .trim_end_matches("<ARlsf>")
-                        .trim_end_matches("<MAlsf>"),
-                );
+                text.push_str(piece.trim_end_matches("<ARlsf>").trim_end_matches("<MAlsf>"));
             }
         }
         assert!(!text.contains("lsf"));
         let (with, without) = (parse(&whole).unwrap(), parse(&text).unwrap());
         for (a, b) in with.models.iter().zip(&without.models) {
             let (a, b) = (a.timbre.as_ref().unwrap(), b.timbre.as_ref().unwrap());
-            let pairs = a
-                .poles
-                .iter()
-                .chain(&a.zeros)
-                .zip(b.poles.iter().chain(&b.zeros));
+            let pairs = a.poles.iter().chain(&a.zeros).zip(b.poles.iter().chain(&b.zeros));
             assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
         }
     }
@@ -237,11 +220,7 @@ pub(super) mod tests {
             ("1 -0.9 0.5", "nan", "var is NaN"),
             ("0.5 -0.9 0.5", "0.02", "begins with 0.5"),
             ("1 -0.9 nan", "0.02", "not finite"),
-            (
-                &format!("1{}", " 0.001".repeat(101)),
-                "0.02",
-                "more than 100 AR",
-            ),
+            (&format!("1{}", " 0.001".repeat(101)), "0.02", "more than 100 AR"),
         ] {
             let toolkit = parse(&small(ar, var, "")).unwrap();
             assert_eq!((toolkit.models.len(), toolkit.triangles.len()), (3, 0));
@@ -254,8 +233,7 @@ pub(super) mod tests {
     fn what_is_no_model_file_is_refused_with_its_place() {
         let good = small("1 -0.9 0.5", "0.02", "");
         let whole = fixture::whole();
-        let triangle =
-            "<tri type=\"array\">\n<value>2</value>\n<value>6</value>\n<value>5</value>\n</tri>\n";
+        let triangle = "<tri type=\"array\">\n<value>2</value>\n<value>6</value>\n<value>5</value>\n</tri>\n";
         for (text, word) in [
             (good.replace("</HaTT>", ""), "well-formed"),
             (good.replace("-1.2", "minus"), "line 7: 'minus'"),
@@ -267,10 +245,7 @@ pub(super) mod tests {
                 "9 triangles over 4 models",
             ),
             (good.replace("ARcoeff", "other"), "no model"),
-            (
-                good.replace("<SampleRate>1000", "<SampleRate>0"),
-                "sample rate",
-            ),
+            (good.replace("<SampleRate>1000", "<SampleRate>0"), "sample rate"),
             (String::new(), "well-formed"),
             (
                 whole.replace(triangle, ""),
@@ -284,14 +259,8 @@ pub(super) mod tests {
                 whole.replace("<value>6</value>", "<value>16</value>"),
                 "names model 16; there are 6",
             ),
-            (
-                whole.replace("<ForceUnits>N", "<ForceUnits>lbf"),
-                "'lbf'; only 'N'",
-            ),
-            (
-                small("1 -0.9", "0.02", ""),
-                "1 poles and 0 zeros, others have 2 and 0",
-            ),
+            (whole.replace("<ForceUnits>N", "<ForceUnits>lbf"), "'lbf'; only 'N'"),
+            (small("1 -0.9", "0.02", ""), "1 poles and 0 zeros, others have 2 and 0"),
         ] {
             holds(&parse(&text).unwrap_err(), &["felt.xml", word]);
         }
@@ -300,8 +269,7 @@ pub(super) mod tests {
     #[test]
     fn line_spectra_count_whatever_the_coefficients_are() {
         let lines = fixture::lines(60.0)[0][1];
-        let text =
-            fixture::whole().replace(&format!("{lines:.9}"), &format!("{:.9}", lines + 0.05));
+        let text = fixture::whole().replace(&format!("{lines:.9}"), &format!("{:.9}", lines + 0.05));
         let toolkit = parse(&text).unwrap();
         let counted = toolkit.models[4].timbre.as_ref().unwrap().poles[1];
         assert!((counted - lines - 0.05).abs() < 1e-8);

@@ -89,9 +89,7 @@ impl Toolkit {
 
     /// Returns the speeds, mm/s, and forces, N, of all models, including silent ones.
     pub fn model_places(&self) -> impl Iterator<Item = (f64, f64)> {
-        self.models
-            .iter()
-            .map(|model| (model.speed_mm_s, model.force_n))
+        self.models.iter().map(|model| (model.speed_mm_s, model.force_n))
     }
 
     /// Returns the position in each triangle with these barycentric weights of its corners.
@@ -117,10 +115,7 @@ impl Toolkit {
         let Some(common) = sounding.first().and_then(|first| of_model(first)) else {
             return Ok(());
         };
-        if let Some(other) = sounding
-            .iter()
-            .find(|model| of_model(model) != Some(common))
-        {
+        if let Some(other) = sounding.iter().find(|model| of_model(model) != Some(common)) {
             let (poles, zeros) = of_model(other).unwrap_or_default();
             let problem = format!(
                 "the model at {} mm/s, {} N has {poles} poles and {zeros} zeros, others have {} and {}: HaTT \
@@ -130,10 +125,7 @@ impl Toolkit {
             return Err(Error::file(path, problem));
         }
         for model in self.models.iter_mut().filter(|model| !model.sounds()) {
-            model.timbre = model
-                .timbre
-                .take()
-                .filter(|timbre| orders(timbre) == common);
+            model.timbre = model.timbre.take().filter(|timbre| orders(timbre) == common);
         }
         Ok(())
     }
@@ -146,13 +138,8 @@ const MOST_COEFFICIENTS: usize = 100;
 type Read<T> = std::result::Result<T, String>;
 
 /// Reads the model at `node`. `place` is its speed and force according to the file's lists.
-pub(super) fn found(
-    file: &File<'_>,
-    node: Node<'_, '_>,
-    place: (Option<f64>, Option<f64>),
-) -> Result<Read<ArmaModel>> {
-    let one =
-        |name: &str| -> Result<Option<f64>> { Ok(file.list_in(node, name)?.first().copied()) };
+pub(super) fn found(file: &File<'_>, node: Node<'_, '_>, place: (Option<f64>, Option<f64>)) -> Result<Read<ArmaModel>> {
+    let one = |name: &str| -> Result<Option<f64>> { Ok(file.list_in(node, name)?.first().copied()) };
     let poles = Lists {
         name: "AR",
         coefficients: file.list_in(node, "ARcoeff")?,
@@ -193,10 +180,7 @@ fn checked(
 ) -> Read<ArmaModel> {
     for half in [poles, zeros] {
         if half.coefficients.len() > MOST_COEFFICIENTS + 1 || half.lines.len() > MOST_COEFFICIENTS {
-            return Err(format!(
-                "more than {MOST_COEFFICIENTS} {} coefficients",
-                half.name
-            ));
+            return Err(format!("more than {MOST_COEFFICIENTS} {} coefficients", half.name));
         }
     }
     let finite = |what: &str, value: Option<f64>| match value {
@@ -266,9 +250,7 @@ impl Lists {
         };
         match lines {
             Some(order) if order == count => Ok((1.0, &self.coefficients)),
-            Some(order) if order + 1 != count => Err(format!(
-                "{name}coeff has {count} values for an order of {order}"
-            )),
+            Some(order) if order + 1 != count => Err(format!("{name}coeff has {count} values for an order of {order}")),
             // The first coefficient of AR is 1 by definition; that of MA is a factor of the gain.
             _ if first == 0.0 || (name == "AR" && first != 1.0) => {
                 Err(format!("{name}coeff begins with {first}, not with 1"))

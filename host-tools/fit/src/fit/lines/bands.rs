@@ -98,8 +98,7 @@ impl WholeSpectrum {
         for width_hz in WIDTHS_HZ {
             let smooth = smoothed(&powers, width_hz / self.step_hz());
             for (peak, [low, high]) in ranges(&smooth) {
-                let [frequency_hz, low_hz, high_hz] =
-                    [peak, low, high].map(|bin| bin as f64 * self.step_hz());
+                let [frequency_hz, low_hz, high_hz] = [peak, low, high].map(|bin| bin as f64 * self.step_hz());
                 let is_narrow = high_hz - low_hz < MOST_WIDTH * frequency_hz;
                 let is_in_range = (LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz);
                 if is_in_range && is_narrow && high > low + 2 {
@@ -117,8 +116,7 @@ impl WholeSpectrum {
     /// Returns the envelope of the band from `edges_hz[0]` to `edges_hz[1]`.
     pub(super) fn envelope(&self, edges_hz: [f64; 2]) -> Envelope {
         let last = self.bins.len() - 1;
-        let [low, high] =
-            edges_hz.map(|hz| ((hz / self.step_hz()).round() as usize).clamp(1, last));
+        let [low, high] = edges_hz.map(|hz| ((hz / self.step_hz()).round() as usize).clamp(1, last));
         self.envelope_of([low, high.max(low)])
     }
 
@@ -153,10 +151,7 @@ impl WholeSpectrum {
         let intensities = || envelope.middle().map(|(_, value)| value.norm_sqr());
         let number = intensities().count() as f64;
         let mean = intensities().sum::<f64>() / number;
-        let ln_mean = intensities()
-            .map(|i| i.max(f64::MIN_POSITIVE).ln())
-            .sum::<f64>()
-            / number;
+        let ln_mean = intensities().map(|i| i.max(f64::MIN_POSITIVE).ln()).sum::<f64>() / number;
         let ln_ratio = mean.ln() - ln_mean;
         if ln_ratio < MOST_LN_RATIO {
             ln_bound(count, ln_ratio)

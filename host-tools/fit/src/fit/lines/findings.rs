@@ -64,12 +64,8 @@ impl fmt::Display for NoLines {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::OneSpeed => "recordings at one speed cannot tell place from time",
-            Self::NothingStandsOut => {
-                "nothing stands out at one wavelength over half of the speeds"
-            }
-            Self::Strokes => {
-                "strokes are not searched; in pieces of `stylus segment` they are sought"
-            }
+            Self::NothingStandsOut => "nothing stands out at one wavelength over half of the speeds",
+            Self::Strokes => "strokes are not searched; in pieces of `stylus segment` they are sought",
         })
     }
 }
@@ -82,11 +78,7 @@ impl fmt::Display for Findings {
             None => write!(f, "lines tied to position were not sought")?,
         }
         if !self.time_locked_hz.is_empty() {
-            let hz: Vec<String> = self
-                .time_locked_hz
-                .iter()
-                .map(|hz| format!("{hz:.1}"))
-                .collect();
+            let hz: Vec<String> = self.time_locked_hz.iter().map(|hz| format!("{hz:.1}")).collect();
             write!(
                 f,
                 "; left in the noise, because they stay while the speed changes: {} Hz",
@@ -180,11 +172,7 @@ pub(crate) struct LineMember<'a> {
 /// high to be recorded. Its amplitude is then interpolated between the nearest speeds of the same force (beyond the
 /// outermost, the nearest counts), or else in the same way between forces. Above the frequencies that can be recorded,
 /// the device itself fades a line out.
-pub(crate) fn lines_on(
-    grid: &Grid,
-    findings: &Findings,
-    members: &[LineMember<'_>],
-) -> Option<LinesSpec> {
+pub(crate) fn lines_on(grid: &Grid, findings: &Findings, members: &[LineMember<'_>]) -> Option<LinesSpec> {
     let lines: Vec<LineSpec> = findings
         .lines
         .iter()
@@ -194,17 +182,17 @@ pub(crate) fn lines_on(
                 .nodes()
                 .map(|(speed, force, _)| {
                     // The grid's axes are these values in single precision, so equality is exact.
-                    let here = members.iter().filter(|member| {
-                        member.speed_mm_s as f32 == speed && member.force_n as f32 == force
-                    });
+                    let here = members
+                        .iter()
+                        .filter(|member| member.speed_mm_s as f32 == speed && member.force_n as f32 == force);
                     mean_amplitude(here, index)
                 })
                 .collect();
             let amplitudes = filled(grid, &known);
             let wavelength_mm = line.wavelength_mm as f32;
             // The format holds no line that is silent at every node.
-            let is_held = (MIN_WAVELENGTH_MM..=MAX_WAVELENGTH_MM).contains(&wavelength_mm)
-                && amplitudes.iter().any(|&a| a > 0.0);
+            let is_held =
+                (MIN_WAVELENGTH_MM..=MAX_WAVELENGTH_MM).contains(&wavelength_mm) && amplitudes.iter().any(|&a| a > 0.0);
             is_held.then(|| LineSpec {
                 wavelength_mm,
                 // A phase that rounds up to a whole turn wraps to 0.
@@ -218,10 +206,7 @@ pub(crate) fn lines_on(
 }
 
 /// RMS of the amplitudes of line `index` in a node's trials; `None` if none of them has an amplitude.
-fn mean_amplitude<'m>(
-    trials: impl Iterator<Item = &'m LineMember<'m>>,
-    index: usize,
-) -> Option<f64> {
+fn mean_amplitude<'m>(trials: impl Iterator<Item = &'m LineMember<'m>>, index: usize) -> Option<f64> {
     let known: Vec<f64> = trials
         .filter_map(|member| {
             // Silence shows that the line does not sound here. Without a trial, nothing is known.
@@ -248,9 +233,7 @@ fn filled(grid: &Grid, known: &[Option<f64>]) -> Vec<f32> {
     (0..known.len())
         .map(|node| {
             let speed = node / forces.len();
-            let row: Vec<_> = (0..forces.len())
-                .map(|f| along_speed[grid.index(speed, f)])
-                .collect();
+            let row: Vec<_> = (0..forces.len()).map(|f| along_speed[grid.index(speed, f)]).collect();
             let amplitude = between(forces, &row, node % forces.len()).unwrap_or(0.0);
             amplitude.clamp(0.0, f64::from(MAX_LINE_AMPLITUDE)) as f32
         })

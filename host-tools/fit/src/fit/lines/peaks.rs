@@ -99,9 +99,7 @@ impl LineSpectrum {
         let first = ((lowest_hz / self.step_hz).ceil() as usize).max(1);
         let last = ((highest_hz / self.step_hz) as usize).min(self.power.len() - 2);
         (first..=last)
-            .filter(|&bin| {
-                self.power[bin] > self.power[bin - 1] && self.power[bin] >= self.power[bin + 1]
-            })
+            .filter(|&bin| self.power[bin] > self.power[bin - 1] && self.power[bin] >= self.power[bin + 1])
             .filter(|&bin| self.may_stand_out(bin))
             .filter_map(|bin| {
                 let ratio = self.power[bin] / self.background(bin);

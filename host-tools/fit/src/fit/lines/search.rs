@@ -208,19 +208,14 @@ impl Search<'_> {
     }
 
     fn step(&mut self, outcome: &mut Outcome) -> ControlFlow<()> {
-        let known: Vec<f64> = outcome
-            .lines
-            .iter()
-            .map(|line| line.wavelength_mm)
-            .collect();
+        let known: Vec<f64> = outcome.lines.iter().map(|line| line.wavelength_mm).collect();
         let Some(support) = self.best(&known) else {
             return ControlFlow::Break(());
         };
         match support.hypothesis {
             Hypothesis::Place(wavelength_mm) => {
                 let shown_by = self.remove_line(wavelength_mm, &support);
-                let of_trial =
-                    |&(trial, hz): &(usize, f64)| self.trials[trial].actual_speed_mm_s() / hz;
+                let of_trial = |&(trial, hz): &(usize, f64)| self.trials[trial].actual_speed_mm_s() / hz;
                 let of_trials: Vec<f64> = shown_by.iter().map(of_trial).collect();
                 outcome.lines.push(Found {
                     wavelength_mm: upper_median(&of_trials).unwrap_or(wavelength_mm),
@@ -278,9 +273,7 @@ impl Search<'_> {
         for trial in &self.trials {
             for peak in &trial.peaks {
                 if peak.ln_chance < LN_HYPOTHESIS_CHANCE {
-                    all.push(Hypothesis::Place(
-                        trial.actual_speed_mm_s() / peak.frequency_hz,
-                    ));
+                    all.push(Hypothesis::Place(trial.actual_speed_mm_s() / peak.frequency_hz));
                     all.push(Hypothesis::Time(peak.frequency_hz));
                 }
             }
@@ -295,9 +288,7 @@ impl Search<'_> {
                 Hypothesis::Time(frequency_hz) => (frequency_hz, 0.0),
                 Hypothesis::Place(wavelength_mm) => (
                     trial.actual_speed_mm_s() / wavelength_mm,
-                    trial
-                        .speed_ratio
-                        .map_or(self.speed_tolerance, |_| EXACT_SPEED),
+                    trial.speed_ratio.map_or(self.speed_tolerance, |_| EXACT_SPEED),
                 ),
             };
             // A peak close to a known line is what was left of that line, and is no evidence of another.
@@ -374,9 +365,7 @@ impl<T> AtSpeed<T> {
 }
 
 /// Groups trials by speed. Each has its speed and, if it shows something, that with the logarithm of its probability.
-pub(super) fn by_speed<T>(
-    trials: impl Iterator<Item = (f64, Option<(T, f64)>)>,
-) -> Vec<AtSpeed<T>> {
+pub(super) fn by_speed<T>(trials: impl Iterator<Item = (f64, Option<(T, f64)>)>) -> Vec<AtSpeed<T>> {
     let mut speeds: Vec<AtSpeed<T>> = Vec::new();
     for (speed_mm_s, shown) in trials {
         let is_same = |at: &AtSpeed<T>| (speed_mm_s / at.speed_mm_s).ln().abs() < SAME_SPEED;

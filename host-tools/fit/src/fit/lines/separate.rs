@@ -67,10 +67,7 @@ impl Separated {
     /// Power of all lines in all trials: the sum of their squared amplitudes, (m/s²)².
     fn power(&self) -> f64 {
         let amplitudes = self.shares.iter().flat_map(|share| &share.amplitudes_m_s2);
-        amplitudes
-            .flatten()
-            .map(|amplitude| amplitude * amplitude)
-            .sum()
+        amplitudes.flatten().map(|amplitude| amplitude * amplitude).sum()
     }
 }
 
@@ -79,11 +76,7 @@ impl Separated {
 /// `signals` are m/s² at 5 kHz, and `speeds_mm_s` their listed speeds. The caller passes an empty signal for a trial
 /// that must not be searched, such as one with gaps. Amplitudes and phases are estimated from the samples in the
 /// `ranges` of each trial.
-pub(crate) fn separate(
-    speeds_mm_s: &[f64],
-    signals: Vec<Vec<f64>>,
-    ranges: &[Vec<Range<usize>>],
-) -> Separated {
+pub(crate) fn separate(speeds_mm_s: &[f64], signals: Vec<Vec<f64>>, ranges: &[Vec<Range<usize>>]) -> Separated {
     let used = speeds_mm_s
         .iter()
         .zip(&signals)
@@ -98,17 +91,13 @@ pub(crate) fn separate(
     let (known, time_locked_hz) = narrow(speeds_mm_s, &signals);
     let wandering = wandering(speeds_mm_s, &signals, ranges, false, time_locked_hz.clone());
     if known.is_empty() {
-        return wandering.unwrap_or_else(|time_locked_hz| {
-            Separated::nothing(signals, time_locked_hz, NoLines::NothingStandsOut)
-        });
+        return wandering
+            .unwrap_or_else(|time_locked_hz| Separated::nothing(signals, time_locked_hz, NoLines::NothingStandsOut));
     }
     let narrow = removed(speeds_mm_s, signals, ranges, &known, time_locked_hz);
     // A narrow line holds only a part of a line that wanders.
     let least = WANDERING_OVER_NARROW * narrow.power();
-    wandering
-        .ok()
-        .filter(|own| own.power() > least)
-        .unwrap_or(narrow)
+    wandering.ok().filter(|own| own.power() > least).unwrap_or(narrow)
 }
 
 /// Returns the narrow lines, and the frequencies that stay the same while the speed changes.
@@ -148,11 +137,9 @@ fn wandering(
         };
         weave.harmonics.truncate(limits::MAX_LINES - lines.len());
         let trials = rest.to_mut().par_iter_mut().zip(&weave.courses);
-        trials
-            .zip(&mut amplitudes)
-            .for_each(|((signal, course), amplitudes)| {
-                amplitudes.extend(without(signal, course.as_ref(), &weave));
-            });
+        trials.zip(&mut amplitudes).for_each(|((signal, course), amplitudes)| {
+            amplitudes.extend(without(signal, course.as_ref(), &weave));
+        });
         add_lines_of(&weave, wanders.len(), &amplitudes, &mut lines);
         wanders.push(weave.wander);
     }
@@ -177,12 +164,7 @@ fn wandering(
 
 /// Adds the harmonics of `weave` to `lines`. `wander` is the index of its wander, and `amplitudes` holds the amplitudes
 /// of all lines in each trial.
-fn add_lines_of(
-    weave: &Weave,
-    wander: usize,
-    amplitudes: &[Vec<Option<f64>>],
-    lines: &mut Vec<Line>,
-) {
+fn add_lines_of(weave: &Weave, wander: usize, amplitudes: &[Vec<Option<f64>>], lines: &mut Vec<Line>) {
     let first = lines.len();
     for &(number, shown_at_speeds) in &weave.harmonics {
         let is_harmonic = number > 1 && weave.harmonics[0].0 == 1;
@@ -210,9 +192,7 @@ fn add_lines_of(
 
 /// Returns the lowest and the highest of `amplitudes`; 0 if there are none.
 fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (low, high) = amplitudes.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
-        (low.min(a), high.max(a))
-    });
+    let (low, high) = amplitudes.fold((f64::INFINITY, 0.0f64), |(low, high), a| (low.min(a), high.max(a)));
     (low.min(high), high)
 }
 
@@ -296,11 +276,7 @@ struct Measures {
 
 fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measures {
     // Each line is evidence of its fundamental's wavelength.
-    let fundamental = |index: usize| {
-        known[index]
-            .harmonic_of
-            .map_or((index, 1), |(of, n)| (of, n))
-    };
+    let fundamental = |index: usize| known[index].harmonic_of.map_or((index, 1), |(of, n)| (of, n));
     let mut wavelengths_mm: Vec<f64> = known.iter().map(|line| line.found.wavelength_mm).collect();
     let mut scatter: Option<f64> = None;
     for base in 0..known.len() {
@@ -369,10 +345,7 @@ fn weighted_mean(values: &[(f64, f64)]) -> Option<(f64, f64)> {
     // simulated wavelengths are closer only if the speeds are exact to 1e-4, and with 1 they are a fifth further off.
     let weight = |cycles: f64| 1.0 / ((most / cycles).powi(2) + (spread * most).powi(2));
     let total: f64 = values.iter().map(|(_, cycles)| weight(*cycles)).sum();
-    let sum: f64 = values
-        .iter()
-        .map(|(value, cycles)| weight(*cycles) * value)
-        .sum();
+    let sum: f64 = values.iter().map(|(value, cycles)| weight(*cycles) * value).sum();
     Some((sum / total, spread))
 }
 
@@ -420,9 +393,7 @@ fn removed(
             harmonic_of: line.harmonic_of,
             phase_agreement,
             shown_at_speeds: line.found.speeds,
-            amplitude_range_m_s2: range_of(
-                shown.filter_map(|&(trial, _)| fits[trial].clean[index]),
-            ),
+            amplitude_range_m_s2: range_of(shown.filter_map(|&(trial, _)| fits[trial].clean[index])),
             wander: None,
         }
     });
@@ -448,10 +419,7 @@ fn removed(
 
 /// Returns the phase of harmonic `number` at the position where its fundamental's sine begins, turns, and how well the
 /// trials agree on it. `pairs` holds the amplitudes of fundamental and harmonic in each trial.
-fn relative_phase(
-    pairs: impl Iterator<Item = (Complex<f64>, Complex<f64>)>,
-    number: u32,
-) -> (f64, f64) {
+fn relative_phase(pairs: impl Iterator<Item = (Complex<f64>, Complex<f64>)>, number: u32) -> (f64, f64) {
     // As sines: a cosine is a quarter of a turn ahead.
     let sine = |c: Complex<f64>| c * Complex::i();
     let mut sum = Complex::<f64>::default();
@@ -470,12 +438,7 @@ fn relative_phase(
 
 /// Subtracts lines of these wavelengths from `signal`, recorded at `speed_mm_s`. They are fitted to the samples in
 /// `ranges`.
-fn removed_from(
-    signal: &mut [f64],
-    ranges: &[Range<usize>],
-    speed_mm_s: f64,
-    wavelengths_mm: &[f64],
-) -> Fitted {
+fn removed_from(signal: &mut [f64], ranges: &[Range<usize>], speed_mm_s: f64, wavelengths_mm: &[f64]) -> Fitted {
     let mut fitted = Fitted {
         amplitudes: vec![None; wavelengths_mm.len()],
         clean: vec![None; wavelengths_mm.len()],
@@ -529,12 +492,7 @@ struct Followed {
 impl Followed {
     /// Fits lines of `wavelengths_mm` to the samples of `signal` in `ranges`. The signal was recorded at `speed_mm_s`.
     /// The waves follow changes of the speed if the lines show them.
-    fn of(
-        signal: &[f64],
-        ranges: &[Range<usize>],
-        speed_mm_s: f64,
-        wavelengths_mm: &[f64],
-    ) -> Self {
+    fn of(signal: &[f64], ranges: &[Range<usize>], speed_mm_s: f64, wavelengths_mm: &[f64]) -> Self {
         let mut place_mm = steady(speed_mm_s, signal.len());
         let mut times = 0;
         loop {

@@ -54,9 +54,7 @@ fn add_line(signal: &mut [f64], hz: f64, amplitude: f64, phase: f64) {
 
 fn surfaces(seed: u64, speeds: &[f64], band_mm: Option<f64>) -> (Pcg64, Vec<Vec<f64>>) {
     let mut generator = Pcg64::seed_from_u64(seed);
-    let signals = speeds
-        .iter()
-        .map(|v| surface_noise(&mut generator, *v, band_mm));
+    let signals = speeds.iter().map(|v| surface_noise(&mut generator, *v, band_mm));
     let signals = signals.collect();
     (generator, signals)
 }
@@ -166,13 +164,7 @@ fn gaussian_process(generator: &mut Pcg64, rms: f64, length: f64) -> impl Fn(f64
 }
 
 /// Adds a weave of 0.7 mm and its second harmonic to trials over one surface, whose threads wander.
-fn add_weave(
-    generator: &mut Pcg64,
-    signals: &mut [Vec<f64>],
-    amplitude: f64,
-    rms_rad: f64,
-    length_mm: f64,
-) {
+fn add_weave(generator: &mut Pcg64, signals: &mut [Vec<f64>], amplitude: f64, rms_rad: f64, length_mm: f64) {
     let wander = gaussian_process(generator, rms_rad, length_mm);
     for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
         let start_mm = 500.0 * generator.random::<f64>();
@@ -201,8 +193,7 @@ fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_ampli
         assert!((findings.lines[1].phase_turns - 1.0 / TAU).abs() < 0.03);
         let wander = findings.wanders[0];
         let off = |found: f64, right: f64| (found / right - 1.0).abs();
-        let worst =
-            |values: &dyn Fn(usize) -> f64| (0..plain.len()).map(values).fold(0.0, f64::max);
+        let worst = |values: &dyn Fn(usize) -> f64| (0..plain.len()).map(values).fold(0.0, f64::max);
         let amplitude_of = |at: usize, line: usize| shares[at].amplitudes_m_s2[line].unwrap();
         let errors = [
             off(TAU * f64::from(wander.rms_mm) / 0.7, rms_rad),
@@ -213,10 +204,7 @@ fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_ampli
         ];
         let bounds = [0.2, 0.2, 0.1, 0.05, 0.2];
         for (error, bound) in errors.iter().zip(bounds) {
-            assert!(
-                *error < bound,
-                "{rms_rad} rad, {length_mm} mm: {errors:.3?}"
-            );
+            assert!(*error < bound, "{rms_rad} rad, {length_mm} mm: {errors:.3?}");
         }
     }
 }
@@ -286,8 +274,7 @@ fn two_lines_a_percent_apart_are_two_lines() {
 }
 
 #[test]
-fn speeds_that_are_all_wrong_by_one_factor_keep_their_lines_and_a_single_wrong_one_loses_only_its_own()
- {
+fn speeds_that_are_all_wrong_by_one_factor_keep_their_lines_and_a_single_wrong_one_loses_only_its_own() {
     let (mut generator, signals) = surfaces(14, &SPEEDS_MM_S, None);
     let mut signals = signals;
     for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
@@ -301,11 +288,7 @@ fn speeds_that_are_all_wrong_by_one_factor_keep_their_lines_and_a_single_wrong_o
     let (findings, shares) = found(&one_wrong, &mut signals);
     near(findings.lines[0].wavelength_mm / 0.8, 1.0, 1e-4);
     assert_eq!(findings.lines[0].shown_at_speeds.0, 5);
-    assert!(
-        shares[2].amplitudes_m_s2[0].is_none_or(|a| a < 0.2),
-        "{:?}",
-        shares[2]
-    );
+    assert!(shares[2].amplitudes_m_s2[0].is_none_or(|a| a < 0.2), "{:?}", shares[2]);
 }
 
 #[test]
@@ -355,9 +338,7 @@ fn measured_speeds_keep_a_weave_that_nominal_ones_lose() {
     let (by_measured, _) = found(&measured, &mut signals);
     assert_eq!(by_measured.lines.len(), 1, "{by_measured}");
     near(by_measured.lines[0].wavelength_mm / 0.8, 1.0, 1e-3);
-    let is_whole = |f: &Findings| {
-        f.lines.len() == 1 && f.lines[0].shown_at_speeds.0 == f.lines[0].shown_at_speeds.1
-    };
+    let is_whole = |f: &Findings| f.lines.len() == 1 && f.lines[0].shown_at_speeds.0 == f.lines[0].shown_at_speeds.1;
     assert!(is_whole(&by_measured), "{by_nominal}");
     assert!(!is_whole(&by_nominal), "{by_nominal}");
 }
@@ -388,10 +369,7 @@ fn silence_constants_and_trials_too_short_have_no_lines() {
         for value in [0.0, 1.0, f64::MIN_POSITIVE] {
             let mut signals = vec![vec![value; samples]; 3];
             let (findings, _) = found(&[50.0, 100.0, 200.0], &mut signals);
-            assert!(
-                findings.lines.is_empty(),
-                "{samples} of {value}: {findings}"
-            );
+            assert!(findings.lines.is_empty(), "{samples} of {value}: {findings}");
         }
     }
     assert!(separate(&[], Vec::new(), &[]).shares.is_empty());

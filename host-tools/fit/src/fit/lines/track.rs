@@ -41,9 +41,7 @@ pub(super) fn steady(per_second: f64, samples: usize) -> Vec<f64> {
 
 /// Returns e^{2πi turns(n)} for a sine with these `turns`.
 pub(super) fn wave(turns: impl Iterator<Item = f64>) -> Vec<Complex<f64>> {
-    turns
-        .map(|turns| Complex::cis(TAU * turns.fract()))
-        .collect()
+    turns.map(|turns| Complex::cis(TAU * turns.fract())).collect()
 }
 
 /// Returns the wave of a line at each of these positions.
@@ -94,10 +92,7 @@ impl Averages {
     /// Returns the sample in the middle of each window.
     fn centres(&self) -> Vec<f64> {
         let half = self.weights.len() / 2;
-        self.starts
-            .iter()
-            .map(|&start| (start + half) as f64)
-            .collect()
+        self.starts.iter().map(|&start| (start + half) as f64).collect()
     }
 
     /// Returns the averages of `turned` over the windows.
@@ -172,19 +167,14 @@ fn interpolated(places: &[f64], values: &[f64], at: f64) -> f64 {
     if places.len() < 2 {
         return values.first().copied().unwrap_or(0.0);
     }
-    let right = places
-        .partition_point(|&place| place <= at)
-        .clamp(1, places.len() - 1);
+    let right = places.partition_point(|&place| place <= at).clamp(1, places.len() - 1);
     let share = (at - places[right - 1]) / (places[right] - places[right - 1]);
     values[right - 1] + share * (values[right] - values[right - 1])
 }
 
 pub(super) fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
     let count = times.len() as f64;
-    let (mean_t, mean_v) = (
-        times.iter().sum::<f64>() / count,
-        values.iter().sum::<f64>() / count,
-    );
+    let (mean_t, mean_v) = (times.iter().sum::<f64>() / count, values.iter().sum::<f64>() / count);
     let (mut product, mut square) = (0.0, 0.0);
     for (t, v) in times.iter().zip(values) {
         product += (t - mean_t) * (v - mean_v);
@@ -192,8 +182,7 @@ pub(super) fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
     }
     let slope = if square > 0.0 { product / square } else { 0.0 };
     let left = times.iter().zip(values);
-    left.map(|(t, v)| v - mean_v - slope * (t - mean_t))
-        .collect()
+    left.map(|(t, v)| v - mean_v - slope * (t - mean_t)).collect()
 }
 
 /// Returns the samples of `signal` where its ascending `places` are multiples of `step`, by a cubic through four
@@ -230,17 +219,8 @@ pub(super) fn refined(signal: &[f64], frequency_hz: f64, within_hz: f64) -> f64 
     let windowed: Vec<f64> = signal.iter().zip(&*window).map(|(x, w)| w * x).collect();
     let (mut best_hz, mut step_hz) = (frequency_hz, 0.5 * within_hz);
     for _ in 0..REFINEMENTS {
-        let level = |hz: f64| {
-            spectrum_at(&windowed, hz)
-                .norm_sqr()
-                .max(f64::MIN_POSITIVE)
-                .ln()
-        };
-        let (before, here, after) = (
-            level(best_hz - step_hz),
-            level(best_hz),
-            level(best_hz + step_hz),
-        );
+        let level = |hz: f64| spectrum_at(&windowed, hz).norm_sqr().max(f64::MIN_POSITIVE).ln();
+        let (before, here, after) = (level(best_hz - step_hz), level(best_hz), level(best_hz + step_hz));
         let curvature = before - 2.0 * here + after;
         let shift = if curvature < 0.0 {
             (0.5 * (before - after) / curvature).clamp(-1.0, 1.0)
@@ -257,10 +237,7 @@ pub(super) fn refined(signal: &[f64], frequency_hz: f64, within_hz: f64) -> f64 
 fn spectrum_at(signal: &[f64], frequency_hz: f64) -> Complex<f64> {
     let step = Complex::cis(-TAU * frequency_hz / f64::from(SAMPLE_RATE_HZ));
     // Horner's scheme from the end.
-    signal
-        .iter()
-        .rev()
-        .fold(Complex::default(), |sum, x| sum * step + x)
+    signal.iter().rev().fold(Complex::default(), |sum, x| sum * step + x)
 }
 
 /// Number of doubles in an AVX2 register.
@@ -270,11 +247,7 @@ const LANES: usize = 4;
 ///
 /// `waves` has the w of each component. A ridge of 1e-9 per sample makes components that cannot be distinguished share
 /// their amplitude. All amplitudes are 0 if the equations have no solution.
-pub(super) fn amplitudes(
-    signal: &[f64],
-    ranges: &[Range<usize>],
-    waves: &[Vec<Complex<f64>>],
-) -> Vec<Complex<f64>> {
+pub(super) fn amplitudes(signal: &[f64], ranges: &[Range<usize>], waves: &[Vec<Complex<f64>>]) -> Vec<Complex<f64>> {
     let count = 2 * waves.len();
     let vectors = count.div_ceil(LANES).max(1);
     // Sums of whole vectors, each in the order of the samples, so that all processors give the same bits.
@@ -356,11 +329,7 @@ mod tests {
         let turns = steady(100.0, 2000);
         let signal: Vec<f64> = turns.iter().map(|t| (TAU * t).cos()).collect();
         let wave = wave(turns.into_iter());
-        let found = amplitudes(
-            &signal,
-            std::slice::from_ref(&(0..2000)),
-            &[wave.clone(), wave],
-        );
+        let found = amplitudes(&signal, std::slice::from_ref(&(0..2000)), &[wave.clone(), wave]);
         assert!(
             (found[0] + found[1] - Complex::new(1.0, 0.0)).norm() < 1e-3,
             "{found:?}"

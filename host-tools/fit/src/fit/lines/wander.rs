@@ -163,10 +163,7 @@ impl Search {
     fn best(&self, known_mm: &[f64]) -> Option<Carrier> {
         let strong = |heard: &Heard| {
             let speed = heard.speed_mm_s;
-            let bands = heard
-                .bands
-                .iter()
-                .filter(|b| b.ln_chance < LN_HYPOTHESIS_CHANCE);
+            let bands = heard.bands.iter().filter(|b| b.ln_chance < LN_HYPOTHESIS_CHANCE);
             let hz: Vec<f64> = bands.map(|band| band.frequency_hz).collect();
             hz.into_iter().flat_map(move |hz| {
                 let place = (speed > 0.0).then_some(Carrier::Place(speed / hz));
@@ -277,11 +274,7 @@ fn courses(
 
 /// Returns the harmonics that at least `least` speeds show, ascending. Each has the number of speeds that show it, and
 /// of those at which it could be seen.
-fn harmonics(
-    courses: &[Option<Course>],
-    speeds_mm_s: &[f64],
-    least: usize,
-) -> Vec<(u32, (usize, usize))> {
+fn harmonics(courses: &[Option<Course>], speeds_mm_s: &[f64], least: usize) -> Vec<(u32, (usize, usize))> {
     let loudest = |harmonic: u32| {
         let told = courses.iter().flatten();
         told.filter_map(|course| Some(course.amplitude(harmonic)?.1))
@@ -292,9 +285,8 @@ fn harmonics(
         .filter(|&harmonic| loudest(harmonic) >= least_amplitude)
         .filter_map(|harmonic| {
             let told = courses.iter().zip(speeds_mm_s);
-            let chances = told.filter_map(|(course, speed)| {
-                Some((*speed, Some(((), course.as_ref()?.ln_chance(harmonic)?))))
-            });
+            let chances =
+                told.filter_map(|(course, speed)| Some((*speed, Some(((), course.as_ref()?.ln_chance(harmonic)?)))));
             Some((harmonic, shown(&by_speed(chances), least)?))
         })
         .collect()
@@ -304,12 +296,7 @@ fn harmonics(
 /// one of the first four harmonics of `carrier`; of these bands, the one that leaves the most power in step with its
 /// position is used, because a phase that slips leaves little. `None` if no band is steady, or if a carrier of constant
 /// frequency does not hold it.
-fn course_of(
-    heard: &Heard,
-    carrier: Carrier,
-    signal: &[f64],
-    ranges: &[Range<usize>],
-) -> Option<(Course, f64)> {
+fn course_of(heard: &Heard, carrier: Carrier, signal: &[f64], ranges: &[Range<usize>]) -> Option<(Course, f64)> {
     let bands = (1..=4).filter_map(|harmonic| {
         let hz = f64::from(harmonic) * heard.frequency_hz(carrier);
         let (band, ln_chance) = heard.band_at(hz).filter(|_| hz >= LOWEST_HZ)?;
@@ -426,13 +413,12 @@ fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]
         let envelope = heard.spectrum.envelope(edges);
         let is_fitted = |at: f64| ranges.iter().any(|range| range.contains(&(at as usize)));
         let values = envelope.middle().filter(|(at, _)| is_fitted(*at));
-        let (sum, lengths, values) =
-            values.fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
-                // The values are far from the limits of a double's range; the norm's own method would take ten times as
-                // long.
-                let power = z.norm_sqr();
-                (sum + power, lengths + power.sqrt(), values + 1.0)
-            });
+        let (sum, lengths, values) = values.fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
+            // The values are far from the limits of a double's range; the norm's own method would take ten times as
+            // long.
+            let power = z.norm_sqr();
+            (sum + power, lengths + power.sqrt(), values + 1.0)
+        });
         let mean_square = sum / f64::max(values, 1.0);
         noises.push(if n == f64::from(reference) {
             // The position follows this harmonic's phase, and so the noise at right angles to it. Only half of the
@@ -491,9 +477,7 @@ impl Course {
 fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
     let [shortest, longest] = LENGTHS_MM;
     let step = (longest / shortest).ln() / (LENGTHS - 1) as f64;
-    let lengths: Vec<f64> = (0..LENGTHS)
-        .map(|n| shortest * (step * n as f64).exp())
-        .collect();
+    let lengths: Vec<f64> = (0..LENGTHS).map(|n| shortest * (step * n as f64).exp()).collect();
     let functions: Vec<Vec<Option<f64>>> = paths
         .par_iter()
         .map(|path| {

@@ -62,8 +62,7 @@ impl<'s> Merged<'s> {
             progress(contents.len());
             Ok((recordings, contents))
         });
-        let (recordings, of_textures): (Vec<_>, Vec<_>) =
-            read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        let (recordings, of_textures): (Vec<_>, Vec<_>) = read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
         // Textures may be mixed in the list, so that their trials are not next to each other.
         let mut contents = vec![0; set.trials.len()];
         for (own, hashes) in recordings.iter().zip(of_textures) {
@@ -101,16 +100,10 @@ impl<'s> Merged<'s> {
         textures[0].members = (0..members.len()).collect();
         let (set, contents) = (
             self.set.part(members),
-            members
-                .iter()
-                .map(|&member| self.contents[member])
-                .collect(),
+            members.iter().map(|&member| self.contents[member]).collect(),
         );
         // Reports on the whole set, which show a copy even if its original is in another library.
-        let trials: Vec<TrialReport> = members
-            .iter()
-            .map(|&member| self.trials[member].clone())
-            .collect();
+        let trials: Vec<TrialReport> = members.iter().map(|&member| self.trials[member].clone()).collect();
         let notes = notes::of_set(&set, &trials, &self.options);
         let fit = Fit {
             trials,
@@ -121,11 +114,7 @@ impl<'s> Merged<'s> {
     }
 
     /// Fits `textures` for one library.
-    fn fitted(
-        &self,
-        textures: &[Vec<Partial>],
-        progress: impl Fn() + Sync,
-    ) -> Result<Vec<FittedTexture>> {
+    fn fitted(&self, textures: &[Vec<Partial>], progress: impl Fn() + Sync) -> Result<Vec<FittedTexture>> {
         let fitted = textures.iter().map(|units| {
             let (recordings, _) = read(self.set, units)?;
             FittedTexture::of(&recordings, &self.trials, &self.options)

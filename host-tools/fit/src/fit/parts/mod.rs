@@ -75,12 +75,10 @@ impl FromStr for Shard {
                 of: of.parse().ok()?,
             })
         });
-        let is_sound = |shard: &Self| {
-            (1..=MOST_SHARDS).contains(&shard.of) && (1..=shard.of).contains(&shard.number)
-        };
-        parsed.filter(is_sound).ok_or_else(|| {
-            format!("must be I/N with I from 1 to N, such as 3/8, and N at most {MOST_SHARDS}")
-        })
+        let is_sound = |shard: &Self| (1..=MOST_SHARDS).contains(&shard.of) && (1..=shard.of).contains(&shard.number);
+        parsed
+            .filter(is_sound)
+            .ok_or_else(|| format!("must be I/N with I from 1 to N, such as 3/8, and N at most {MOST_SHARDS}"))
     }
 }
 

@@ -33,14 +33,7 @@ fn set(folder: &Path) -> RecordingSet {
         for (number, texture) in TEXTURES.iter().enumerate() {
             let file = folder.join(format!("{texture}-{place}.wav"));
             let is_copy = place == 3 && number == 2;
-            write(
-                &file,
-                if is_copy {
-                    1
-                } else {
-                    10 * number as u64 + place + 1
-                },
-            );
+            write(&file, if is_copy { 1 } else { 10 * number as u64 + place + 1 });
             trials.push(Trial::of(
                 file,
                 (*texture).to_owned(),
@@ -64,12 +57,7 @@ fn options(lines: Lines) -> Options {
 }
 
 /// All results of a fit: the library's bytes, the record, the reports on the trials, and the notes.
-fn left_by(
-    set: &RecordingSet,
-    options: &Options,
-    fit: &Fit,
-    contents: Option<&[u64]>,
-) -> Vec<String> {
+fn left_by(set: &RecordingSet, options: &Options, fit: &Fit, contents: Option<&[u64]>) -> Vec<String> {
     let bytes = fit.library().unwrap();
     let record = match contents {
         None => FitRecord::of(set, options, &bytes).unwrap(),
@@ -95,9 +83,7 @@ fn mapped(set: &RecordingSet, options: &Options, shard: Shard, folder: &Path) ->
 
 fn copies(trials: &[crate::fit::TrialReport]) -> usize {
     let verdicts = trials.iter().flat_map(|trial| &trial.verdicts);
-    verdicts
-        .filter(|verdict| verdict.name() == "duplicate")
-        .count()
+    verdicts.filter(|verdict| verdict.name() == "duplicate").count()
 }
 
 /// Covers more shards than units, so that some are empty, and each texture by itself. The last case subtracts the rig's
@@ -124,9 +110,7 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
         assert_eq!(copies(&whole.trials), 1);
         let parts = folder.path().join(format!("parts-{of}"));
         let shards = (1..=of).rev().map(|number| Shard { number, of });
-        let trials: usize = shards
-            .map(|shard| mapped(&set, &options, shard, &parts).trials)
-            .sum();
+        let trials: usize = shards.map(|shard| mapped(&set, &options, shard, &parts).trials).sum();
         assert_eq!(trials, set.trials.len());
         let expected = left_by(&set, &options, &whole, None);
         assert_eq!(merged(&set, &options, &parts).unwrap(), expected);
@@ -134,10 +118,7 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
         let merged = Merged::of_folder(&set, &options, &parts, |_| ()).unwrap();
         for (number, name) in set.textures().into_iter().enumerate() {
             let (part, contents, alone) = merged.fit_texture(number).unwrap();
-            assert_eq!(
-                (part.trials.len(), contents.len(), alone.textures.len()),
-                (4, 4, 1)
-            );
+            assert_eq!((part.trials.len(), contents.len(), alone.textures.len()), (4, 4, 1));
             assert_eq!(alone.textures[0].nodes, whole.textures[number].nodes);
             let members = alone.textures[0].members.iter();
             assert!(
@@ -166,8 +147,7 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     mapped(&set, &own, Shard { number: 2, of: 2 }, &parts);
     merged(&set, &own, &parts).unwrap();
 
-    let reused =
-        |set: &RecordingSet, options: &Options| mapped(set, options, Shard::WHOLE, &parts).reused;
+    let reused = |set: &RecordingSet, options: &Options| mapped(set, options, Shard::WHOLE, &parts).reused;
     assert_eq!(reused(&set, &own), 12);
     let changed = |change: &dyn Fn(&mut Options)| {
         let mut options = own.clone();
@@ -216,11 +196,7 @@ fn refuses_damage(set: &RecordingSet, own: &Options, parts: &Path) {
     for at in (0..bytes.len()).step_by(bytes.len() / 61) {
         let mut changed = bytes.clone();
         changed[at] ^= 0x10;
-        for damaged in [
-            &changed[..],
-            &bytes[..at],
-            &[bytes.as_slice(), b"x"].concat(),
-        ] {
+        for damaged in [&changed[..], &bytes[..at], &[bytes.as_slice(), b"x"].concat()] {
             std::fs::write(&path, damaged).unwrap();
             assert!(unit.read(&path).is_err(), "{at}");
         }

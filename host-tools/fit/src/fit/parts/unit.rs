@@ -45,8 +45,8 @@ pub(super) struct Unit {
 pub(super) fn units(set: &RecordingSet, options: &Options) -> Vec<Vec<Unit>> {
     let has_floor = |&member: &usize| set.trials[member].is_of_the_rig();
     let of_texture = |(_, members): (&str, Vec<usize>)| {
-        let is_whole = options.lines != Lines::None
-            || options.floor != FloorChoice::None && members.iter().any(has_floor);
+        let is_whole =
+            options.lines != Lines::None || options.floor != FloorChoice::None && members.iter().any(has_floor);
         let most = if is_whole { usize::MAX } else { MOST_TRIALS };
         let units = members.chunks(most.min(members.len()));
         let unit = |trials: &[usize]| Unit {
@@ -82,9 +82,7 @@ impl Unit {
     /// # Errors
     /// A recording that does not exist, or whose samples are in memory; a list of the rig's noise that cannot be read.
     pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
-        let mut hash = Fnv::default()
-            .then(&MAGIC)
-            .then(env!("CARGO_PKG_VERSION").as_bytes());
+        let mut hash = Fnv::default().then(&MAGIC).then(env!("CARGO_PKG_VERSION").as_bytes());
         hash = hash.then(&encoded(&(
             // Lags are computed up to the highest order alone, so `auto`, `bic` and 400 share results.
             options.order.highest() as u64,
@@ -101,9 +99,7 @@ impl Unit {
             hash = hash.then(&encoded(&dropped)?);
         }
         let floor = match &options.floor_recording {
-            Some(path) if options.floor != FloorChoice::None => {
-                RecordingSet::open(std::slice::from_ref(path))?.trials
-            }
+            Some(path) if options.floor != FloorChoice::None => RecordingSet::open(std::slice::from_ref(path))?.trials,
             _ => Vec::new(),
         };
         let own = self.trials.iter().map(|&index| &set.trials[index]);

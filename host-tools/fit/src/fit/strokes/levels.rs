@@ -91,9 +91,8 @@ impl Axes {
             Place::on(&self.speeds_mm_s, speed_mm_s),
             Place::on(&self.forces_n, force_n),
         );
-        let node = |speed: (usize, f64), force: (usize, f64)| {
-            (speed.0 * self.forces_n.len() + force.0, speed.1 * force.1)
-        };
+        let node =
+            |speed: (usize, f64), force: (usize, f64)| (speed.0 * self.forces_n.len() + force.0, speed.1 * force.1);
         [
             node(speed.below(), force.below()),
             node(speed.below(), force.above()),
@@ -113,8 +112,7 @@ impl Axes {
     /// neighbours' distances.
     fn penalty(&self) -> DMatrix<f64> {
         let (speeds, forces) = (self.speeds_mm_s.len(), self.forces_n.len());
-        let mut penalty =
-            DMatrix::from_diagonal_element(speeds * forces, speeds * forces, NEARNESS);
+        let mut penalty = DMatrix::from_diagonal_element(speeds * forces, speeds * forces, NEARNESS);
         let mut join = |one: usize, other: usize, factor: f64| {
             // Adds cost · (x_one - x_other)² to the quadratic form.
             let cost = SMOOTHNESS / factor.ln();
@@ -138,11 +136,7 @@ impl Axes {
                     );
                 }
                 if force + 1 < forces {
-                    join(
-                        node,
-                        node + 1,
-                        self.forces_n[force + 1] / self.forces_n[force],
-                    );
+                    join(node, node + 1, self.forces_n[force + 1] / self.forces_n[force]);
                 }
             }
         }
@@ -219,9 +213,7 @@ impl NodeLevels {
     /// Returns the levels on `axes` that fit those of the `windows`, at least one, best.
     pub fn of(axes: Axes, windows: &[LevelAt]) -> Self {
         let law = MotionLaw::of(windows).expect("there is a window");
-        let prior = axes
-            .nodes()
-            .map(|(speed, force)| law.level_db(speed, force));
+        let prior = axes.nodes().map(|(speed, force)| law.level_db(speed, force));
         let mut levels = Self {
             levels_db: prior.collect(),
             axes,
@@ -240,8 +232,7 @@ impl NodeLevels {
             }
         }
         let factor = matrix.cholesky();
-        let factor =
-            factor.expect("the penalty is positive definite, and so is its sum with squares");
+        let factor = factor.expect("the penalty is positive definite, and so is its sum with squares");
         let off_db = factor.solve(&right);
         (levels.levels_db.iter_mut().zip(&off_db)).for_each(|(level, off)| *level += off);
         levels
@@ -250,10 +241,7 @@ impl NodeLevels {
     /// Returns the level at a motion above zero, as the device plays it, dB.
     pub fn level_db(&self, speed_mm_s: f64, force_n: f64) -> f64 {
         let around = self.axes.around(speed_mm_s, force_n);
-        let mean: f64 = around
-            .iter()
-            .map(|(node, weight)| weight * self.levels_db[*node])
-            .sum();
+        let mean: f64 = around.iter().map(|(node, weight)| weight * self.levels_db[*node]).sum();
         mean + self.axes.fade_db(speed_mm_s, force_n)
     }
 }
@@ -276,34 +264,21 @@ mod tests {
 
     fn motions() -> impl Strategy<Value = Vec<(f64, f64)>> {
         let motion = (20f64.ln()..400f64.ln(), 0.3f64.ln()..4f64.ln());
-        prop::collection::vec(
-            motion.prop_map(|(speed, force)| (speed.exp(), force.exp())),
-            200..300,
-        )
+        prop::collection::vec(motion.prop_map(|(speed, force)| (speed.exp(), force.exp())), 200..300)
     }
 
     #[test]
     fn axes_reach_as_far_as_the_hand_in_steps_that_are_no_finer_than_a_factor() {
-        let hand: Vec<(f64, f64)> = (0..1000)
-            .map(|n| (10.0 + 0.3 * f64::from(n), 1.0))
-            .collect();
+        let hand: Vec<(f64, f64)> = (0..1000).map(|n| (10.0 + 0.3 * f64::from(n), 1.0)).collect();
         let axes = Axes::of(&windows(&hand, |_, _| 0.0));
         assert_eq!(axes.forces_n, [1.0]);
         assert_eq!(axes.speeds_mm_s.len(), MOST.0);
-        assert_eq!(
-            (axes.speeds_mm_s[0], axes.speeds_mm_s[MOST.0 - 1]),
-            (16.0, 300.0)
-        );
+        assert_eq!((axes.speeds_mm_s[0], axes.speeds_mm_s[MOST.0 - 1]), (16.0, 300.0));
         let few: Vec<(f64, f64)> = hand.iter().copied().step_by(125).collect();
         let few = Axes::of(&windows(&few, |_, _| 0.0));
         assert_eq!(few.nodes().count(), 1);
-        let narrow: Vec<(f64, f64)> = (0..100)
-            .map(|n| (100.0 + 0.5 * f64::from(n), 1.0))
-            .collect();
-        assert_eq!(
-            Axes::of(&windows(&narrow, |_, _| 0.0)).speeds_mm_s,
-            [100.0, 150.0]
-        );
+        let narrow: Vec<(f64, f64)> = (0..100).map(|n| (100.0 + 0.5 * f64::from(n), 1.0)).collect();
+        assert_eq!(Axes::of(&windows(&narrow, |_, _| 0.0)).speeds_mm_s, [100.0, 150.0]);
     }
 
     proptest! {

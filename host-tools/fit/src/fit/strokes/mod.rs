@@ -145,9 +145,7 @@ fn distinct(
 /// Returns the findings of triage on `stroke`.
 fn findings(stroke: &Stroke) -> impl Iterator<Item = Warning> {
     let file = portable(&stroke.file);
-    let note = move |verdict: &Verdict| {
-        Warning::of("stroke", ("recording", &file), 0.0, verdict.to_string())
-    };
+    let note = move |verdict: &Verdict| Warning::of("stroke", ("recording", &file), 0.0, verdict.to_string());
     stroke.verdicts.iter().map(note)
 }
 
@@ -159,9 +157,7 @@ fn of_trials(options: &Options, strokes: &[Stroke]) -> Options {
         conditioning: Conditioning {
             reduction: Reduction::Pca,
             // The highest cut-off: below it, not every stroke has a signal.
-            high_pass: cuts_hz
-                .reduce(f64::max)
-                .map_or(HighPass::None, HighPass::At),
+            high_pass: cuts_hz.reduce(f64::max).map_or(HighPass::None, HighPass::At),
         },
         lines: Lines::None,
         floor: FloorChoice::None,
@@ -238,8 +234,7 @@ mod tests {
     /// Returns the levels of the nodes relative to those of the surface, dB.
     fn over_law_db(fit: &Fit) -> Vec<f64> {
         let over = fit.textures[0].grid.nodes().map(|(speed, force, model)| {
-            10.0 * model.output_power.log10()
-                - 20.0 * law(f64::from(speed), f64::from(force)).log10()
+            10.0 * model.output_power.log10() - 20.0 * law(f64::from(speed), f64::from(force)).log10()
         });
         over.collect()
     }
@@ -252,9 +247,7 @@ mod tests {
             ..Options::default()
         };
         let file = |seed: u64| PathBuf::from(format!("{seed}.csv"));
-        let strokes: Vec<_> = (seeds.iter())
-            .map(|&seed| (file(seed), felt(stroke(seed))))
-            .collect();
+        let strokes: Vec<_> = (seeds.iter()).map(|&seed| (file(seed), felt(stroke(seed)))).collect();
         fit_strokes("felt", &strokes, &options, |_| ()).unwrap()
     }
 
@@ -280,19 +273,12 @@ mod tests {
         let mut stuck = stroke(1);
         stuck.axes[0][20_000..20_200].fill(0.7);
         let strokes = [(PathBuf::from("a.csv"), stuck)];
-        let refused = |options: Options| {
-            fit_strokes("felt", &strokes, &options, |_| ())
-                .unwrap_err()
-                .to_string()
-        };
+        let refused = |options: Options| fit_strokes("felt", &strokes, &options, |_| ()).unwrap_err().to_string();
         let strict = refused(Options {
             strict: true,
             ..Options::default()
         });
-        assert!(
-            strict.starts_with("a.csv: ") && strict.contains("--strict"),
-            "{strict}"
-        );
+        assert!(strict.starts_with("a.csv: ") && strict.contains("--strict"), "{strict}");
         let subtracted = refused(Options {
             floor: FloorChoice::Subtract,
             ..Options::default()
@@ -311,9 +297,6 @@ mod tests {
         lifted.force_n.fill(0.0);
         let strokes = [(PathBuf::from("a.csv"), lifted)];
         let refused = fit_strokes("felt", &strokes, &Options::default(), |_| ()).unwrap_err();
-        assert!(
-            refused.to_string().contains("record longer strokes"),
-            "{refused}"
-        );
+        assert!(refused.to_string().contains("record longer strokes"), "{refused}");
     }
 }

@@ -38,12 +38,7 @@ const PATH_STEP: usize = 10;
 const LEVELS_OVER_CUT: f64 = 2.0;
 
 /// Findings of triage that are normal for a hand, which moves, rests and lifts.
-const BY_HAND: [Kind; 4] = [
-    Kind::PartlySilent,
-    Kind::Tap,
-    Kind::LevelChange,
-    Kind::Wandering,
-];
+const BY_HAND: [Kind; 4] = [Kind::PartlySilent, Kind::Tap, Kind::LevelChange, Kind::Wandering];
 
 /// Seed of the noise that is played along strokes.
 const SEED: u64 = 1;
@@ -93,17 +88,12 @@ impl Stroke {
             .flat_map(|run| without(&(at_rate(run.start)..at_rate(run.end)), &cut));
         let moving: Vec<Range<usize>> = moving.filter(|run| run.len() >= WINDOW).collect();
         let at_samples = |values: &[f64]| {
-            let of = |sample: usize| {
-                values[((sample as f64 / per_sample) as usize).min(values.len() - 1)]
-            };
+            let of = |sample: usize| values[((sample as f64 / per_sample) as usize).min(values.len() - 1)];
             averaged(&(0..signal.len()).map(of).collect::<Vec<_>>())
         };
         let speeds = at_samples(&recording.speed_mm_s);
         Ok(Self {
-            motion: speeds
-                .into_iter()
-                .zip(at_samples(&recording.force_n))
-                .collect(),
+            motion: speeds.into_iter().zip(at_samples(&recording.force_n)).collect(),
             moving,
             signal,
             is_simulated: recording.is_simulated,
@@ -117,8 +107,7 @@ impl Stroke {
     pub fn windows(&self, silence_m_s2: f64) -> Vec<LevelAt> {
         let signal = self.for_levels(self.signal.clone());
         let window_at = |window: Range<usize>| {
-            let (speeds, forces): (Vec<f64>, Vec<f64>) =
-                self.motion[window.clone()].iter().copied().unzip();
+            let (speeds, forces): (Vec<f64>, Vec<f64>) = self.motion[window.clone()].iter().copied().unzip();
             let power = energy(&signal[window]) / WINDOW as f64;
             (power > silence_m_s2.powi(2)).then(|| LevelAt {
                 speed_mm_s: mean(&speeds),
@@ -175,9 +164,7 @@ impl Stroke {
         self.moving.iter().flat_map(|run| {
             // No run is shorter than a window; see `Stroke::of`.
             let last = run.end - WINDOW;
-            (run.start..=last)
-                .step_by(WINDOW)
-                .map(|start| start..start + WINDOW)
+            (run.start..=last).step_by(WINDOW).map(|start| start..start + WINDOW)
         })
     }
 }
@@ -233,16 +220,8 @@ mod tests {
         let mean = averaged(&ramp);
         assert_eq!(mean.len(), ramp.len());
         for at in STEADY..900 {
-            assert!(
-                (mean[at] - ramp[at]).abs() <= 0.5 + 1e-9,
-                "{at}: {}",
-                mean[at]
-            );
+            assert!((mean[at] - ramp[at]).abs() <= 0.5 + 1e-9, "{at}: {}", mean[at]);
         }
-        assert!(
-            averaged(&[3.0; 7])
-                .iter()
-                .all(|value| (value - 3.0).abs() < 1e-12)
-        );
+        assert!(averaged(&[3.0; 7]).iter().all(|value| (value - 3.0).abs() < 1e-12));
     }
 }

@@ -101,10 +101,7 @@ impl Projection {
         let determinant = cc * ss - cs * cs;
         // If both waves are linearly dependent, only the first is used.
         let (cosine, sine) = if determinant > 1e-12 * cc * ss {
-            (
-                (ss * cx - cs * sx) / determinant,
-                (cc * sx - cs * cx) / determinant,
-            )
+            ((ss * cx - cs * sx) / determinant, (cc * sx - cs * cx) / determinant)
         } else {
             (cx / cc, 0.0)
         };
@@ -184,8 +181,7 @@ fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
     padded.resize(len, 0.0);
     let spectrum = fourier::forward(&mut padded);
     // An offset, in the bin at 0 Hz, is no line.
-    let loudest = (1..spectrum.len())
-        .max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()));
+    let loudest = (1..spectrum.len()).max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()));
     loudest.unwrap_or(1) as f64 * rate_hz / len as f64
 }
 
@@ -226,15 +222,11 @@ pub fn onsets(samples: &[f64], rate_hz: f64) -> Vec<usize> {
         }
         if last_loud.is_none_or(|last| at - last > quiet) {
             let end = (at + rise).min(samples.len());
-            let peak = samples[at..end]
-                .iter()
-                .fold(0.0f64, |peak, x| peak.max(x.abs()));
+            let peak = samples[at..end].iter().fold(0.0f64, |peak, x| peak.max(x.abs()));
             let least = (3.0 * noise).max(SHARE_AT_ONSET * peak);
             // An onset is after the last loud sample of the impact before it, and at most the longest rise before its
             // own.
-            let floor = last_loud
-                .map_or(0, |last| last + 1)
-                .max(at.saturating_sub(rise));
+            let floor = last_loud.map_or(0, |last| last + 1).max(at.saturating_sub(rise));
             let before = (floor..at).rev().find(|&n| samples[n].abs() <= least);
             found.push(before.unwrap_or(at));
         }

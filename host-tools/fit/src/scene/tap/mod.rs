@@ -16,9 +16,7 @@ mod tests;
 use std::io::Read;
 use std::path::Path;
 
-use model_format::scene::limits::{
-    MAX_TAP_GAIN, MAX_TAP_M_S2, MAX_TAP_SHARE_OF_RATE, MIN_TAP_HZ, TAP_DECAY_S,
-};
+use model_format::scene::limits::{MAX_TAP_GAIN, MAX_TAP_M_S2, MAX_TAP_SHARE_OF_RATE, MIN_TAP_HZ, TAP_DECAY_S};
 use serde::Serialize;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::ContactThreshold;
@@ -126,8 +124,7 @@ impl Taps {
     /// sample value of 1 means; if not given, the header's, or 1.
     pub fn read(path: &Path, scale_m_s2: Option<f64>, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
-        let unusable =
-            |error: crate::dsp::reduction::NoSuchAxis| Error::file(path, error.to_string());
+        let unusable = |error: crate::dsp::reduction::NoSuchAxis| Error::file(path, error.to_string());
         if recording::Kind::of(path) == Some(recording::Kind::Table) && has_force(path)? {
             let mut recording = freehand::read(path, None, scale_m_s2)?;
             let notes = recording.notes(path);
@@ -150,11 +147,7 @@ impl Taps {
         };
         let mut samples = recording::read(&trial)?;
         let reduced = reduce(&mut samples.axes, reduction).map_err(unusable)?;
-        let notes = samples
-            .account
-            .remarks
-            .iter()
-            .chain(&samples.account.doubts);
+        let notes = samples.account.remarks.iter().chain(&samples.account.doubts);
         Ok(Self {
             name,
             samples_m_s2: reduced.signal,
@@ -163,9 +156,7 @@ impl Taps {
             is_outlier: Vec::new(),
             force_rate_n_s: None,
             is_simulated: false,
-            notes: notes
-                .map(|note| format!("{}: {note}", path.display()))
-                .collect(),
+            notes: notes.map(|note| format!("{}: {note}", path.display())).collect(),
         })
     }
 
@@ -218,9 +209,7 @@ impl Taps {
             .collect();
         let residuals = tried.iter().map(|(_, ringing)| ringing.residual);
         let least = residuals.fold(f64::INFINITY, f64::min);
-        let fits = |(_, ringing): &&(usize, Ringing)| {
-            ringing.residual <= NEARLY_AS_WELL * least + NEGLIGIBLE_RESIDUAL
-        };
+        let fits = |(_, ringing): &&(usize, Ringing)| ringing.residual <= NEARLY_AS_WELL * least + NEGLIGIBLE_RESIDUAL;
         *tried.iter().find(fits).expect("one has the least residual")
     }
 
@@ -299,10 +288,7 @@ fn gain_through_origin(rated: &[(f64, f64)]) -> Option<(f64, f64)> {
         return None;
     }
     let gain = product / square;
-    let off: f64 = rated
-        .iter()
-        .map(|(rate, a)| (a - gain * rate).powi(2))
-        .sum();
+    let off: f64 = rated.iter().map(|(rate, a)| (a - gain * rate).powi(2)).sum();
     let all: f64 = rated.iter().map(|(_, a)| a * a).sum();
     Some((gain, (off / all).sqrt()))
 }

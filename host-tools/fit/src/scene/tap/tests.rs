@@ -10,13 +10,7 @@ use test_helpers::near;
 const RATE_HZ: f64 = 5000.0;
 
 /// Makes samples with taps of one frequency and decay in noise; `taps` holds the onset (s) and amplitude of each.
-fn made(
-    frequency_hz: f64,
-    decay_s: f64,
-    taps: &[(f64, f64)],
-    noise_rms: f64,
-    seed: u64,
-) -> Vec<f64> {
+fn made(frequency_hz: f64, decay_s: f64, taps: &[(f64, f64)], noise_rms: f64, seed: u64) -> Vec<f64> {
     let end_s = taps.last().unwrap().0 + 0.5;
     let generator = rand_pcg::Pcg64::seed_from_u64(seed);
     let noise = StandardNormal.sample_iter(generator);
@@ -54,13 +48,7 @@ fn recording(samples_m_s2: Vec<f64>) -> Taps {
 #[test]
 fn noise_at_the_onset_does_not_spoil_the_fit() {
     let (frequency_hz, decay_s) = (673.002_495_331_562_7, 0.003);
-    let samples = made(
-        frequency_hz,
-        decay_s,
-        &[(0.2, 1.0)],
-        0.01,
-        6_106_194_692_089_818_276,
-    );
+    let samples = made(frequency_hz, decay_s, &[(0.2, 1.0)], 0.01, 6_106_194_692_089_818_276);
     assert_eq!(onsets(&samples, RATE_HZ), [999]);
     let found = TapFit::new(&[recording(samples)]).unwrap();
     assert_eq!(found.impacts[0].time_s, 0.2);
@@ -177,10 +165,7 @@ fn an_impact_near_a_value_out_of_range_is_left_out() {
         ..recording(samples)
     };
     let found = TapFit::new(&[taps]).unwrap();
-    let counted = found
-        .impacts
-        .iter()
-        .filter(|impact| impact.left_out.is_none());
+    let counted = found.impacts.iter().filter(|impact| impact.left_out.is_none());
     let times_s: Vec<f64> = counted.map(|impact| impact.time_s).collect();
     assert_eq!(times_s.len(), 1, "{found:?}");
     near(times_s[0], 0.2, 1e-3);

@@ -26,9 +26,7 @@ impl Calibration {
         let of_settings = settings.acceleration_per_volt().map(f64::from);
         Self {
             acceleration_zero: settings.acceleration_zero().map(|code| f64::from(code.0)),
-            m_s2_per_code: m_s2_per_volt
-                .unwrap_or(of_settings)
-                .map(|scale| scale * volt_per_code),
+            m_s2_per_code: m_s2_per_volt.unwrap_or(of_settings).map(|scale| scale * volt_per_code),
             force_zero: f64::from(settings.force_zero().0),
             n_per_code: f64::from(settings.get(Setting::ForcePerVolt)) * volt_per_code,
             mm_per_count: f64::from(settings.get(Setting::PathPerCount)),

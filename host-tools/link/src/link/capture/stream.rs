@@ -58,9 +58,7 @@ impl<'a> Stream<'a> {
             due: None,
             is_running: true,
         };
-        if started.block_samples as usize == BLOCK_SAMPLES
-            && RATES_HZ.contains(&f64::from(started.sample_rate_hz))
-        {
+        if started.block_samples as usize == BLOCK_SAMPLES && RATES_HZ.contains(&f64::from(started.sample_rate_hz)) {
             Ok(stream)
         } else {
             Err(device.not_verified(format!(
@@ -97,10 +95,9 @@ impl<'a> Stream<'a> {
             if self.is_running && !self.device.status()?.record.recording {
                 // A stop now could end a recording that the other program has begun since.
                 self.is_running = false;
-                return Err(self.device.not_verified(
-                    "the recording was stopped over the stylus's other link: record again"
-                        .to_owned(),
-                ));
+                return Err(self
+                    .device
+                    .not_verified("the recording was stopped over the stylus's other link: record again".to_owned()));
             }
             return Ok(None);
         };
@@ -109,9 +106,7 @@ impl<'a> Stream<'a> {
     }
 
     fn arrival(&mut self, block: &RecordBlock) -> Arrival {
-        let is_continuous = self
-            .due
-            .is_none_or(|due| due == (block.sequence, block.first_tick));
+        let is_continuous = self.due.is_none_or(|due| due == (block.sequence, block.first_tick));
         let next_tick = block.first_tick + BLOCK_SAMPLES as u64;
         self.due = Some((block.sequence.wrapping_add(1), next_tick));
         self.torn += block.torn.count_ones();

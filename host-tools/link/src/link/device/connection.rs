@@ -6,8 +6,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    ANSWER_TIMEOUT_MS, DeviceInfo, FLASH_TIMEOUT_MS, InfoEndpoint, MotionEndpoint, MotionSample,
-    MotionSource, Status, StatusEndpoint,
+    ANSWER_TIMEOUT_MS, DeviceInfo, FLASH_TIMEOUT_MS, InfoEndpoint, MotionEndpoint, MotionSample, MotionSource, Status,
+    StatusEndpoint,
 };
 use postcard_rpc::host_client::HostErr;
 use postcard_rpc::standard_icd::WireError;
@@ -41,10 +41,7 @@ pub(super) const BUSY_INTERVAL: Duration = Duration::from_millis(50);
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A request to the device, whose types can be sent and received.
-pub(super) trait Ask:
-    Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema>
-{
-}
+pub(super) trait Ask: Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema> {}
 
 impl<E: Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema>> Ask for E {}
 
@@ -89,9 +86,7 @@ impl Device {
         let (requester, info) = loop {
             match runtime.block_on(Self::identify(address, timeouts, is_any)) {
                 Ok(identified) => break identified,
-                Err(LinkError::Busy { .. } | LinkError::Lost { .. })
-                    if begin.elapsed() < PATIENCE =>
-                {
+                Err(LinkError::Busy { .. } | LinkError::Lost { .. }) if begin.elapsed() < PATIENCE => {
                     thread::sleep(RETRY_INTERVAL);
                 }
                 Err(failure) => return Err(runtime.block_on(explained(failure, address))),
@@ -106,11 +101,7 @@ impl Device {
         })
     }
 
-    async fn identify(
-        address: &LinkAddress,
-        timeouts: Timeouts,
-        is_any: bool,
-    ) -> Result<(Requester, DeviceInfo)> {
+    async fn identify(address: &LinkAddress, timeouts: Timeouts, is_any: bool) -> Result<(Requester, DeviceInfo)> {
         let health = Arc::new(Health::default());
         let requester = Requester {
             client: open(address, &health).await?,
@@ -192,25 +183,16 @@ impl Device {
         T: Topic,
         T::Message: Serialize,
     {
-        self.runtime()
-            .block_on(self.requester.publish::<T>(message))
+        self.runtime().block_on(self.requester.publish::<T>(message))
     }
 
     /// Makes a request that does not touch the flash. `name` names the request in errors.
-    pub(super) fn request<E: Ask>(
-        &self,
-        name: &'static str,
-        request: &E::Request,
-    ) -> Result<E::Response> {
+    pub(super) fn request<E: Ask>(&self, name: &'static str, request: &E::Request) -> Result<E::Response> {
         self.request_within::<E>(name, self.requester.timeouts.answer, request)
     }
 
     /// Makes a request that may read, erase or write flash, and repeats it while the flash is busy with an earlier one.
-    pub(super) fn request_flash<E: Ask>(
-        &self,
-        name: &'static str,
-        request: &E::Request,
-    ) -> Result<E::Response> {
+    pub(super) fn request_flash<E: Ask>(&self, name: &'static str, request: &E::Request) -> Result<E::Response> {
         let timeout = self.requester.timeouts.flash;
         let mut limit = self.limit(timeout);
         loop {

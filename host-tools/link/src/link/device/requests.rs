@@ -4,14 +4,12 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    ActivateEndpoint, Activated, Activity, CycleReport, CyclesEndpoint, KeepAliveTopic,
-    ListEndpoint, ListRequest, ListSceneEndpoint, MotionSample, MotionTopic, OutputStatus,
-    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic,
-    RecordStartEndpoint, RecordStarted, RecordStopEndpoint, RecordStopped, SceneInfo,
-    SelfTestEndpoint, SelfTestRequest, SelfTestValues, SettingChange, Settings,
-    SettingsApplyEndpoint, SettingsChange, SettingsGetEndpoint, SettingsProposal,
-    SettingsProposeEndpoint, SlotId, SlotInfo, SlotState, Slots, SlotsEndpoint, StopEndpoint,
-    StopError, TextureInfo,
+    ActivateEndpoint, Activated, Activity, CycleReport, CyclesEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
+    ListSceneEndpoint, MotionSample, MotionTopic, OutputStatus, PlayEndpoint, PlayError, PlayRequest, Playing,
+    RecordBlock, RecordBlockTopic, RecordStartEndpoint, RecordStarted, RecordStopEndpoint, RecordStopped, SceneInfo,
+    SelfTestEndpoint, SelfTestRequest, SelfTestValues, SettingChange, Settings, SettingsApplyEndpoint, SettingsChange,
+    SettingsGetEndpoint, SettingsProposal, SettingsProposeEndpoint, SlotId, SlotInfo, SlotState, Slots, SlotsEndpoint,
+    StopEndpoint, StopError, TextureInfo,
 };
 use postcard_rpc::host_client::{MultiSubRxError, MultiSubscription};
 use serde::Serialize;
@@ -190,14 +188,12 @@ impl Device {
 
     /// Sends a motion without waiting for an acknowledgement.
     pub fn publish_motion(&self, sample: MotionSample) -> Result<()> {
-        self.runtime()
-            .block_on(self.requester.publish::<MotionTopic>(&sample))
+        self.runtime().block_on(self.requester.publish::<MotionTopic>(&sample))
     }
 
     /// Sends a keep-alive, which shows the device that the host still runs.
     pub fn keep_alive(&self) -> Result<()> {
-        self.runtime()
-            .block_on(self.requester.publish::<KeepAliveTopic>(&()))
+        self.runtime().block_on(self.requester.publish::<KeepAliveTopic>(&()))
     }
 }
 
@@ -233,11 +229,7 @@ pub(in crate::link) struct Blocks {
 
 impl Blocks {
     /// Returns the next block, or `None` if none arrives within `within`.
-    pub(in crate::link) fn next(
-        &mut self,
-        device: &Device,
-        within: Duration,
-    ) -> Result<Option<RecordBlock>> {
+    pub(in crate::link) fn next(&mut self, device: &Device, within: Duration) -> Result<Option<RecordBlock>> {
         let next = async {
             loop {
                 match self.subscription.recv().await {
@@ -283,8 +275,7 @@ impl Device {
             Ok(proposal)
         } else {
             Err(self.not_verified(
-                "the device proposed another change of settings than this one: propose it again"
-                    .to_owned(),
+                "the device proposed another change of settings than this one: propose it again".to_owned(),
             ))
         }
     }
@@ -407,10 +398,6 @@ impl Device {
                 scenes,
             })
         };
-        SlotId::ALL
-            .into_iter()
-            .zip(both.slots.clone())
-            .map(of_slot)
-            .collect()
+        SlotId::ALL.into_iter().zip(both.slots.clone()).map(of_slot).collect()
     }
 }

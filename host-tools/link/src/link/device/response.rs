@@ -1,9 +1,8 @@
 //! Requests about probes, and about the actuator's response that probes measure.
 
 use model_format::link::{
-    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, Response,
-    ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
-    ResponseState, waveform_crc32,
+    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, Response, ResponseChange,
+    ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint, ResponseState, waveform_crc32,
 };
 
 use super::connection::Device;
@@ -36,9 +35,7 @@ impl Device {
         if id == response.id() {
             Ok(id)
         } else {
-            Err(self.not_verified(
-                "the device took another response than this one: propose it again".to_owned(),
-            ))
+            Err(self.not_verified("the device took another response than this one: propose it again".to_owned()))
         }
     }
 
@@ -54,9 +51,7 @@ impl Device {
         if state.stored.as_ref().map(|stored| stored.id) == wanted {
             Ok(state)
         } else {
-            Err(self.not_verified(
-                "the response was changed, but another one reads back: change it again".to_owned(),
-            ))
+            Err(self.not_verified("the response was changed, but another one reads back: change it again".to_owned()))
         }
     }
 }

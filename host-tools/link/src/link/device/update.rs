@@ -1,8 +1,8 @@
 //! Requests of an update. [`crate::link::update`] combines them.
 
 use model_format::link::{
-    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateReport,
-    UpdateStateEndpoint, UploadProgress,
+    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateReport, UpdateStateEndpoint,
+    UploadProgress,
 };
 
 use super::connection::Device;

@@ -7,9 +7,8 @@ use std::task::{Context, Poll};
 use std::thread;
 
 use model_format::link::{
-    MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
-    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
-    UploadProgressEndpoint, UploadState,
+    MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress, UploadProgressEndpoint, UploadState,
 };
 
 use postcard_rpc::standard_icd::WireError;
@@ -64,22 +63,15 @@ impl Device {
     /// # Errors
     /// A refusal, a lost link or a missing answer. Chunks may still be on their way then. The device processes them
     /// before it answers another request about the upload.
-    pub fn upload_chunks(
-        &self,
-        library: &[u8],
-        from: u32,
-        mut progress: impl FnMut(u32),
-    ) -> Result<()> {
+    pub fn upload_chunks(&self, library: &[u8], from: u32, mut progress: impl FnMut(u32)) -> Result<()> {
         let mut limit = self.limit(self.timeouts().flash);
         let mut at = from as usize;
         while at < library.len() {
-            let sent = self
-                .runtime()
-                .block_on(self.send_window(library, at, |next| {
-                    // Each answered chunk is progress, so the wait for a full queue begins anew.
-                    (at, limit) = (next as usize, self.limit(self.timeouts().flash));
-                    progress(next);
-                }));
+            let sent = self.runtime().block_on(self.send_window(library, at, |next| {
+                // Each answered chunk is progress, so the wait for a full queue begins anew.
+                (at, limit) = (next as usize, self.limit(self.timeouts().flash));
+                progress(next);
+            }));
             match sent {
                 // Jobs of another link may be in the device's queue.
                 Err(LinkError::Frame {
@@ -94,12 +86,7 @@ impl Device {
 
     /// Sends chunks like [`Self::upload_chunks`], but only up to the first failure. By then all outstanding answers
     /// have arrived, unless the link has failed.
-    async fn send_window(
-        &self,
-        library: &[u8],
-        from: usize,
-        mut progress: impl FnMut(u32),
-    ) -> Result<()> {
+    async fn send_window(&self, library: &[u8], from: usize, mut progress: impl FnMut(u32)) -> Result<()> {
         let timeout = self.timeouts().flash;
         let mut rest = library[from..].chunks(MAX_CHUNK_BYTES);
         let mut next = from as u32;
@@ -112,11 +99,7 @@ impl Device {
                 next += data.len() as u32;
                 let answer = async move {
                     let chunk = UploadChunk { offset, data };
-                    let answer = (self.requester).request::<UploadChunkEndpoint<'_>>(
-                        "upload chunk",
-                        timeout,
-                        &chunk,
-                    );
+                    let answer = (self.requester).request::<UploadChunkEndpoint<'_>>("upload chunk", timeout, &chunk);
                     Ok(answer.await??)
                 };
                 chunks.push_back(OnItsWay::Waiting(Box::pin(answer)));

@@ -44,8 +44,7 @@ impl Coil {
 
     /// Hard limit at which a constant output just reaches the power limit, V.
     pub fn hard_limit_of_power(&self) -> f64 {
-        (f64::from(self.power_limit) * f64::from(self.resistance)).sqrt()
-            / f64::from(self.amplifier_gain)
+        (f64::from(self.power_limit) * f64::from(self.resistance)).sqrt() / f64::from(self.amplifier_gain)
     }
 
     /// Consequences of the values, one line each.

@@ -108,9 +108,7 @@ impl ForceScale {
         let most = |codes: f64, one: f64| f64::max(codes, (one / codes_per_n).abs());
         // The order of the weights is the same backwards, so each pair has the same weight.
         let back = measured.iter().zip(measured.iter().rev());
-        let hysteresis_n = back
-            .map(|(up, down)| codes(up) - codes(down))
-            .fold(0.0, most);
+        let hysteresis_n = back.map(|(up, down)| codes(up) - codes(down)).fold(0.0, most);
         let line = |one: &Weighed| mean_codes + codes_per_n * (force(one) - mean_n);
         let residuals = measured.iter().map(|one| codes(one) - line(one));
         let residual_n = residuals.fold(0.0, most);
@@ -213,9 +211,6 @@ mod tests {
         assert!(matches!(of(0.0, -1_500.0), Err(ForceFault::NotLinear(..))));
         let numb = ForceScale::of(&measured(&[100.0], 200.0, 0.0, 0.0));
         assert!(matches!(numb, Err(ForceFault::Insensitive(..))));
-        assert!(matches!(
-            ForceScale::of(&[]),
-            Err(ForceFault::Insensitive(..))
-        ));
+        assert!(matches!(ForceScale::of(&[]), Err(ForceFault::Insensitive(..))));
     }
 }

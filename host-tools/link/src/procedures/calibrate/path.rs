@@ -32,11 +32,7 @@ impl Travel {
     ///
     /// # Errors
     /// A lost link, a texture or scene that is playing, or a recording with holes.
-    pub fn record(
-        device: &Device,
-        begun: impl FnOnce(),
-        mut ended: impl FnMut() -> bool,
-    ) -> LinkResult<Self> {
+    pub fn record(device: &Device, begun: impl FnOnce(), mut ended: impl FnMut() -> bool) -> LinkResult<Self> {
         refuse_if_playing(device)?;
         let mut stream = Stream::start(device)?;
         begun();
@@ -49,8 +45,7 @@ impl Travel {
             }
             let arrival = stream.wait()?;
             if !arrival.is_continuous {
-                let what =
-                    "counts were lost on the way to this computer: calibrate again, over USB";
+                let what = "counts were lost on the way to this computer: calibrate again, over USB";
                 return Err(device.not_verified(what.to_owned()));
             }
             for sample in arrival.samples {
@@ -85,9 +80,7 @@ pub enum PathFault {
     )]
     TooFew(i64),
     /// Both movements were counted in one direction.
-    #[error(
-        "there and back were counted in the same direction: move back to the beginning the second time"
-    )]
+    #[error("there and back were counted in the same direction: move back to the beginning the second time")]
     SameDirection,
     /// Over a distance of the first number of counts, the second number was counted in both directions together.
     #[error(
@@ -196,14 +189,8 @@ mod tests {
         assert!(of(straight(10_000), straight(-9_900)).is_ok());
         let slipped = of(straight(10_000), straight(-9_500));
         assert!(matches!(slipped, Err(PathFault::Unequal(..))));
-        assert_eq!(
-            of(straight(900), straight(900)),
-            Err(PathFault::SameDirection)
-        );
-        assert!(matches!(
-            of(straight(0), straight(0)),
-            Err(PathFault::TooFew(..))
-        ));
+        assert_eq!(of(straight(900), straight(900)), Err(PathFault::SameDirection));
+        assert!(matches!(of(straight(0), straight(0)), Err(PathFault::TooFew(..))));
         let one_wire = Travel {
             counts: 1,
             walked: 9_001,

@@ -32,23 +32,14 @@ pub struct AtRest {
 }
 
 /// Names of the sensors, in the order of [`AtRest`].
-const SENSORS: [&str; 4] = [
-    "acceleration X",
-    "acceleration Y",
-    "acceleration Z",
-    "force",
-];
+const SENSORS: [&str; 4] = ["acceleration X", "acceleration Y", "acceleration Z", "force"];
 
 impl AtRest {
     /// Measures a stylus at rest for `seconds`. Returns `None` if `goes_on` returned false before the end.
     ///
     /// # Errors
     /// A lost link, a texture or scene that is playing, or a recording with holes.
-    pub fn measure(
-        device: &Device,
-        seconds: f64,
-        goes_on: impl FnMut() -> bool,
-    ) -> Result<Option<Self>> {
+    pub fn measure(device: &Device, seconds: f64, goes_on: impl FnMut() -> bool) -> Result<Option<Self>> {
         refuse_if_playing(device)?;
         let captured = capture(device, seconds, 0.1, goes_on, |_, _, _| ())?;
         Ok(captured.map(|Capture { samples, .. }| Self::of(&samples)))
@@ -99,11 +90,7 @@ impl AtRest {
             if !sensors.contains(&sensor) {
                 continue;
             }
-            let (mean, deviation, drift) = (
-                self.mean[sensor],
-                self.deviation[sensor],
-                self.drift[sensor],
-            );
+            let (mean, deviation, drift) = (self.mean[sensor], self.deviation[sensor], self.drift[sensor]);
             if mean < rail || mean > f64::from(u16::MAX) - rail {
                 faults.push(format!(
                     "{name} is at a rail of the converter, code {mean:.0}: check its wiring, its supply and its zero"
@@ -217,20 +204,12 @@ mod tests {
         assert!((quiet.mean[3] - 4_100.5).abs() < 1e-9 && quiet.deviation[3] < 3.0);
         for (codes, noise, step, words) in [
             ([32_768, 32_000, 33_000, 3], 9, 0, "force is at a rail"),
-            (
-                [32_768, 65_520, 33_000, 4_096],
-                9,
-                0,
-                "acceleration Y is at a rail",
-            ),
+            ([32_768, 65_520, 33_000, 4_096], 9, 0, "acceleration Y is at a rail"),
             ([32_768, 32_000, 33_000, 4_096], 900, 0, "noise of"),
             ([32_768, 32_000, 33_000, 4_096], 9, 1, "encoder moved"),
         ] {
             let faults = AtRest::of(&samples(codes, noise, step)).faults(&(0..4));
-            assert!(
-                faults.iter().any(|fault| fault.contains(words)),
-                "{faults:?}"
-            );
+            assert!(faults.iter().any(|fault| fault.contains(words)), "{faults:?}");
         }
         let mut drifting = samples([32_768, 32_000, 33_000, 4_096], 9, 0);
         for (n, sample) in drifting.iter_mut().enumerate() {
@@ -253,10 +232,7 @@ mod tests {
         };
         let (pose, opposite) = (at([3.0, -9.0, 2.5]), at([-3.0, 9.0, -2.5]));
         let zeros = acceleration_zeros(&pose, &opposite, &settings).expect("they are opposite");
-        assert_eq!(
-            zeros.map(|change| change.value),
-            [32_000.0, 32_100.0, 32_200.0]
-        );
+        assert_eq!(zeros.map(|change| change.value), [32_000.0, 32_100.0, 32_200.0]);
         let refused = acceleration_zeros(&pose, &pose, &settings);
         assert!(refused.is_err_and(|words| words.contains("gravity of 0.00")));
     }

@@ -47,12 +47,7 @@ pub fn calibrate(
 ) -> Result<Calibrated> {
     let identified = identify(bench, options, heard)?;
     let bounds = Bounds::of(bench.settings());
-    let design = design(
-        &identified.measured,
-        &bounds,
-        options,
-        identified.fit.is_positive,
-    )?;
+    let design = design(&identified.measured, &bounds, options, identified.fit.is_positive)?;
     // The device plays the proof through the proposal, and stores only what was proposed.
     let mut response = record(bench, &identified, &design, measured_at)?;
     bench.propose(&response)?;
@@ -64,10 +59,7 @@ pub fn calibrate(
             .iter()
             .map(|&(hz, level)| (hz, level + gain_db))
             .collect();
-        (
-            points,
-            Flatness::of(design.band_hz, |hz| curve.level_db(hz) + gain_db),
-        )
+        (points, Flatness::of(design.band_hz, |hz| curve.level_db(hz) + gain_db))
     };
     heard("through the equaliser");
     let after = prove(bench, &bounds, &design, options)?;
@@ -97,12 +89,7 @@ pub fn calibrate(
 }
 
 /// Returns the response in the form that the device stores, without the proof's figures.
-fn record(
-    bench: &impl Bench,
-    identified: &Identified,
-    design: &Design,
-    measured_at: u64,
-) -> Result<Response> {
+fn record(bench: &impl Bench, identified: &Identified, design: &Design, measured_at: u64) -> Result<Response> {
     let (settings, fit) = (bench.settings(), &identified.fit);
     let bands = identified.measured.bands();
     let sections = |of: usize| Sections::new(&design.sections[of]).unwrap_or(Sections::NONE);
@@ -153,15 +140,9 @@ fn prove(
     };
     let volts = peak_m_s2 * design.output_gain;
     let played = usable(bench.play(&probe)?, volts)?;
-    let measured = Measured::of(
-        &Spectra::of(&played.axes),
-        &wave,
-        peak_m_s2,
-        &options.bandwidths,
-    );
-    let measured = measured.ok_or_else(|| {
-        Verdict::NothingMoves.failure(format!("nothing moves at {volts:.3} V of peak"))
-    })?;
+    let measured = Measured::of(&Spectra::of(&played.axes), &wave, peak_m_s2, &options.bandwidths);
+    let measured =
+        measured.ok_or_else(|| Verdict::NothingMoves.failure(format!("nothing moves at {volts:.3} V of peak")))?;
     let curve = response(&measured)?;
     let at_ten = |hz: f64| {
         let of = |at: usize, rate: PlayRate| cascade_db(&design.sections[at], rate.hz().into(), hz);
@@ -171,10 +152,6 @@ fn prove(
     let ten = Flatness::of(design.band_hz, |hz| curve.level_db(hz) + at_ten(hz));
     // Only the equaliser for 5 kHz is played. The one for 10 kHz differs from it by its design, which is known. The
     // worse of the two must pass.
-    let worse = if ten.worst_db > five.worst_db {
-        ten
-    } else {
-        five
-    };
+    let worse = if ten.worst_db > five.worst_db { ten } else { five };
     Ok((curve.points().to_vec(), worse))
 }

@@ -50,20 +50,14 @@ impl Checked {
         }
         match self.resonance_hz {
             Some(hz) if (hz / then_hz - 1.0).abs() < RESONANCE => {}
-            Some(hz) => moved.push(format!(
-                "the resonance has moved from {then_hz:.1} to {hz:.1} Hz"
-            )),
+            Some(hz) => moved.push(format!("the resonance has moved from {then_hz:.1} to {hz:.1} Hz")),
             None => moved.push(format!("the resonance of {then_hz:.1} Hz is not found")),
         }
         if axis_deg > AXIS_DEG {
-            moved.push(format!(
-                "the direction of motion has turned by {axis_deg:.0} degrees"
-            ));
+            moved.push(format!("the direction of motion has turned by {axis_deg:.0} degrees"));
         }
         // A moved resonance changes bands, too. A band is named only if nothing else explains it.
-        if let Some((band, off_db)) =
-            worst_band.filter(|worst| worst.1.abs() > BAND_DB && moved.is_empty())
-        {
+        if let Some((band, off_db)) = worst_band.filter(|worst| worst.1.abs() > BAND_DB && moved.is_empty()) {
             let hz = crate::dsp::response::band_centre_hz(band);
             moved.push(format!(
                 "the level around {hz:.0} Hz has changed by {off_db:+.1} dB beside the others"
@@ -74,11 +68,7 @@ impl Checked {
 }
 
 /// Compares an actuator with its `stored` response.
-pub fn check(
-    bench: &mut impl Bench,
-    stored: &Response,
-    bandwidths: &Bandwidths,
-) -> Result<Checked> {
+pub fn check(bench: &mut impl Bench, stored: &Response, bandwidths: &Bandwidths) -> Result<Checked> {
     let bounds = Bounds::of(bench.settings());
     let wave = excitation();
     let volts = SHARE * bounds.volts(&wave.samples, SHARE_OF_RMS);
@@ -100,14 +90,10 @@ pub fn check(
             seconds: bench.seconds(),
         });
     };
-    let bands: Vec<(usize, f64)> = (measured
-        .bands()
-        .iter()
-        .zip(stored.bands_centi_db)
-        .enumerate())
-    .filter(|&(band, (now, _))| now.trusted && stored.trusted_bands >> band & 1 == 1)
-    .map(|(band, (now, then))| (band, now.level_db - f64::from(then) / 100.0))
-    .collect();
+    let bands: Vec<(usize, f64)> = (measured.bands().iter().zip(stored.bands_centi_db).enumerate())
+        .filter(|&(band, (now, _))| now.trusted && stored.trusted_bands >> band & 1 == 1)
+        .map(|(band, (now, then))| (band, now.level_db - f64::from(then) / 100.0))
+        .collect();
     let mut changes: Vec<f64> = bands.iter().map(|&(_, change)| change).collect();
     changes.sort_by(f64::total_cmp);
     // The median, because a resonance that has moved changes some of the bands by much more than the gain.

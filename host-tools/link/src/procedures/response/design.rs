@@ -66,12 +66,7 @@ pub(super) fn response(measured: &Measured) -> Result<Response> {
 ///
 /// # Errors
 /// A response with too few trusted lines, limits that leave too little of the band, or an output gain out of its range.
-pub(super) fn design(
-    measured: &Measured,
-    bounds: &Bounds,
-    options: &Options,
-    is_positive: bool,
-) -> Result<Design> {
+pub(super) fn design(measured: &Measured, bounds: &Bounds, options: &Options, is_positive: bool) -> Result<Design> {
     let measured = response(measured)?;
     // A sine of the reference level may need no more voltage than the limits allow, so the response must have at least
     // this level.
@@ -116,9 +111,7 @@ pub(super) fn design(
 }
 
 fn beyond(low_hz: f64, high_hz: f64) -> Failure {
-    Verdict::BeyondLimits.failure(format!(
-        "only {low_hz:.0} to {high_hz:.0} Hz can be corrected"
-    ))
+    Verdict::BeyondLimits.failure(format!("only {low_hz:.0} to {high_hz:.0} Hz can be corrected"))
 }
 
 /// Returns the band around the middle of [`NEEDED_HZ`] in which the response is at least `floor_db`, Hz.
@@ -127,10 +120,7 @@ fn allowed(response: &Response, floor_db: f64) -> [f64; 2] {
     let middle = (NEEDED_HZ[0] * NEEDED_HZ[1]).sqrt();
     let is_low = |point: &&(f64, f64)| point.1 < floor_db;
     let points = || response.points().iter();
-    let below = points()
-        .filter(|point| point.0 <= middle)
-        .rev()
-        .find(is_low);
+    let below = points().filter(|point| point.0 <= middle).rev().find(is_low);
     let above = points().filter(|point| point.0 > middle).find(is_low);
     let ends = [0, response.points().len() - 1].map(|end| response.points()[end].0);
     [

@@ -2,9 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use model_format::link::{
-    KEEP_ALIVE_MS, MuteReason, ProbeStart, RecordSample, Response, Setting, Settings,
-};
+use model_format::link::{KEEP_ALIVE_MS, MuteReason, ProbeStart, RecordSample, Response, Setting, Settings};
 
 use super::bench::{Bench, Played, Probe};
 use super::{Failure, Result};
@@ -45,11 +43,7 @@ impl<'a> DeviceBench<'a> {
     /// Reads the number of ticks that each limit has changed, and the number of mutes because this computer was late.
     fn limits_and_mutes(&self) -> Result<([u32; 3], u32)> {
         let output = self.device.status()?.output;
-        let limits = [
-            output.hard_limited,
-            output.slew_limited,
-            output.thermally_limited,
-        ];
+        let limits = [output.hard_limited, output.slew_limited, output.thermally_limited];
         let lost = output.mute_counts[MuteReason::LinkLost as usize];
         Ok((limits, lost))
     }
@@ -102,11 +96,7 @@ impl Bench for DeviceBench<'_> {
     }
 
     fn play(&mut self, probe: &Probe<'_>) -> Result<Played> {
-        if self
-            .loaded
-            .as_ref()
-            .is_none_or(|(codes, _)| codes != probe.codes)
-        {
+        if self.loaded.as_ref().is_none_or(|(codes, _)| codes != probe.codes) {
             let crc32 = self.device.load_probe(probe.codes)?;
             self.loaded = Some((probe.codes.to_vec(), crc32));
         }
@@ -144,9 +134,7 @@ impl Bench for DeviceBench<'_> {
             }
         }
         let link = self.device.address().to_string();
-        let what =
-            "the device has muted the probe, because this computer was late: end other programs"
-                .to_owned();
+        let what = "the device has muted the probe, because this computer was late: end other programs".to_owned();
         Err(LinkError::Lossy { link, what }.into())
     }
 

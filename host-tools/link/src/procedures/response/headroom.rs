@@ -58,9 +58,12 @@ impl Headroom {
     /// The tightest limit, and by how much it is exceeded, dB.
     pub fn tightest(&self) -> (&'static str, f64) {
         let limits = LIMITS.into_iter().zip(self.over_db);
-        limits.fold(("none", f64::NEG_INFINITY), |worst, now| {
-            if now.1 > worst.1 { now } else { worst }
-        })
+        limits.fold(
+            ("none", f64::NEG_INFINITY),
+            |worst, now| {
+                if now.1 > worst.1 { now } else { worst }
+            },
+        )
     }
 
     /// The texture or scene, in words.
@@ -74,10 +77,7 @@ impl Headroom {
     /// Returns a line about the limit that is exceeded; none if the texture stays within all limits.
     pub fn warning(&self) -> Option<String> {
         let (limit, over_db) = self.tightest();
-        let band = self
-            .bands
-            .iter()
-            .max_by(|a, b| a.pin_volts.total_cmp(&b.pin_volts))?;
+        let band = self.bands.iter().max_by(|a, b| a.pin_volts.total_cmp(&b.pin_volts))?;
         (over_db > 0.0).then(|| {
             format!(
                 "{} exceeds the limit of {limit} by {over_db:.1} dB, mostly around {:.0} Hz: play it at a gain of \
@@ -92,11 +92,7 @@ impl Headroom {
 
 /// Computes the demand of each texture of `library`, by itself and on every surface of its scenes, on the output with
 /// `settings` and the stored `response`. Taps and a scene's effects on the motion are left out.
-pub fn headroom(
-    library: &Library<'_>,
-    settings: &Settings,
-    response: Option<&Response>,
-) -> Result<Vec<Headroom>> {
+pub fn headroom(library: &Library<'_>, settings: &Settings, response: Option<&Response>) -> Result<Vec<Headroom>> {
     let output = Output {
         limits: Config::new(settings, 1.0).output_limits(settings),
         gain: f64::from(settings.get(Setting::OutputGain)),
@@ -104,9 +100,7 @@ pub fn headroom(
         slew_per_s: 1e3 * f64::from(settings.get(Setting::SlewLimit)),
         response,
     };
-    let alone = library
-        .textures()
-        .map(|texture| output.asked_for(texture, None));
+    let alone = library.textures().map(|texture| output.asked_for(texture, None));
     let mut all = alone.collect::<Result<Vec<_>>>()?;
     for scene in library.scenes() {
         for surface in &scene.surfaces {
@@ -142,14 +136,11 @@ impl Output<'_> {
     /// Computes the demand of a texture, by itself or on a surface of a scene, with that surface's gain.
     fn asked_for(&self, texture: Texture<'_>, on: Option<(&Scene, f64)>) -> Result<Headroom> {
         let rate_hz = texture.sample_rate_hz();
-        let rate = PlayRate::of(rate_hz)
-            .ok_or_else(|| Error::Request(format!("no stylus plays {rate_hz} Hz")))?;
-        let sections = self.response.map_or_else(Default::default, |response| {
-            response.sections(rate).biquads()
-        });
-        let (scene_gain, of_scene) = on.map_or((1.0, &[][..]), |(scene, gain)| {
-            (gain, scene.equaliser.as_slice())
-        });
+        let rate = PlayRate::of(rate_hz).ok_or_else(|| Error::Request(format!("no stylus plays {rate_hz} Hz")))?;
+        let sections = self
+            .response
+            .map_or_else(Default::default, |response| response.sections(rate).biquads());
+        let (scene_gain, of_scene) = on.map_or((1.0, &[][..]), |(scene, gain)| (gain, scene.equaliser.as_slice()));
         let rate_hz = f64::from(rate_hz);
         let mut worst = Headroom {
             texture: texture.name().to_owned(),
@@ -172,8 +163,7 @@ impl Output<'_> {
                     .collect();
                 let skipped = (SETTLE_S * rate_hz) as usize;
                 let demand = self.demand(&asked[skipped..], &pin[skipped..], rate_hz);
-                let most =
-                    |over_db: [f64; 3]| over_db.into_iter().fold(f64::NEG_INFINITY, f64::max);
+                let most = |over_db: [f64; 3]| over_db.into_iter().fold(f64::NEG_INFINITY, f64::max);
                 // Silence is -∞ dB, which exceeds nothing. The second condition gives a silent texture a node, too.
                 if most(demand.over_db) > most(worst.over_db) || worst.at == [0.0; 2] {
                     worst.at = [texture.speed(speed).0, texture.force(force).0];
@@ -194,9 +184,7 @@ impl Output<'_> {
     /// it.
     fn demand(&self, asked: &[f64], pin: &[f64], rate_hz: f64) -> Demand {
         let dense = between(pin);
-        let peak = dense
-            .iter()
-            .fold(0.0f64, |most, volts| most.max(volts.abs()));
+        let peak = dense.iter().fold(0.0f64, |most, volts| most.max(volts.abs()));
         // Interpolation leaves the power as it is, so the samples suffice for it.
         let square = pin.iter().map(|volts| volts * volts).sum::<f64>() / pin.len() as f64;
         let slope = dense
@@ -212,10 +200,8 @@ impl Output<'_> {
         let crest = peak / square.sqrt().max(f64::MIN_POSITIVE);
         let of_band = |band: usize| {
             let [low, high] = band_edges_hz(band);
-            let [asked, volts] =
-                [0, 1].map(|of: usize| spectra[of].power_between(low, high).sqrt());
-            let slope =
-                std::f64::consts::TAU * band_centre_hz(band) * crest * volts / self.slew_per_s;
+            let [asked, volts] = [0, 1].map(|of: usize| spectra[of].power_between(low, high).sqrt());
+            let slope = std::f64::consts::TAU * band_centre_hz(band) * crest * volts / self.slew_per_s;
             let over = (crest * volts / peak_volts).max(slope);
             [asked, volts, over.max(volts / rms_volts)]
         };
@@ -238,9 +224,7 @@ impl Output<'_> {
         sections_db: impl Fn(f64) -> f64,
     ) -> BandHeadroom {
         let hz = band_centre_hz(band);
-        let known = self
-            .response
-            .filter(|response| response.trusted_bands >> band & 1 == 1);
+        let known = self.response.filter(|response| response.trusted_bands >> band & 1 == 1);
         let tip_m_s2 = known.map(|response| {
             let level_db = f64::from(response.bands_centi_db[band]) / 100.0;
             asked_m_s2 * self.gain * ratio(level_db + sections_db(hz))
@@ -296,11 +280,9 @@ mod tests {
     use crate::playing::render::Rendering;
 
     fn with(changes: &[(Setting, f32)]) -> Settings {
-        changes
-            .iter()
-            .fold(Settings::default(), |settings, &(setting, value)| {
-                settings.with(SettingChange { setting, value }).unwrap()
-            })
+        changes.iter().fold(Settings::default(), |settings, &(setting, value)| {
+            settings.with(SettingChange { setting, value }).unwrap()
+        })
     }
 
     #[test]
@@ -308,20 +290,11 @@ mod tests {
         let bytes = test_helpers::library(5000);
         let library = Library::decode(&bytes).unwrap();
         for (changes, limit) in [
-            (
-                [(Setting::OutputGain, 0.2), (Setting::HardLimit, 0.5)],
-                "voltage",
-            ),
-            (
-                [(Setting::OutputGain, 0.1), (Setting::SlewLimit, 0.5)],
-                "slew",
-            ),
+            ([(Setting::OutputGain, 0.2), (Setting::HardLimit, 0.5)], "voltage"),
+            ([(Setting::OutputGain, 0.1), (Setting::SlewLimit, 0.5)], "slew"),
             // The peak may reach 16 times the power limit, so a crest factor above 4 reaches the limit of voltage
             // first.
-            (
-                [(Setting::OutputGain, 0.05), (Setting::PowerLimit, 0.001)],
-                "voltage",
-            ),
+            ([(Setting::OutputGain, 0.05), (Setting::PowerLimit, 0.001)], "voltage"),
         ] {
             let found = &headroom(&library, &with(&changes), None).unwrap()[0];
             let (tightest, over_db) = found.tightest();
@@ -331,9 +304,7 @@ mod tests {
             let fitting = changes[0].1 * found.fitting_gain as f32;
             let settings = with(&[(Setting::OutputGain, fitting), changes[1]]);
             let fits = &headroom(&library, &settings, None).unwrap()[0];
-            assert!(
-                fits.tightest().1.abs() < 1e-3 && fits.bands.iter().all(|band| band.over_db < 1e-3)
-            );
+            assert!(fits.tightest().1.abs() < 1e-3 && fits.bands.iter().all(|band| band.over_db < 1e-3));
             // Two seconds have higher peaks than the half second that is examined.
             let settings = with(&[(Setting::OutputGain, 0.8 * fitting), changes[1]]);
             let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();

@@ -7,9 +7,7 @@ use stylus_app::safety::Config;
 use super::bench::{Bench, Played, Probe, usable};
 use super::{Fault, Result, Verdict};
 use crate::dsp::equaliser::CALIBRATION_GAIN_DB;
-use crate::dsp::response::{
-    Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra,
-};
+use crate::dsp::response::{Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
 use crate::link::capture::Calibration;
 
 /// Band that has to be flat, Hz.
@@ -141,10 +139,7 @@ impl Bounds {
         let limits = Config::new(settings, 1.0).output_limits(settings);
         let gain = f64::from(settings.get(Setting::OutputGain));
         let scales = Calibration::new(settings, None).m_s2_per_code;
-        let narrowest = scales
-            .iter()
-            .map(|scale| scale.abs())
-            .fold(f64::INFINITY, f64::min);
+        let narrowest = scales.iter().map(|scale| scale.abs()).fold(f64::INFINITY, f64::min);
         Self {
             peak_volts: (SHARE_OF_PEAK * f64::from(limits.peak_volt))
                 // The device refuses a probe above this peak.
@@ -165,9 +160,7 @@ impl Bounds {
 
     /// Returns the largest peak, V, of a waveform whose samples at the pin are `samples` times this peak.
     pub(super) fn volts(&self, samples: &[f64], share_of_rms: f64) -> f64 {
-        let peak = samples
-            .iter()
-            .fold(0.0f64, |peak, sample| peak.max(sample.abs()));
+        let peak = samples.iter().fold(0.0f64, |peak, sample| peak.max(sample.abs()));
         let square: f64 = samples.iter().map(|sample| sample * sample).sum();
         let rms = (square / samples.len() as f64).sqrt();
         let around = samples.iter().cycle().skip(1);
@@ -206,10 +199,7 @@ impl<B: Bench> Probing<'_, B> {
         let played = usable(self.bench.play(&probe)?, volts)?;
         let spectra = Spectra::of(&played.axes);
         let measured = Measured::of(&spectra, &self.wave, volts, self.bandwidths);
-        Ok((
-            played,
-            measured.filter(|measured| measured.over_noise > MOVES),
-        ))
+        Ok((played, measured.filter(|measured| measured.over_noise > MOVES)))
     }
 
     /// Finds the peak of the highest level, V. Raises the peak until the response is distorted or a bound is reached.
@@ -222,11 +212,7 @@ impl<B: Bench> Probing<'_, B> {
                 // In a weak motion, noise in the empty lines looks like distortion.
                 measured.over_noise > CLEAR && measured.even.max(measured.odd) > TOO_BENT
             });
-            let peak = played
-                .axes
-                .iter()
-                .map(|axis| swing(axis))
-                .fold(0.0, f64::max);
+            let peak = played.axes.iter().map(|axis| swing(axis)).fold(0.0, f64::max);
             let next = (2.0 * top)
                 // The tip follows the voltage in proportion, so this is the peak at which it would reach its bound.
                 .min(top * self.bounds.range_m_s2 / peak)
@@ -246,11 +232,7 @@ impl<B: Bench> Probing<'_, B> {
             let measured = self.play(volts, periods)?.1;
             Ok(measured.map(|measured| {
                 let fit = Fit::of(&measured.lines);
-                (
-                    level(volts, &measured, fit.as_ref(), periods),
-                    measured,
-                    fit,
-                )
+                (level(volts, &measured, fit.as_ref(), periods), measured, fit)
             }))
         };
         LEVELS.into_iter().map(at).collect()
@@ -258,11 +240,7 @@ impl<B: Bench> Probing<'_, B> {
 }
 
 /// Identifies an actuator, and reports each step to `heard`.
-pub fn identify(
-    bench: &mut impl Bench,
-    options: &Options,
-    heard: &mut dyn FnMut(&str),
-) -> Result<Identified> {
+pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut(&str)) -> Result<Identified> {
     let bounds = Bounds::of(bench.settings());
     heard("at rest");
     let rest_m_s2 = rest(bench, &bounds)?;
@@ -291,12 +269,9 @@ pub fn identify(
         return Err(fault.into());
     }
     let share = trusted(&measured);
-    let (Ok(levels), Some(fit), true) = (<[Level; 3]>::try_from(levels), fit, share > TRUSTED)
-    else {
+    let (Ok(levels), Some(fit), true) = (<[Level; 3]>::try_from(levels), fit, share > TRUSTED) else {
         let share = 100.0 * share;
-        let seen = format!(
-            "only {share:.0} % of the response from 30 to 800 Hz can be trusted at {top:.3} V of peak"
-        );
+        let seen = format!("only {share:.0} % of the response from 30 to 800 Hz can be trusted at {top:.3} V of peak");
         return Err(Verdict::Noisy.failure(seen));
     };
     if !fit.is_positive && !options.invert {
@@ -319,8 +294,7 @@ pub(super) fn excitation() -> Multisine {
 /// Largest distance from the mean.
 fn swing(axis: &[f64]) -> f64 {
     let mean = axis.iter().sum::<f64>() / axis.len().max(1) as f64;
-    axis.iter()
-        .fold(0.0, |most, value| most.max((value - mean).abs()))
+    axis.iter().fold(0.0, |most, value| most.max((value - mean).abs()))
 }
 
 /// Noise of each axis while the output is driven and silent, m/s² RMS.
@@ -341,30 +315,18 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     let largest = deviations.into_iter().fold(0.0, f64::max);
     for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
         if deviation <= LEAST_NOISE * largest {
-            return Err(
-                Verdict::DeadAxis.failure(format!("axis {axis} shows nothing, not even noise"))
-            );
+            return Err(Verdict::DeadAxis.failure(format!("axis {axis} shows nothing, not even noise")));
         }
     }
     let bins = HUM_HZ.map(|hz| (hz / STEP_HZ) as usize);
     let mut amplitudes: Vec<f64> = (bins[0]..=bins[1])
-        .map(|bin| {
-            spectra
-                .mean
-                .iter()
-                .map(|axis| axis[bin].norm_sqr())
-                .sum::<f64>()
-                .sqrt()
-        })
+        .map(|bin| spectra.mean.iter().map(|axis| axis[bin].norm_sqr()).sum::<f64>().sqrt())
         .collect();
     let (loudest, m_s2) = amplitudes
         .iter()
         .copied()
         .enumerate()
-        .fold(
-            (0, 0.0),
-            |best, now| if now.1 > best.1 { now } else { best },
-        );
+        .fold((0, 0.0), |best, now| if now.1 > best.1 { now } else { best });
     amplitudes.sort_by(f64::total_cmp);
     // The median is the noise between the few lines of a hum.
     if m_s2 > HUM.0 && m_s2 > HUM.1 * amplitudes[amplitudes.len() / 2] {
@@ -378,8 +340,7 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
 fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> Level {
     let within = |line: &&Line| (100.0..BAND_HZ[1]).contains(&line.hz);
     let lines: Vec<&Line> = measured.lines.iter().filter(within).collect();
-    let is_clear =
-        lines.iter().filter(|line| line.is_trusted()).count() as f64 > TRUSTED * lines.len() as f64;
+    let is_clear = lines.iter().filter(|line| line.is_trusted()).count() as f64 > TRUSTED * lines.len() as f64;
     let mean = lines.iter().map(|line| line.level_db).sum::<f64>() / lines.len() as f64;
     Level {
         volts,

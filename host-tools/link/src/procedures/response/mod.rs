@@ -81,9 +81,7 @@ pub enum Verdict {
     )]
     Reversed,
     /// The mean gain from 100 to 800 Hz falls with the level.
-    #[error(
-        "the amplifier or the accelerometer clips: lower hard-limit, or raise the amplifier's supply"
-    )]
+    #[error("the amplifier or the accelerometer clips: lower hard-limit, or raise the amplifier's supply")]
     Clipped,
     /// An axis of the accelerometer shows nothing, not even noise.
     #[error("check the accelerometer's wiring and supply")]
@@ -128,10 +126,7 @@ impl Verdict {
     /// A fault of this verdict, with the observation that shows it.
     pub fn seen(self, seen: impl Into<String>) -> Fault {
         let seen = seen.into();
-        Fault {
-            verdict: self,
-            seen,
-        }
+        Fault { verdict: self, seen }
     }
 
     fn failure(self, seen: impl Into<String>) -> Failure {

@@ -42,14 +42,9 @@ struct PlantBench {
 
 impl PlantBench {
     fn new(parameters: &Parameters, seed: u64) -> Self {
-        let set = |settings: Settings, (setting, value)| {
-            settings.with(SettingChange { setting, value }).unwrap()
-        };
+        let set = |settings: Settings, (setting, value)| settings.with(SettingChange { setting, value }).unwrap();
         let settings = [
-            (
-                Setting::CoilResistance,
-                parameters.coil.resistance_ohm as f32,
-            ),
+            (Setting::CoilResistance, parameters.coil.resistance_ohm as f32),
             (Setting::AmplifierGain, parameters.amplifier.gain as f32),
             (Setting::PowerLimit, parameters.coil.rated_watts as f32),
             (Setting::HardLimit, 0.7),
@@ -66,19 +61,13 @@ impl PlantBench {
     }
 
     /// Plays samples in m/s² from rest. Returns the recording, pin and tip per code, and whether a limit acted.
-    fn run(
-        &mut self,
-        samples: &[f64],
-        output_gain: f32,
-    ) -> (Vec<RecordSample>, Vec<[f32; 2]>, bool) {
+    fn run(&mut self, samples: &[f64], output_gain: f32) -> (Vec<RecordSample>, Vec<[f32; 2]>, bool) {
         let gain = SettingChange {
             setting: Setting::OutputGain,
             value: output_gain,
         };
         let config = Config::at_rate(&self.settings.with(gain).unwrap(), 1.0, PlayRate::Hz5000);
-        let mut state = self
-            .kept
-            .map_or_else(|| State::new(&config), State::with_heat);
+        let mut state = self.kept.map_or_else(|| State::new(&config), State::with_heat);
         let (mut recorded, mut codes, mut before) = (Vec::new(), Vec::new(), 0.0);
         for sample in samples {
             let volts = self.plant.accelerometer_volts();
@@ -88,8 +77,7 @@ impl PlantBench {
                 force: AdcCode(4096),
                 encoder_delta: 0,
             });
-            let output =
-                OutputSample((sample * f64::from(1 << OutputSample::FRACTION_BITS)) as i32);
+            let output = OutputSample((sample * f64::from(1 << OutputSample::FRACTION_BITS)) as i32);
             for code in state.process(&config, output, false) {
                 let volts = (f64::from(code.get()) - 2048.0) * f64::from(DacCode::STEP.0);
                 self.plant.step(volts, true);
@@ -104,16 +92,13 @@ impl PlantBench {
         }
         self.kept = Some(state.heat());
         let counters = state.counters();
-        let limited =
-            counters.hard_limited + counters.slew_limited + counters.thermally_limited > 0;
+        let limited = counters.hard_limited + counters.slew_limited + counters.thermally_limited > 0;
         (recorded, codes, limited)
     }
 
     /// Plays the texture `asked`, through the equaliser of `response` if there is one. Returns pin and tip per code.
     fn texture(&mut self, asked: &[f64], response: Option<&Response>) -> Vec<[f32; 2]> {
-        let sections = response.map_or_else(Default::default, |response| {
-            response.sections_5khz.biquads()
-        });
+        let sections = response.map_or_else(Default::default, |response| response.sections_5khz.biquads());
         let gain = response.map_or(0.045, |response| response.output_gain);
         self.run(&filtered(&sections, asked), gain).1
     }
@@ -132,10 +117,9 @@ impl Bench for PlantBench {
 
     fn play(&mut self, probe: &Probe<'_>) -> Result<Played> {
         let (sections, gain): (Vec<Biquad>, f32) = match (probe.through, &self.proposed) {
-            (ProbeThrough::Proposed, Some(response)) => (
-                response.sections_5khz.biquads().to_vec(),
-                response.output_gain,
-            ),
+            (ProbeThrough::Proposed, Some(response)) => {
+                (response.sections_5khz.biquads().to_vec(), response.output_gain)
+            }
             _ => (Vec::new(), self.settings.get(Setting::OutputGain)),
         };
         let sample = |code: &i16| f64::from(*code) / f64::from(i16::MAX) * probe.peak_m_s2;
@@ -181,19 +165,10 @@ fn calibrated(parameters: &Parameters, seed: u64) -> (PlantBench, Result<Calibra
 
 /// The undamped frequency of the faster pair of poles of current, body and moving mass, Hz.
 fn resonance_hz(parameters: &Parameters) -> f64 {
-    let Parameters {
-        coil, body, hand, ..
-    } = parameters;
+    let Parameters { coil, body, hand, .. } = parameters;
     let (force, mass, moving) = (coil.force_n_per_a, body.mass_kg, coil.moving_mass_kg);
     let (spring, damper) = (coil.stiffness_n_per_m, coil.damping_n_s_per_m);
-    let row_of_body = [
-        force,
-        -hand.damping_n_s_per_m,
-        -hand.stiffness_n_per_m,
-        damper,
-        spring,
-    ]
-    .map(|part| part / mass);
+    let row_of_body = [force, -hand.damping_n_s_per_m, -hand.stiffness_n_per_m, damper, spring].map(|part| part / mass);
     let of_mass = [-force, 0.0, 0.0, -damper, -spring].map(|part| part / moving);
     let inductance = coil.inductance_h;
     let mut rows = Matrix5::zeros();
@@ -214,8 +189,7 @@ fn deviation(parameters: &Parameters, response: &Response) -> [f64; 3] {
     let plant = Plant::new(parameters, 0);
     let gain_db = db(f64::from(response.output_gain));
     let sections = response.sections_5khz.biquads();
-    let level =
-        |hz: f64| db(plant.response(hz).norm()) + gain_db + cascade_db(&sections, RATE_HZ, hz);
+    let level = |hz: f64| db(plant.response(hz).norm()) + gain_db + cascade_db(&sections, RATE_HZ, hz);
     let flat = Flatness::of([30.0, 800.0], level);
     [flat.rms_db, flat.worst_db, flat.level_db]
 }
@@ -231,11 +205,7 @@ fn sound_plants_pass_and_their_tips_do_what_was_asked() {
         assert!(worst < 2.0, "{seed}: {rms} {worst} {level}");
         assert!(level.abs() < 0.5, "{seed}: {rms} {worst} {level}");
         let found = f64::from(done.response.resonance_hz) / resonance_hz(&parameters);
-        assert!(
-            (found - 1.0).abs() < 0.02,
-            "{seed}: {found} {:?}",
-            done.identified.fit
-        );
+        assert!((found - 1.0).abs() < 0.02, "{seed}: {found} {:?}", done.identified.fit);
         assert!(done.before.1.worst_db > done.after.1.worst_db);
     }
 }
@@ -259,10 +229,7 @@ fn each_fault_ends_in_its_own_verdict() {
         (Broken::DeadAxis { axis: Axis::X }, "dead-axis"),
         (Broken::DeadAxis { axis: Axis::Z }, "dead-axis"),
         (loose, "loose"),
-        (
-            Broken::MovingResonance { doubles_at_m: 1e-4 },
-            "moving-resonance",
-        ),
+        (Broken::MovingResonance { doubles_at_m: 1e-4 }, "moving-resonance"),
         (hum(0.05, 0.0), "hum"),
         (hum(0.0, 0.01), "hum"),
     ] {
@@ -316,9 +283,8 @@ fn a_reversed_plant_is_inverted_when_asked() {
     )
     .unwrap();
     assert!(!done.identified.fit.is_positive);
-    let at_zero = |section: &Biquad| {
-        section.numerator().iter().sum::<f64>() / (1.0 + section.denominator().iter().sum::<f64>())
-    };
+    let at_zero =
+        |section: &Biquad| section.numerator().iter().sum::<f64>() / (1.0 + section.denominator().iter().sum::<f64>());
     let sections = done.response.sections_5khz.biquads();
     assert!(sections.iter().map(at_zero).product::<f64>() < 0.0);
 }
@@ -347,11 +313,7 @@ fn a_check_tells_what_has_moved() {
 /// Returns a random fault of random severity; none for every tenth seed.
 fn broken(seed: u64) -> Option<Broken> {
     let share = |of: u64| {
-        (seed
-            .wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            .rotate_left(of as u32 * 13)
-            >> 40) as f64
-            / f64::from(1 << 24)
+        (seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(of as u32 * 13) >> 40) as f64 / f64::from(1 << 24)
     };
     let log = |low: f64, high: f64| low * (high / low).powf(share(1));
     Some(match seed % 10 {
@@ -359,9 +321,7 @@ fn broken(seed: u64) -> Option<Broken> {
         1 => Broken::DeadCoil,
         2 => Broken::OpenWire,
         3 => Broken::Reversed,
-        4 => Broken::Clipped {
-            volts: log(0.1, 1.2),
-        },
+        4 => Broken::Clipped { volts: log(0.1, 1.2) },
         5 => Broken::DeadAxis {
             axis: [Axis::X, Axis::Y, Axis::Z][seed as usize / 10 % 3],
         },
@@ -424,8 +384,7 @@ fn figures_of_many_plants() {
         });
         std::fs::write(path.with_extension("json"), report.to_string()).unwrap();
         let Some(response) = response else { continue };
-        let mut file =
-            std::io::BufWriter::new(std::fs::File::create(path.with_extension("f32")).unwrap());
+        let mut file = std::io::BufWriter::new(std::fs::File::create(path.with_extension("f32")).unwrap());
         for asked in [&hiss, &texture] {
             let quiet: Vec<f64> = asked.iter().map(|sample| 2.0 * sample).collect();
             let runs = [None, Some(&response)].map(|response| bench.texture(&quiet, response));

@@ -73,12 +73,7 @@ impl Line {
     }
 
     /// A value that must be `expected`.
-    pub fn exact(
-        name: impl Into<String>,
-        value: impl Into<String>,
-        expected: impl Into<String>,
-        remedy: &str,
-    ) -> Self {
+    pub fn exact(name: impl Into<String>, value: impl Into<String>, expected: impl Into<String>, remedy: &str) -> Self {
         let (value, expected) = (value.into(), expected.into());
         let good = value == expected;
         Self::judged(name, value, expected, good, remedy)
@@ -98,11 +93,7 @@ impl Line {
             value: value.into(),
             limits: limits.into(),
             verdict: if good { Verdict::Pass } else { Verdict::Fail },
-            remedy: if good {
-                String::new()
-            } else {
-                remedy.to_owned()
-            },
+            remedy: if good { String::new() } else { remedy.to_owned() },
         }
     }
 

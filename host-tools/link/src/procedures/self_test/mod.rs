@@ -12,8 +12,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    EncoderValues, MotionSource, PlayRequest, Selection, SelfTestError, SelfTestRequest,
-    SelfTestValues, SlotId, SlotState, Status,
+    EncoderValues, MotionSource, PlayRequest, Selection, SelfTestError, SelfTestRequest, SelfTestValues, SlotId,
+    SlotState, Status,
 };
 
 use self::judge::Traffic;
@@ -143,9 +143,7 @@ fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec
         Ok(SelfTestValues::OptionBytes(values)) => judge::option_bytes(&values),
         Ok(SelfTestValues::Clocks(values)) => judge::clocks(&values),
         Ok(SelfTestValues::ErrorCorrection(values)) => judge::memory(&values),
-        Ok(SelfTestValues::Output(values)) => {
-            judge::output(&values, device.status()?.tick_histogram.core_hz)
-        }
+        Ok(SelfTestValues::Output(values)) => judge::output(&values, device.status()?.tick_histogram.core_hz),
         Ok(SelfTestValues::Rest(values)) => judge::rest(&values),
         // The encoder is judged by what `movement` has seen.
         Ok(SelfTestValues::Encoder(_)) => Vec::new(),
@@ -228,10 +226,7 @@ fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     let link = device.address().to_string();
     let name = format!("{link}: kernel loaded");
     let (is_loaded, line) = match load(device)? {
-        Ok(texture) => (
-            true,
-            Line::judged(name, format!("by {texture}"), "a texture", true, ""),
-        ),
+        Ok(texture) => (true, Line::judged(name, format!("by {texture}"), "a texture", true, "")),
         Err(why) => (false, Line::not_measured(name, &why)),
     };
     let measured = stream(device, seconds);
@@ -242,10 +237,7 @@ fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     let mut lines = vec![line];
     lines.extend(judge::traffic(&link, &measured?));
     if device.address().is_of_an_emulator() {
-        for line in lines
-            .iter_mut()
-            .filter(|line| line.name.contains("round trip"))
-        {
+        for line in lines.iter_mut().filter(|line| line.name.contains("round trip")) {
             let why = "it is a matter of the computer that emulates";
             *line = Line::not_measured(&line.name, why);
         }

@@ -61,10 +61,6 @@ impl Record {
     /// Name of the record's file in a folder.
     fn file_name(&self) -> String {
         // No colons, which some file systems refuse.
-        format!(
-            "selftest-{}-{}.json",
-            self.device.serial,
-            self.date.replace(':', "")
-        )
+        format!("selftest-{}-{}.json", self.device.serial, self.date.replace(':', ""))
     }
 }

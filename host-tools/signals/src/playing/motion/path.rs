@@ -55,11 +55,8 @@ pub struct MotionPath {
 impl MotionPath {
     /// Returns a motion of constant speed, mm/s, and force, N, without end.
     pub fn constant(speed: MillimetresPerSecond, force: Newton) -> Result<Self> {
-        Motion::new(speed, force).map_err(|error| {
-            Error::Request(format!(
-                "{error}: give the speed in mm/s and the force in N"
-            ))
-        })?;
+        Motion::new(speed, force)
+            .map_err(|error| Error::Request(format!("{error}: give the speed in mm/s and the force in N")))?;
         let point = Point {
             time_s: 0.0,
             speed_mm_s: speed.0,
@@ -91,9 +88,7 @@ impl MotionPath {
             } else {
                 Err("give position_mm, and contact, in every row or in none".to_owned())
             };
-            pushed.map_err(|problem| {
-                Error::Request(format!("motion, row {}: {problem}", index + 1))
-            })?;
+            pushed.map_err(|problem| Error::Request(format!("motion, row {}: {problem}", index + 1)))?;
         }
         let no_rows = || Error::Request("a motion needs at least one row".to_owned());
         Ok(Self::of(found.ok_or_else(no_rows)?))
@@ -167,8 +162,7 @@ impl MotionPath {
     /// give contact.
     pub fn contact_at(&self, time_s: f64) -> Option<bool> {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
-        self.tells_contact
-            .then(|| self.points[after.saturating_sub(1)].contact)
+        self.tells_contact.then(|| self.points[after.saturating_sub(1)].contact)
     }
 
     /// Returns the time of the last row of the motion that was read from `file`, in s.
@@ -282,9 +276,7 @@ impl Points {
     pub fn push(&mut self, mut point: Point) -> std::result::Result<(), String> {
         let time_s = point.time_s;
         if !time_s.is_finite() || time_s < 0.0 {
-            return Err(format!(
-                "time_s is {time_s}: a motion begins at 0 s or later"
-            ));
+            return Err(format!("time_s is {time_s}: a motion begins at 0 s or later"));
         }
         if let Some(before) = self.rows.last()
             && time_s <= before.time_s
@@ -300,12 +292,9 @@ impl Points {
             ));
         }
         if !self.tells_position {
-            point.position_mm = self
-                .rows
-                .last()
-                .map_or(f64::from(point.speed_mm_s) * time_s, |before| {
-                    before.position_mm + before.path_mm(&point, time_s)
-                });
+            point.position_mm = self.rows.last().map_or(f64::from(point.speed_mm_s) * time_s, |before| {
+                before.position_mm + before.path_mm(&point, time_s)
+            });
         }
         self.rows.push(point);
         Ok(())
@@ -376,12 +365,8 @@ impl<'a> Hand<'a> {
         let contact = self.motion.contact_at(time_s).unwrap_or(touches);
         // The integral of a long motion may exceed single precision, and an infinite position is refused.
         let farthest = f64::from(f32::MAX);
-        let position_mm = self
-            .motion
-            .position_mm_at(time_s)
-            .clamp(-farthest, farthest);
-        Interaction::new(motion, position_mm as f32, contact)
-            .expect("a position within finite bounds is finite")
+        let position_mm = self.motion.position_mm_at(time_s).clamp(-farthest, farthest);
+        Interaction::new(motion, position_mm as f32, contact).expect("a position within finite bounds is finite")
     }
 
     /// Returns the interaction of [`Hand::at`] for the block that is computed at `time_s` and whose last sample is
@@ -426,10 +411,7 @@ mod tests {
             position_mm,
             contact,
         };
-        let rows = [
-            row(0.5, 100.0, 0.5, None, None),
-            row(2.0, -20.1, 1.3, None, None),
-        ];
+        let rows = [row(0.5, 100.0, 0.5, None, None), row(2.0, -20.1, 1.3, None, None)];
         let table = read("time_s,speed_mm_s,force_n\n0.5,100,0.5\n2,-20.1,1.3\n").unwrap();
         assert_eq!(MotionPath::from_rows(rows).unwrap(), table);
         let rows = [
@@ -467,12 +449,7 @@ mod tests {
             let rows: String = (0..rows).map(row).collect();
             read(&format!("time_s,speed_mm_s,force_n\n{rows}")).unwrap()
         };
-        for (rows, step, speed) in [
-            (100, 10.0, 100.0),
-            (100, 1.0, 20.0),
-            (55, 1.0, 200.0),
-            (2, 700.0, 0.0),
-        ] {
+        for (rows, step, speed) in [(100, 10.0, 100.0), (100, 1.0, 20.0), (55, 1.0, 200.0), (2, 700.0, 0.0)] {
             let doubt = motion(rows, step, speed).doubt_of_times();
             holds(
                 &doubt.unwrap(),

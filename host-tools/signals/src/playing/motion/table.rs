@@ -58,8 +58,7 @@ struct Columns {
 
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
-        let needed =
-            |name: &str| header.needed(name, "a motion has time_s, speed_mm_s and force_n");
+        let needed = |name: &str| header.needed(name, "a motion has time_s, speed_mm_s and force_n");
         Ok(Self {
             time: needed("time_s")?,
             speed: needed("speed_mm_s")?,
@@ -150,9 +149,7 @@ pub(super) mod tests {
                 ("\n", "# a\n\n# b\n"),
                 ("\r\n", "\r\n# a\r\n"),
             ] {
-                let text = format!(
-                    "# head{end}time_s,speed_mm_s,force_n{end}1,100,1{end}{above}{row}{end}3,0,0{end}"
-                );
+                let text = format!("# head{end}time_s,speed_mm_s,force_n{end}1,100,1{end}{above}{row}{end}3,0,0{end}");
                 let error = path_of(&text).unwrap_err();
                 let lines: Vec<&str> = text.lines().collect();
                 let line = lines.iter().rposition(|line| *line == row).unwrap() as u64 + 1;
@@ -172,10 +169,7 @@ pub(super) mod tests {
     #[test]
     fn a_header_that_does_not_name_the_columns_is_refused() {
         for (text, problem) in [
-            (
-                "0,100,1\n1,200,1\n",
-                "no column 'time_s' in the header '0,100,1'",
-            ),
+            ("0,100,1\n1,200,1\n", "no column 'time_s' in the header '0,100,1'"),
             ("time_s,speed_mm_s\n0,100\n", "no column 'force_n'"),
             (
                 "time_s,speed_mm_s,force_n,time_s\n0,1,1,0\n",

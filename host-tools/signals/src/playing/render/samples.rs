@@ -30,22 +30,12 @@ impl<'a> Rendering<'a> {
     /// # Errors
     /// A duration that is not a number, is shorter than a sample, or is longer than
     /// [`MAX_SECONDS`](super::MAX_SECONDS).
-    pub fn new(
-        texture: Texture<'a>,
-        motion: &'a MotionPath,
-        seconds: f64,
-        seed: u64,
-    ) -> Result<Self> {
+    pub fn new(texture: Texture<'a>, motion: &'a MotionPath, seconds: f64, seed: u64) -> Result<Self> {
         Self::of_plan(Plan::of_texture(texture), motion, seconds, seed)
     }
 
     /// Creates a rendering of `seconds` of `plan`, from rest without contact.
-    pub fn of_plan(
-        plan: Plan<'a>,
-        motion: &'a MotionPath,
-        seconds: f64,
-        seed: u64,
-    ) -> Result<Self> {
+    pub fn of_plan(plan: Plan<'a>, motion: &'a MotionPath, seconds: f64, seed: u64) -> Result<Self> {
         let clock = SampleClock::new(seconds, plan.sample_rate_hz())?;
         Ok(Self {
             block: vec![OutputSample::SILENCE; clock.block_samples() as usize],
@@ -116,10 +106,7 @@ pub struct Rendered {
 impl Rendered {
     /// Returns the samples in m/s², without rounding.
     pub fn accelerations_m_s2(&self) -> Vec<f64> {
-        self.samples
-            .iter()
-            .map(|&sample| exact_m_s2(sample))
-            .collect()
+        self.samples.iter().map(|&sample| exact_m_s2(sample)).collect()
     }
 }
 
@@ -130,12 +117,7 @@ pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
 
 /// Renders `seconds` of `texture` along `motion` into memory. For more than a few minutes, use
 /// [`render_wav`](super::render_wav).
-pub fn render(
-    texture: Texture<'_>,
-    motion: &MotionPath,
-    seconds: f64,
-    seed: u64,
-) -> Result<Rendered> {
+pub fn render(texture: Texture<'_>, motion: &MotionPath, seconds: f64, seed: u64) -> Result<Rendered> {
     Ok(Rendering::new(texture, motion, seconds, seed)?.rendered(|samples| samples.collect()))
 }
 
@@ -253,11 +235,9 @@ mod tests {
             (100.0, 0.5, 9.0),
             (300.0, 3.0, 16.0),
         ] {
-            let rendered =
-                render(texture(&library), &constant(speed_mm_s, force_n), 40.0, 5).unwrap();
+            let rendered = render(texture(&library), &constant(speed_mm_s, force_n), 40.0, 5).unwrap();
             let values = rendered.accelerations_m_s2();
-            let mean_square =
-                values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
+            let mean_square = values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
             near(mean_square / power, 1.0, 0.05);
         }
     }
@@ -266,11 +246,8 @@ mod tests {
     #[test]
     fn a_hand_without_contact_or_at_rest_feels_nothing() {
         let library = library(5000);
-        let rendered =
-            |force_n| render(texture(&library), &constant(80.0, force_n), 0.1, 5).unwrap();
-        let is_silent = |force_n| {
-            (rendered(force_n).samples.iter()).all(|&sample| sample == OutputSample::SILENCE)
-        };
+        let rendered = |force_n| render(texture(&library), &constant(80.0, force_n), 0.1, 5).unwrap();
+        let is_silent = |force_n| (rendered(force_n).samples.iter()).all(|&sample| sample == OutputSample::SILENCE);
         assert!(is_silent(0.02));
         assert!(!is_silent(0.021));
         let at_rest = render(texture(&library), &constant(0.0, 1.0), 0.1, 5).unwrap();
@@ -280,14 +257,7 @@ mod tests {
     #[test]
     fn durations_that_make_no_sense_are_refused() {
         let library = library(5000);
-        for seconds in [
-            0.0,
-            -1.0,
-            1e-5,
-            f64::NAN,
-            f64::INFINITY,
-            MAX_SECONDS * 1.001,
-        ] {
+        for seconds in [0.0, -1.0, 1e-5, f64::NAN, f64::INFINITY, MAX_SECONDS * 1.001] {
             let error = render(texture(&library), &constant(80.0, 0.7), seconds, 1).unwrap_err();
             assert!(matches!(error, Error::Request(_)), "{seconds}");
         }

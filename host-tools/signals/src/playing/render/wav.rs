@@ -82,20 +82,14 @@ pub fn write_wav(
     samples: impl ExactSizeIterator<Item = OutputSample>,
 ) -> Result<WavSummary> {
     let mut clipped = 0;
-    let samples = write_each(
-        path,
-        sample_rate_hz,
-        format,
-        samples,
-        |writer, sample| match format {
-            WavFormat::Float32 => writer.write_sample(sample.metres_per_second_squared().0),
-            WavFormat::Pcm16 { full_scale_m_s2 } => {
-                let (code, beyond) = pcm16(sample, full_scale_m_s2);
-                clipped += u64::from(beyond);
-                writer.write_sample(code)
-            }
-        },
-    )?;
+    let samples = write_each(path, sample_rate_hz, format, samples, |writer, sample| match format {
+        WavFormat::Float32 => writer.write_sample(sample.metres_per_second_squared().0),
+        WavFormat::Pcm16 { full_scale_m_s2 } => {
+            let (code, beyond) = pcm16(sample, full_scale_m_s2);
+            clipped += u64::from(beyond);
+            writer.write_sample(code)
+        }
+    })?;
     Ok(WavSummary { samples, clipped })
 }
 
@@ -104,18 +98,10 @@ pub fn write_wav(
     clippy::redundant_closure_for_method_calls,
     reason = "the method itself is of one lifetime, and any is asked for"
 )]
-pub fn write_floats_wav(
-    path: &Path,
-    sample_rate_hz: u32,
-    samples: impl ExactSizeIterator<Item = f32>,
-) -> Result<u64> {
-    write_each(
-        path,
-        sample_rate_hz,
-        WavFormat::Float32,
-        samples,
-        |writer, value| writer.write_sample(value),
-    )
+pub fn write_floats_wav(path: &Path, sample_rate_hz: u32, samples: impl ExactSizeIterator<Item = f32>) -> Result<u64> {
+    write_each(path, sample_rate_hz, WavFormat::Float32, samples, |writer, value| {
+        writer.write_sample(value)
+    })
 }
 
 /// Writes each of `samples` with `write`, and returns their number.
@@ -197,15 +183,7 @@ mod tests {
         let library = library(4000);
         let folder = tempfile::tempdir().unwrap();
         let (path, motion) = (folder.path().join("a.wav"), sweep());
-        let summary = render_wav(
-            texture(&library),
-            &motion,
-            0.25,
-            3,
-            &path,
-            WavFormat::Float32,
-        )
-        .unwrap();
+        let summary = render_wav(texture(&library), &motion, 0.25, 3, &path, WavFormat::Float32).unwrap();
         let rendered = render(texture(&library), &motion, 0.25, 3).unwrap();
         assert_eq!(
             summary.wav,
@@ -266,8 +244,7 @@ mod tests {
         std::fs::write(&path, "before").unwrap();
         for full_scale_m_s2 in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let format = WavFormat::Pcm16 { full_scale_m_s2 };
-            let error =
-                write_wav(&path, 5000, format, [OutputSample::SILENCE].into_iter()).unwrap_err();
+            let error = write_wav(&path, 5000, format, [OutputSample::SILENCE].into_iter()).unwrap_err();
             assert!(matches!(error, Error::Request(_)));
         }
         assert_eq!(std::fs::read(&path).unwrap(), b"before");

@@ -241,14 +241,8 @@ impl Step {
         let halves = (simd.avx)._mm256_setr_epi32(0, NONE, 1, NONE, 2, NONE, 3, NONE);
         // A mask for each vector keeps them all in registers, which an index would not.
         for (index, vector) in lanes.iter_mut().enumerate() {
-            let lane = if index == number % V {
-                (number / V) as i32
-            } else {
-                -1
-            };
-            let is_lane = simd
-                .avx2
-                ._mm256_cmpeq_epi32(halves, simd.avx._mm256_set1_epi32(lane));
+            let lane = if index == number % V { (number / V) as i32 } else { -1 };
+            let is_lane = simd.avx2._mm256_cmpeq_epi32(halves, simd.avx._mm256_set1_epi32(lane));
             *vector = simd.avx2._mm256_blendv_epi8(*vector, word, is_lane);
         }
     }

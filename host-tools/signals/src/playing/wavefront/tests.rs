@@ -15,12 +15,7 @@ fn signal() -> impl Strategy<Value = i32> {
 
 fn theta() -> impl Strategy<Value = i32> {
     let range = -THETA_QUARTER_TURN..=THETA_QUARTER_TURN;
-    let ends = [
-        -THETA_QUARTER_TURN,
-        THETA_QUARTER_TURN,
-        0,
-        THETA_QUARTER_TURN / 2,
-    ];
+    let ends = [-THETA_QUARTER_TURN, THETA_QUARTER_TURN, 0, THETA_QUARTER_TURN / 2];
     prop_oneof![4 => range, 2 => -9000..9000i32, 2 => prop::sample::select(ends.to_vec())]
 }
 

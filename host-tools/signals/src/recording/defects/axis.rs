@@ -102,11 +102,7 @@ pub(super) fn largest_fourth_difference(samples: &[f64]) -> f64 {
             while let Some(here) = rest.first_chunk::<{ LANES + 4 }>() {
                 for (lane, most) in most.iter_mut().enumerate() {
                     let difference = fourth_difference(&here[lane..lane + 5]);
-                    *most = if difference > *most {
-                        difference
-                    } else {
-                        *most
-                    };
+                    *most = if difference > *most { difference } else { *most };
                 }
                 rest = &rest[LANES..];
             }
@@ -161,8 +157,7 @@ mod tests {
 
     #[test]
     fn steps_of_a_tenth_of_the_level_are_thirty_decibels_below_it() {
-        let wave =
-            (0..5000).map(|n| (2f64.sqrt() * (0.1237 * f64::from(n)).sin() * 10.0).round() / 10.0);
+        let wave = (0..5000).map(|n| (2f64.sqrt() * (0.1237 * f64::from(n)).sin() * 10.0).round() / 10.0);
         let snr = snr_db(&Axis::of(&wave.collect::<Vec<_>>()));
         assert!((snr - 30.8).abs() < 0.3, "{snr}");
         assert_eq!(snr_db(&Axis::of(&[2.0; 100])), f64::INFINITY);

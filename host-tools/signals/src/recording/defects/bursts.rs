@@ -95,11 +95,7 @@ pub(super) fn bursts(axes: &[Axis<'_>], rate_hz: f64) -> Vec<Burst> {
             .map(|other| events[other].as_slice())
             .filter(|events| !events.is_empty())
             .collect();
-        let bounds = if witnesses.is_empty() {
-            ALONE
-        } else {
-            WITNESSED
-        };
+        let bounds = if witnesses.is_empty() { ALONE } else { WITNESSED };
         let (peaks, rest) = own.standing_out(&witnesses, bounds.ratio);
         let spans = peaks.iter().filter_map(|&(at, energy)| {
             let left = own.left_out(at, rest)?;
@@ -153,9 +149,7 @@ impl<'a> Errors<'a> {
         let lag = |lag: usize| dot(&centred[lag..], &centred) / centred.len() as f64;
         let lags = corrected((0..=ORDER).map(lag).collect());
         let mut predictor = vec![1.0];
-        predictor.extend(step_up(
-            &Prediction::levinson_durbin(&lags, ORDER).reflection,
-        ));
+        predictor.extend(step_up(&Prediction::levinson_durbin(&lags, ORDER).reflection));
         let backward: Vec<f64> = predictor.iter().rev().copied().collect();
         let of_samples = sliding(&centred, &backward);
         let squares: Vec<f64> = of_samples.iter().map(|e| e * e).collect();
@@ -198,9 +192,12 @@ impl<'a> Errors<'a> {
             .zip((0..).step_by(BLOCK))
             .map(|(block, first)| {
                 let lone = (first..).zip(block).filter(|(at, _)| is_lone(*at));
-                lone.fold((first, 0.0), |most, (at, &energy)| {
-                    if energy > most.1 { (at, energy) } else { most }
-                })
+                lone.fold(
+                    (first, 0.0),
+                    |most, (at, &energy)| {
+                        if energy > most.1 { (at, energy) } else { most }
+                    },
+                )
             })
             .collect();
         // The ends have no surroundings by which they could be judged.
@@ -233,8 +230,7 @@ impl<'a> Errors<'a> {
         let errors = &self.of_samples;
         // Two such errors in a window would exceed `rest`.
         let is_large = |index: &usize| 2.0 * errors[*index] * errors[*index] > rest;
-        let largest =
-            (at..at + WINDOW).max_by(|&a, &b| errors[a].abs().total_cmp(&errors[b].abs()))?;
+        let largest = (at..at + WINDOW).max_by(|&a, &b| errors[a].abs().total_cmp(&errors[b].abs()))?;
         let (mut first, mut last) = (largest, largest);
         while let Some(before) = (first.saturating_sub(PAUSE)..first).find(is_large) {
             first = before;
@@ -243,10 +239,7 @@ impl<'a> Errors<'a> {
                 return None;
             }
         }
-        while let Some(after) = (last + 1..(last + 1 + PAUSE).min(errors.len()))
-            .rev()
-            .find(is_large)
-        {
+        while let Some(after) = (last + 1..(last + 1 + PAUSE).min(errors.len())).rev().find(is_large) {
             last = after;
             if last - first > 2 * LONGEST {
                 return None;
@@ -254,8 +247,8 @@ impl<'a> Errors<'a> {
         }
         // An error lasts as long as the burst is within the reach of the predictor.
         let least = (last + 1 - first).saturating_sub(self.order()).max(1);
-        let (count, whiteness) = (least..=LONGEST)
-            .find_map(|count| Some((count, self.whiteness(first, count, rest)?)))?;
+        let (count, whiteness) =
+            (least..=LONGEST).find_map(|count| Some((count, self.whiteness(first, count, rest)?)))?;
         let left = Left {
             first: first + self.order(),
             count,
@@ -282,14 +275,8 @@ impl<'a> Errors<'a> {
         padded[p..p + count].copy_from_slice(wrong.as_slice());
         let backward: Vec<f64> = a.iter().rev().copied().collect();
         let explained = sliding(&padded, &backward);
-        let left: Vec<f64> = errors
-            .iter()
-            .zip(explained)
-            .map(|(e, d)| (e - d) * (e - d))
-            .collect();
-        let is_calm = left
-            .windows(WINDOW)
-            .all(|window| window.iter().sum::<f64>() <= rest);
+        let left: Vec<f64> = errors.iter().zip(explained).map(|(e, d)| (e - d) * (e - d)).collect();
+        let is_calm = left.windows(WINDOW).all(|window| window.iter().sum::<f64>() <= rest);
         is_calm.then(|| energy(errors) / (energy(a) * wrong.norm_squared()))
     }
 
@@ -373,8 +360,7 @@ mod tests {
                         let is_right = |b: &Burst| b.axis == axis + 1 && covers(b, at, count);
                         assert!(defects.bursts.iter().all(is_right), "{:?}", defects.bursts);
                         all += 1;
-                        right +=
-                            usize::from(!defects.bursts.is_empty() || !defects.spikes.is_empty());
+                        right += usize::from(!defects.bursts.is_empty() || !defects.spikes.is_empty());
                     }
                 }
             }
@@ -399,11 +385,7 @@ mod tests {
             excitation[5000] += strength;
             assert_eq!(found(&[ringing(&excitation)]), [], "{strength}");
             let [x, y, z] = texture(6);
-            assert_eq!(
-                found(&[ringing(&excitation), y.clone(), z]),
-                [],
-                "{strength}"
-            );
+            assert_eq!(found(&[ringing(&excitation), y.clone(), z]), [], "{strength}");
             let click = |axis: &[f64]| {
                 let mut axis = axis.to_vec();
                 for n in 0..25 {

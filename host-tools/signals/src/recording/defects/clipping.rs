@@ -79,10 +79,7 @@ mod tests {
     #[test]
     fn clipped_runs_are_found_where_they_are_and_a_signal_of_two_values_has_none() {
         let wave = |gain: f64| {
-            move |n: u32| {
-                (gain * (0.05 * f64::from(n)).sin() + 0.1 * f64::from(n * n % 97) / 97.0)
-                    .clamp(-1.0, 1.0)
-            }
+            move |n: u32| (gain * (0.05 * f64::from(n)).sin() + 0.1 * f64::from(n * n % 97) / 97.0).clamp(-1.0, 1.0)
         };
         let clean: Vec<f64> = (0..1000).map(wave(0.8)).collect();
         assert_eq!(clips(&Axis::of(&clean), 1000.0), []);
@@ -90,8 +87,7 @@ mod tests {
         let found = clips(&Axis::of(&clipped), 1000.0);
         assert!(found.len() >= 10, "{found:?}");
         for clip in &found {
-            let run = &clipped[(clip.start_s * 1000.0).round() as usize..]
-                [..(clip.seconds * 1000.0).round() as usize];
+            let run = &clipped[(clip.start_s * 1000.0).round() as usize..][..(clip.seconds * 1000.0).round() as usize];
             assert!(run.len() >= 3, "{clip:?}");
             assert!(run.iter().all(|x| x.abs() >= 1.0), "{clip:?}");
         }

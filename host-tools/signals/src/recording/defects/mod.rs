@@ -79,38 +79,24 @@ impl Defects {
     /// Finds the defects of `axes`, finite samples at `rate_hz`.
     pub fn of(axes: &[Vec<f64>], rate_hz: f64) -> Self {
         let axes: Vec<Axis<'_>> = axes.iter().map(|axis| Axis::of(axis)).collect();
-        let mut holds: Vec<Hold> = axes
-            .iter()
-            .flat_map(|axis| holds::holds(axis, rate_hz))
-            .collect();
+        let mut holds: Vec<Hold> = axes.iter().flat_map(|axis| holds::holds(axis, rate_hz)).collect();
         holds.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
         // A gap of the converter occurs on all axes.
         holds.dedup_by(|next, first| first.joins(next));
-        let mut spikes: Vec<Spike> = axes
-            .iter()
-            .flat_map(|axis| spikes::spikes(axis, rate_hz))
-            .collect();
+        let mut spikes: Vec<Spike> = axes.iter().flat_map(|axis| spikes::spikes(axis, rate_hz)).collect();
         spikes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         // Spikes on several axes at once are one.
         spikes.dedup_by(|next, first| next.time_s - first.time_s < spikes::REACH as f64 / rate_hz);
-        let clips: Vec<Clip> = axes
-            .iter()
-            .flat_map(|axis| clipping::clips(axis, rate_hz))
-            .collect();
+        let clips: Vec<Clip> = axes.iter().flat_map(|axis| clipping::clips(axis, rate_hz)).collect();
         let mut bursts = bursts::bursts(&axes, rate_hz);
         // Clipped peaks, holds and spikes are unpredictable, too.
         bursts.retain(|burst| {
             let reach_s = spikes::REACH as f64 / rate_hz;
             let overlaps = |start_s: f64, seconds: f64| {
-                start_s < burst.start_s + burst.seconds + reach_s
-                    && burst.start_s < start_s + seconds + reach_s
+                start_s < burst.start_s + burst.seconds + reach_s && burst.start_s < start_s + seconds + reach_s
             };
-            !clips
-                .iter()
-                .any(|clip| overlaps(clip.start_s, clip.seconds))
-                && !holds
-                    .iter()
-                    .any(|hold| overlaps(hold.start_s, hold.seconds))
+            !clips.iter().any(|clip| overlaps(clip.start_s, clip.seconds))
+                && !holds.iter().any(|hold| overlaps(hold.start_s, hold.seconds))
                 && !spikes.iter().any(|spike| overlaps(spike.time_s, 0.0))
         });
         Self {
@@ -120,10 +106,7 @@ impl Defects {
             spikes,
             bursts,
             read_at_hz: None,
-            quantisation_snr_db: axes
-                .iter()
-                .map(axis::snr_db)
-                .fold(f64::NEG_INFINITY, f64::max),
+            quantisation_snr_db: axes.iter().map(axis::snr_db).fold(f64::NEG_INFINITY, f64::max),
             truncation: None,
             timing: Timing::default(),
         }

@@ -42,14 +42,12 @@ pub(super) fn spikes(axis: &Axis<'_>, rate_hz: f64) -> Vec<Spike> {
             continue;
         }
         let before = &difference[n.saturating_sub(REACH)..n.saturating_sub(OWN)];
-        let after =
-            &difference[(n + OWN + 1).min(difference.len())..(n + REACH).min(difference.len())];
+        let after = &difference[(n + OWN + 1).min(difference.len())..(n + REACH).min(difference.len())];
         let own = &difference[n.saturating_sub(OWN)..(n + OWN + 1).min(difference.len())];
         // From the spike outwards, where something larger is found soonest.
         let stands_out = before.iter().rev().chain(after).all(|x| RATIO * x < top);
         // At an end of the recording, the samples on one side are enough.
-        if stands_out && own.iter().all(|&x| x <= top) && before.len() + after.len() >= REACH - OWN
-        {
+        if stands_out && own.iter().all(|&x| x <= top) && before.len() + after.len() >= REACH - OWN {
             let around = before.iter().chain(after).fold(least, |a, &b| a.max(b));
             found.push(Spike {
                 // The first difference is that around the third sample.

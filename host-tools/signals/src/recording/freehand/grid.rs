@@ -55,11 +55,7 @@ impl std::str::FromStr for GridAxis {
             Some(&[lowest, highest, step])
                 if lowest > 0.0 && highest >= lowest && step > 0.0 && highest.is_finite() =>
             {
-                Ok(Self {
-                    lowest,
-                    highest,
-                    step,
-                })
+                Ok(Self { lowest, highest, step })
             }
             _ => Err("must be LOWEST:HIGHEST:STEP, all above zero, such as 20:300:20".into()),
         }
@@ -144,14 +140,8 @@ mod tests {
     #[test]
     fn a_proposed_grid_reaches_as_far_as_the_hand_did() {
         let (speeds, forces) = proposed_grid(&[hand(12.0..290.0, 0.3..4.3)]).unwrap();
-        assert_eq!(
-            (speeds.lowest, speeds.highest, speeds.step),
-            (20.0, 280.0, 20.0)
-        );
-        assert_eq!(
-            (forces.lowest, forces.highest, forces.step),
-            (0.5, 4.0, 0.5)
-        );
+        assert_eq!((speeds.lowest, speeds.highest, speeds.step), (20.0, 280.0, 20.0));
+        assert_eq!((forces.lowest, forces.highest, forces.step), (0.5, 4.0, 0.5));
         for force in [0.4, 4.2] {
             assert!(forces.nearest(force).is_some(), "{force}");
         }

@@ -50,9 +50,7 @@ fn position(name: &str) -> Option<(bool, f64)> {
         "m" => 1000.0,
         _ => return None,
     };
-    let (axes, others): (Vec<&str>, Vec<&str>) = words
-        .iter()
-        .partition(|word| ["x", "y", "z"].contains(word));
+    let (axes, others): (Vec<&str>, Vec<&str>) = words.iter().partition(|word| ["x", "y", "z"].contains(word));
     let is_known = others.iter().all(|word| WORDS.contains(word));
     let is_position = axes.len() == 1 || (axes.is_empty() && others.contains(&"position"));
     (is_known && is_position).then_some((axes.len() == 1, unit_mm))
@@ -66,9 +64,7 @@ pub(super) fn speed_mm_s(positions_mm: &[Vec<f64>], rate_hz: f64) -> Vec<f64> {
     let longest = (LONGEST_WINDOW_S * rate_hz) as usize;
     let window = ((WINDOW_S * rate_hz).round() as usize).max(UPDATES * held);
     let half = window.min(longest).div_ceil(2).max(1);
-    let slopes: Vec<Vec<f64>> = (positions_mm.iter())
-        .map(|axis| slopes(axis, half, rate_hz))
-        .collect();
+    let slopes: Vec<Vec<f64>> = (positions_mm.iter()).map(|axis| slopes(axis, half, rate_hz)).collect();
     let mut speeds = match slopes.as_slice() {
         [along] => along.clone(),
         axes => norms(axes),

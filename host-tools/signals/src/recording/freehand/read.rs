@@ -57,10 +57,7 @@ impl Freehand {
     /// Returns notes on units and outliers of the recording in the file at `path`, one line each.
     pub fn notes(&self, path: &Path) -> Vec<String> {
         let path = path.display();
-        let remarks = self
-            .remarks
-            .iter()
-            .map(|remark| format!("{path}: {remark}"));
+        let remarks = self.remarks.iter().map(|remark| format!("{path}: {remark}"));
         let named = self.outliers.iter().map(|outlier| {
             format!(
                 "{path}, line {}: {} is {}, which is out of range; cut out",
@@ -112,11 +109,7 @@ impl Freehand {
         }
         let force = keep(columns.force, row.number(columns.force)?, MAX_FORCE_N);
         for ((axis, &index), scale) in self.axes.iter_mut().zip(&columns.axes).zip(scales_m_s2) {
-            axis.push(keep(
-                index,
-                scale * row.number(index)?,
-                MAX_ACCELERATION_M_S2,
-            ));
+            axis.push(keep(index, scale * row.number(index)?, MAX_ACCELERATION_M_S2));
         }
         self.force_n.push(force);
         self.is_outlier.push(bad);
@@ -164,9 +157,7 @@ const TOP_BYTES: u64 = 4096;
 /// Returns true if the recording at `path` is text that states at its beginning that it is SIMULATED.
 pub fn is_simulated(path: &Path) -> Result<bool> {
     let mut top = Vec::new();
-    let read = (RECORDING.open(path)?)
-        .take(TOP_BYTES)
-        .read_to_end(&mut top);
+    let read = (RECORDING.open(path)?).take(TOP_BYTES).read_to_end(&mut top);
     read.map_err(Error::io("read", path))?;
     Ok(says_simulated(&String::from_utf8_lossy(&top)))
 }
@@ -267,9 +258,7 @@ struct Columns {
 
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
-        let expected = format!(
-            "a free hand's recording needs {SPEED}, or positions such as x_mm, and {FORCE}"
-        );
+        let expected = format!("a free hand's recording needs {SPEED}, or positions such as x_mm, and {FORCE}");
         let positions = positions::columns(header);
         let speed = match header.column(SPEED)? {
             None if (1..=MAX_CHANNELS).contains(&positions.len()) => None,
@@ -279,15 +268,11 @@ impl Columns {
         // Checks that there is only one column of this name.
         header.exact_column(TIME)?;
         let names = header.names().enumerate();
-        let times: Vec<TimeColumn> =
-            (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
+        let times: Vec<TimeColumn> = (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
         let is_time = |index: &usize| times.iter().any(|time| time.index == *index);
         let samples = header.names().enumerate();
-        let samples = samples
-            .filter(|(index, _)| Some(*index) != speed && *index != force && !is_time(index));
-        let is_position = |index: usize| {
-            speed.is_none() && positions.iter().any(|position| position.index == index)
-        };
+        let samples = samples.filter(|(index, _)| Some(*index) != speed && *index != force && !is_time(index));
+        let is_position = |index: usize| speed.is_none() && positions.iter().any(|position| position.index == index);
         let samples = samples.filter(|(index, _)| !is_position(*index));
         let samples: Vec<(usize, &str)> = samples.collect();
         let left_out = LeftOut::of(&samples);
@@ -335,10 +320,7 @@ mod tests {
         let path = folder.path().join("a.csv");
         let read_as = |header: &str, factor: u32| {
             let rows = (0..500).map(|n| format!("{},{},100,1\n", factor * n, n % 7));
-            let text = format!(
-                "{header},x,speed_mm_s,force_n\n{}",
-                rows.collect::<String>()
-            );
+            let text = format!("{header},x,speed_mm_s,force_n\n{}", rows.collect::<String>());
             std::fs::write(&path, text).unwrap();
             read(&path, None, None).unwrap()
         };
@@ -365,32 +347,18 @@ mod tests {
         )
         .unwrap();
         let of_positions = read(&path, None, None).unwrap();
-        assert!(
-            of_positions
-                .speed_mm_s
-                .iter()
-                .all(|speed| (speed - 150.0).abs() < 1e-6)
-        );
-        assert_eq!(
-            (of_positions.axes.len(), of_positions.outliers.len()),
-            (1, 0)
-        );
+        assert!(of_positions.speed_mm_s.iter().all(|speed| (speed - 150.0).abs() < 1e-6));
+        assert_eq!((of_positions.axes.len(), of_positions.outliers.len()), (1, 0));
         // A tracker that jumps by 100 mm for one sample.
         let rows = (0..2000).map(|n| {
             let mm = if n == 1000 { 200.0 } else { 0.1 * f64::from(n) };
             format!("{n},{mm},1,{}\n", n % 7)
         });
-        let jump = format!(
-            "time_ms,position_mm,force_n,ax\n{}",
-            rows.collect::<String>()
-        );
+        let jump = format!("time_ms,position_mm,force_n,ax\n{}", rows.collect::<String>());
         std::fs::write(&path, jump).unwrap();
         let jumped = read(&path, None, None).unwrap();
         let bad = jumped.is_outlier.iter().filter(|bad| **bad).count();
-        assert!(
-            (1..40).contains(&bad) && jumped.outliers[0].line > 950,
-            "{bad}"
-        );
+        assert!((1..40).contains(&bad) && jumped.outliers[0].line > 950, "{bad}");
         assert!((jumped.speed_mm_s[100] - 100.0).abs() < 1e-6);
     }
 
@@ -400,10 +368,7 @@ mod tests {
         let path = folder.path().join("a.csv");
         let read_as = |header: &str, end: &str| {
             let rows = (0..500).map(|n| format!("{n},100,1,{}{end}\n", n % 7));
-            let text = format!(
-                "time_ms,speed_mm_s,force_n,{header}\n{}",
-                rows.collect::<String>()
-            );
+            let text = format!("time_ms,speed_mm_s,force_n,{header}\n{}", rows.collect::<String>());
             std::fs::write(&path, text).unwrap();
             read(&path, None, None).unwrap()
         };

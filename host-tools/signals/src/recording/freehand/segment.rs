@@ -119,9 +119,7 @@ impl Options {
     ) -> Result<Self> {
         let (speeds, forces) = match (speeds, forces, proposed_grid(recordings)) {
             (Some(speeds), Some(forces), _) => (speeds, forces),
-            (speeds, forces, Some(proposed)) => {
-                (speeds.unwrap_or(proposed.0), forces.unwrap_or(proposed.1))
-            }
+            (speeds, forces, Some(proposed)) => (speeds.unwrap_or(proposed.0), forces.unwrap_or(proposed.1)),
             (.., None) => {
                 return Err(Error::Request(
                     "no motion in contact, so that no grid can be proposed and no piece is steady; check the columns \
@@ -177,9 +175,11 @@ impl Segmentation {
                 recording + 1
             ));
         }
-        notes.extend(self.too_little.iter().map(|(speed, force, seconds)| {
-            format!("{speed} mm/s, {force} N: only {seconds:.2} s of data; left out")
-        }));
+        notes.extend(
+            self.too_little.iter().map(|(speed, force, seconds)| {
+                format!("{speed} mm/s, {force} N: only {seconds:.2} s of data; left out")
+            }),
+        );
         notes.extend(self.off_grid.iter().take(NAMED).map(|segment| {
             format!(
                 "a steady piece at {:.1} mm/s, {:.2} N is off the grid; left out",
@@ -187,10 +187,7 @@ impl Segmentation {
             )
         }));
         if self.off_grid.len() > NAMED {
-            notes.push(format!(
-                "{} pieces in total are off the grid",
-                self.off_grid.len()
-            ));
+            notes.push(format!("{} pieces in total are off the grid", self.off_grid.len()));
         }
         if self.steady_share < LITTLE && !self.placed.is_empty() {
             notes.push(
@@ -242,13 +239,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     let too_little = nodes
         .keys()
         .filter(|node| scarce(node))
-        .map(|node| {
-            (
-                f64::from_bits(node.0),
-                f64::from_bits(node.1),
-                seconds[node],
-            )
-        })
+        .map(|node| (f64::from_bits(node.0), f64::from_bits(node.1), seconds[node]))
         .collect();
     let enough = nodes.into_iter().filter(|(node, _)| !scarce(node));
     Segmentation {
@@ -258,11 +249,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         reversals,
         jumps,
         // Segments consist of whole blocks, which may have samples at rest.
-        steady_share: if moving > 0.0 {
-            (steady / moving).min(1.0)
-        } else {
-            0.0
-        },
+        steady_share: if moving > 0.0 { (steady / moving).min(1.0) } else { 0.0 },
     }
 }
 
@@ -308,10 +295,7 @@ fn block_s(recording: &Freehand) -> f64 {
 
 /// Returns the times, s, at which the `blocks`, each `block_s` long, begin in which the speed jumps.
 fn jump_times_s(blocks: &[Block], block_s: f64) -> impl Iterator<Item = f64> {
-    let starts = blocks
-        .iter()
-        .enumerate()
-        .filter(|(_, block)| **block == Block::Jump);
+    let starts = blocks.iter().enumerate().filter(|(_, block)| **block == Block::Jump);
     starts.map(move |(block, _)| block as f64 * block_s)
 }
 
@@ -333,8 +317,7 @@ pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
     let runs = directions.chunk_by(|a, b| a == b).map(|run| {
         let first = end;
         end += run.len();
-        (run[0].is_some() && run.len() as f64 * block_s >= least_s)
-            .then_some(first * length..end * length)
+        (run[0].is_some() && run.len() as f64 * block_s >= least_s).then_some(first * length..end * length)
     });
     runs.flatten().collect()
 }
@@ -361,12 +344,9 @@ fn block_of(recording: &Freehand, range: Range<usize>, rest_mm_s: f64) -> Block 
         return Block::Reversal;
     }
     let signed = |n: usize| if backward[n] { -speeds[n] } else { speeds[n] };
-    let steps: Vec<f64> = (1..speeds.len())
-        .map(|n| (signed(n) - signed(n - 1)).abs())
-        .collect();
+    let steps: Vec<f64> = (1..speeds.len()).map(|n| (signed(n) - signed(n - 1)).abs()).collect();
     let largest = steps.iter().copied().fold(0.0, f64::max);
-    if largest > JUMP_MM_S.max(JUMP_SHARE * median(speeds)) && largest > JUMP_STEPS * median(&steps)
-    {
+    if largest > JUMP_MM_S.max(JUMP_SHARE * median(speeds)) && largest > JUMP_STEPS * median(&steps) {
         return Block::Jump;
     }
     Block::Motion {
@@ -387,19 +367,11 @@ fn count_reversals(blocks: &[Block], options: &Options) -> usize {
         _ => None,
     });
     let directions: Vec<bool> = moving.collect();
-    directions
-        .windows(2)
-        .filter(|pair| pair[0] != pair[1])
-        .count()
+    directions.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
 
 /// Returns the segments of one recording.
-fn segments_of(
-    recording: &Freehand,
-    blocks: &[Block],
-    index: usize,
-    options: &Options,
-) -> Vec<Segment> {
+fn segments_of(recording: &Freehand, blocks: &[Block], index: usize, options: &Options) -> Vec<Segment> {
     let length = block_length(recording);
     let least = (options.least_s / block_s(recording)).ceil().max(1.0) as usize;
     let mut segments = Vec::new();
@@ -459,10 +431,7 @@ mod tests {
     use super::*;
 
     const OPTIONS: Options = Options {
-        speed: Tolerance {
-            share: 0.1,
-            least: 4.0,
-        },
+        speed: Tolerance { share: 0.1, least: 4.0 },
         force: Tolerance {
             share: 0.1,
             least: 0.05,
@@ -563,17 +532,11 @@ mod tests {
         assert_eq!(moving(&hand, 0.1), [0..1000, 1500..2000]);
         hand.is_outlier[310] = true;
         hand.is_backward[600..].fill(true);
-        assert_eq!(
-            moving(&hand, 0.1),
-            [0..300, 320..600, 600..1000, 1500..2000]
-        );
+        assert_eq!(moving(&hand, 0.1), [0..300, 320..600, 600..1000, 1500..2000]);
     }
 
     fn ends(cut: &Segmentation) -> Vec<(usize, usize)> {
-        cut.placed
-            .iter()
-            .map(|p| (p.segment.first, p.segment.end))
-            .collect()
+        cut.placed.iter().map(|p| (p.segment.first, p.segment.end)).collect()
     }
 
     #[test]

@@ -19,26 +19,13 @@ pub fn write(
     segmentation: &Segmentation,
     overwrite: bool,
 ) -> Result<()> {
-    OutputFolder::begin(folder, overwrite)?
-        .fill(|folder| write_into(folder.path(), texture, recordings, segmentation))
+    OutputFolder::begin(folder, overwrite)?.fill(|folder| write_into(folder.path(), texture, recordings, segmentation))
 }
 
-fn write_into(
-    folder: &Path,
-    texture: &str,
-    recordings: &[Freehand],
-    segmentation: &Segmentation,
-) -> Result<()> {
+fn write_into(folder: &Path, texture: &str, recordings: &[Freehand], segmentation: &Segmentation) -> Result<()> {
     let list = folder.join(TRIALS_FILE);
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let header = [
-        "file",
-        "texture",
-        "speed_mm_s",
-        "force_n",
-        "duration_s",
-        "simulated",
-    ];
+    let header = ["file", "texture", "speed_mm_s", "force_n", "duration_s", "simulated"];
     let failed = |failure: csv::Error| Error::file(&list, failure.to_string());
     writer.write_record(header).map_err(failed)?;
     for (index, placed) in segmentation.placed.iter().enumerate() {

@@ -28,8 +28,6 @@ pub struct Compared<'a> {
 
 impl Compared<'_> {
     pub(super) fn is_silent(&self) -> bool {
-        self.verdicts
-            .iter()
-            .any(|verdict| verdict.kind() == Kind::Silent)
+        self.verdicts.iter().any(|verdict| verdict.kind() == Kind::Silent)
     }
 }

@@ -92,18 +92,14 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
         for &b in near.take_while(|&&b| first(b) - first(a) <= reach) {
             let (earlier, later) = (a.min(b), a.max(b));
             // The comparison of sketches takes the most time, so it comes last.
-            if original[later].is_none_or(|known| earlier < known)
-                && sketches[a].is_copy_of(sketches[b])
-            {
+            if original[later].is_none_or(|known| earlier < known) && sketches[a].is_copy_of(sketches[b]) {
                 original[later] = Some(earlier);
             }
         }
     }
     let scale = |copy: usize, of: usize| (sketches[copy].energy / sketches[of].energy).sqrt();
     let found = original.into_iter().enumerate();
-    found
-        .map(|(copy, of)| of.map(|of| (of, scale(copy, of))))
-        .collect()
+    found.map(|(copy, of)| of.map(|of| (of, scale(copy, of)))).collect()
 }
 
 #[cfg(test)]
@@ -121,10 +117,7 @@ mod tests {
         let takes: Vec<Vec<f64>> = (0..60).map(bounded_noise).collect();
         assert!(copies_of(&takes).iter().all(Option::is_none));
         // Recordings without a signal are not copies either.
-        assert_eq!(
-            copies_of(&[vec![0.0; 100], vec![0.0; 100], Vec::new()]),
-            [None; 3]
-        );
+        assert_eq!(copies_of(&[vec![0.0; 100], vec![0.0; 100], Vec::new()]), [None; 3]);
     }
 
     #[test]
@@ -133,8 +126,7 @@ mod tests {
         let scaled: Vec<f64> = b.iter().map(|x| 0.37 * x).collect();
         let rounded: Vec<f64> = a.iter().map(|x| (x * 1e4).round() / 1e4 + 9.81).collect();
         let found = copies_of(&[a, b.clone(), scaled, rounded, b]);
-        let originals: Vec<Option<usize>> =
-            found.iter().map(|copy| Some(copy.as_ref()?.0)).collect();
+        let originals: Vec<Option<usize>> = found.iter().map(|copy| Some(copy.as_ref()?.0)).collect();
         assert_eq!(originals, [None, None, Some(1), Some(0), Some(1)]);
         assert!((found[2].unwrap().1 - 0.37).abs() < 1e-6);
     }

@@ -22,9 +22,7 @@ const JOINT: usize = 50;
 /// shorter parts between them are kept. If less than half remains then, too, nothing is cut, and the verdicts apply to
 /// the whole trial.
 pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
-    let gaps = verdicts
-        .iter()
-        .filter(|verdict| verdict.kind() == Kind::Dropouts);
+    let gaps = verdicts.iter().filter(|verdict| verdict.kind() == Kind::Dropouts);
     between(verdicts.iter(), samples, LEAST_KEPT)
         .or_else(|| between(gaps, samples, LEAST_BETWEEN_GAPS))
         .unwrap_or_else(|| std::iter::once(0..samples).collect())
@@ -32,11 +30,7 @@ pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
 
 /// Returns the parts of `samples` samples that lie between the spans of `verdicts`, of at least `least` samples each;
 /// `None` if together they contain less than half of the trial.
-fn between<'a>(
-    verdicts: impl Iterator<Item = &'a Verdict>,
-    samples: usize,
-    least: usize,
-) -> Option<Vec<Span>> {
+fn between<'a>(verdicts: impl Iterator<Item = &'a Verdict>, samples: usize, least: usize) -> Option<Vec<Span>> {
     let cuts = verdicts.flat_map(|verdict| verdict.spans().iter().cloned());
     let mut cuts: Vec<Span> = cuts.collect();
     cuts.sort_by_key(|cut| cut.start);
@@ -94,11 +88,7 @@ pub fn kept_spans(spans: &[Span], parts: &[Span]) -> Vec<Span> {
 
 fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
     let count: usize = parts.iter().map(ExactSizeIterator::len).sum();
-    let mean = parts
-        .iter()
-        .flat_map(|part| &axis[part.clone()])
-        .sum::<f64>()
-        / count as f64;
+    let mean = parts.iter().flat_map(|part| &axis[part.clone()]).sum::<f64>() / count as f64;
     let mut joined: Vec<f64> = Vec::with_capacity(count);
     for part in parts {
         let mut samples = axis[part.clone()].iter().map(|x| x - mean);
@@ -129,10 +119,7 @@ mod tests {
     fn what_is_left_is_long_enough_or_all() {
         assert_eq!(usable(&[], 10_000), [0..10_000]);
         assert_eq!(usable(&silent(vec![0..1000]), 10_000), [1000..10_000]);
-        assert_eq!(
-            usable(&silent(vec![3000..3500]), 10_000),
-            [0..3000, 3500..10_000]
-        );
+        assert_eq!(usable(&silent(vec![3000..3500]), 10_000), [0..3000, 3500..10_000]);
         // The part between two cuts is too short.
         assert_eq!(
             usable(&silent(vec![3000..3500, 4000..4500]), 10_000),
@@ -153,9 +140,7 @@ mod tests {
     #[test]
     fn gaps_are_cut_from_between_shorter_parts_where_no_longer_ones_are_left() {
         let of = |kind, step: usize| {
-            let spans = (1..10_000 / step)
-                .map(|n| step * n..step * n + 40)
-                .collect();
+            let spans = (1..10_000 / step).map(|n| step * n..step * n + 40).collect();
             Verdict::on(kind, "gaps", spans)
         };
         let parts = usable(&[of(Kind::Dropouts, 1000)], 10_000);
@@ -173,10 +158,7 @@ mod tests {
         let parts = [0..4000, 6000..10_000];
         let joined = kept(vec![axis], &parts).remove(0);
         let moved = kept_spans(&[100..110, 3999..6001, 7000..7003], &parts);
-        assert_eq!(
-            moved,
-            [100..110, 3999..4000, 3950..4000, 3950..3951, 4950..4953]
-        );
+        assert_eq!(moved, [100..110, 3999..4000, 3950..4000, 3950..3951, 4950..4953]);
         let value = |index: usize| (joined[index] - joined[100]).round();
         assert_eq!(value(4950), 6900.0);
         assert_eq!(kept_spans(&[5..9], &[0..10_000]), [5..9]);

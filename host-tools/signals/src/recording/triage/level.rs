@@ -99,10 +99,7 @@ fn decibels(power: f64) -> f64 {
 
 /// Returns the runs of parts that are far below the loudest parts.
 fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
-    let levels: Vec<f64> = powers(axes, SILENCE_PART)
-        .into_iter()
-        .map(decibels)
-        .collect();
+    let levels: Vec<f64> = powers(axes, SILENCE_PART).into_iter().map(decibels).collect();
     if levels.len() < 2 * SILENT_PARTS {
         return Vec::new();
     }
@@ -162,10 +159,7 @@ fn spread(levels: &[f64]) -> f64 {
 /// Returns the sum of the squared deviations from the mean.
 fn squares(levels: &[f64]) -> f64 {
     let mean = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
-    levels
-        .iter()
-        .map(|level| (level - mean) * (level - mean))
-        .sum()
+    levels.iter().map(|level| (level - mean) * (level - mean)).sum()
 }
 
 /// Returns the one to three events with the most energy, if they outweigh all others.
@@ -175,10 +169,7 @@ fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
         return None;
     }
     let total: f64 = powers.iter().sum();
-    let mut events: Vec<f64> = powers
-        .windows(TAP_PARTS)
-        .map(|event| event.iter().sum())
-        .collect();
+    let mut events: Vec<f64> = powers.windows(TAP_PARTS).map(|event| event.iter().sum()).collect();
     // The strongest events that do not overlap, in order of their energy.
     let mut strongest: Vec<(usize, f64)> = Vec::new();
     for _ in 0..=MOST_TAPS {
@@ -212,9 +203,7 @@ fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
 fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
     let is_silent = |part: usize| {
         let (from, to) = (part * STEP_PART, (part + 1) * STEP_PART);
-        silence
-            .iter()
-            .any(|span| span.start < to && from < span.end)
+        silence.iter().any(|span| span.start < to && from < span.end)
     };
     let levels: Vec<(usize, f64)> = powers(axes, STEP_PART)
         .into_iter()
@@ -228,8 +217,7 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
     }
     let all = squares(&values);
     let left = |at: &usize| squares(&values[..*at]) + squares(&values[*at..]);
-    let best =
-        (STEP_PARTS..=values.len() - STEP_PARTS).min_by(|a, b| left(a).total_cmp(&left(b)))?;
+    let best = (STEP_PARTS..=values.len() - STEP_PARTS).min_by(|a, b| left(a).total_cmp(&left(b)))?;
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let step_db = mean(&values[best..]) - mean(&values[..best]);
     let n = values.len() as f64;
@@ -284,9 +272,7 @@ mod tests {
     fn a_tap_is_found_where_it_is() {
         let burst = bounded_noise(3);
         let tap = (0..150).map(|n| 40.0 * burst[n] * (-(n as f64) / 40.0).exp());
-        let late = std::iter::repeat_n(0.0, 6000)
-            .chain(tap)
-            .chain(std::iter::repeat(0.0));
+        let late = std::iter::repeat_n(0.0, 6000).chain(tap).chain(std::iter::repeat(0.0));
         let found = verdicts(&[plus(&bounded_noise(1), late)]);
         let [verdict] = &found[..] else {
             panic!("{found:?}");

@@ -59,8 +59,6 @@ pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
 pub use scale::{LARGE_RMS_M_S2, SILENCE_FLOOR_M_S2};
 pub use set::{HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
-pub use single_trial::{
-    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LEAST_RATE_HZ, SHORT_SAMPLES, flaws, samples,
-};
+pub use single_trial::{CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LEAST_RATE_HZ, SHORT_SAMPLES, flaws, samples};
 pub use unlike::UNLIKE_NEIGHBOURS_DB;
 pub use verdict::{Kind, Span, Verdict, in_words};

@@ -54,21 +54,13 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
     let mean = mean.sqrt();
     // The mean comes first, because gravity tells the unit, and an RMS does not.
     if mean > LARGE_MEAN_M_S2 {
-        let alike = if has_scale {
-            Vec::new()
-        } else {
-            units_of(mean)
-        };
+        let alike = if has_scale { Vec::new() } else { units_of(mean) };
         let unit = match &alike[..] {
-            [] if has_scale => {
-                ", unless it is an offset of the sensor, such as half its supply".to_owned()
-            }
+            [] if has_scale => ", unless it is an offset of the sensor, such as half its supply".to_owned(),
             [] => String::new(),
             units => format!(", as in {}", units.join(" or ")),
         };
-        return Some(format!(
-            "a mean of {mean:.0} m/s² where gravity is 9.81{unit}"
-        ));
+        return Some(format!("a mean of {mean:.0} m/s² where gravity is 9.81{unit}"));
     }
     if rms > LARGE_RMS_M_S2 {
         let of_axes = match moments.len() {
@@ -84,11 +76,7 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
             "a mean of {mean:.4} m/s², a thousandth of gravity: the unit is a thousand times as large, as g is to mg"
         ));
     }
-    let most = if is_whole {
-        GRAVITY_RMS
-    } else {
-        GRAVITY_RMS_OF_FEW
-    };
+    let most = if is_whole { GRAVITY_RMS } else { GRAVITY_RMS_OF_FEW };
     // Fewer axes may be tilted, so with a scale that was given, a mean of 1 is no finding on them.
     let is_gravity = (mean - 1.0).abs() <= GRAVITY_TOLERANCE
         && (SILENCE_FLOOR_M_S2..most).contains(&rms)

@@ -34,9 +34,7 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
         }
     }
     // Silent trials would all be equal.
-    let loud: Vec<usize> = (0..trials.len())
-        .filter(|&index| !trials[index].is_silent())
-        .collect();
+    let loud: Vec<usize> = (0..trials.len()).filter(|&index| !trials[index].is_silent()).collect();
     let sketches: Vec<&Sketch> = loud.iter().map(|&index| trials[index].sketch).collect();
     for (&index, copy) in loud.iter().zip(copies(&sketches)) {
         verdicts[index].extend(copy.map(|(original, scale)| {
@@ -53,9 +51,7 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
 fn own_verdicts(trial: &Compared<'_>) -> Vec<Verdict> {
     let is_explained = |verdict: &&Verdict| trial.is_idle && verdict.kind() == Kind::Wandering;
     let own = trial.verdicts.iter();
-    own.filter(|verdict| !is_explained(verdict))
-        .cloned()
-        .collect()
+    own.filter(|verdict| !is_explained(verdict)).cloned().collect()
 }
 
 fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
@@ -64,11 +60,8 @@ fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdi
         .map(|&index| (trials[index].speed_mm_s, trials[index].mains_line_hz))
         .collect();
     for (&index, line) in members.iter().zip(confirmed_hum(&lines)) {
-        verdicts[index].extend(
-            line.map(|frequency_hz| {
-                Verdict::new(Kind::Hum, format!("hum at {frequency_hz:.1} Hz"))
-            }),
-        );
+        verdicts[index]
+            .extend(line.map(|frequency_hz| Verdict::new(Kind::Hum, format!("hum at {frequency_hz:.1} Hz"))));
     }
 }
 
@@ -87,9 +80,7 @@ fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut 
     for index in loud {
         let off_db = level(index) - median;
         // One doubt about the scale is enough.
-        let is_doubted = verdicts[index]
-            .iter()
-            .any(|verdict| verdict.kind() == Kind::Scale);
+        let is_doubted = verdicts[index].iter().any(|verdict| verdict.kind() == Kind::Scale);
         if off_db.abs() >= UNLIKE_DB && !is_doubted {
             let words = format!("scale: {off_db:+.0} dB from the median of the texture's trials");
             verdicts[index].push(Verdict::new(Kind::Scale, words));
@@ -146,10 +137,7 @@ pub fn confirmed_hum(trials: &[(f64, Option<f64>)]) -> Vec<Option<f64>> {
     };
     let (all, with_line) = (speeds(false), speeds(true));
     let mains = all <= 2 || 2 * with_line >= all;
-    trials
-        .iter()
-        .map(|&(_, line)| line.filter(|_| mains))
-        .collect()
+    trials.iter().map(|&(_, line)| line.filter(|_| mains)).collect()
 }
 
 #[cfg(test)]
@@ -160,10 +148,7 @@ mod tests {
     #[test]
     fn slow_motion_is_no_finding_in_the_air() {
         let sketch = Sketch::of(&bounded_noise(1));
-        let own = [
-            Verdict::new(Kind::Wandering, ""),
-            Verdict::new(Kind::TooShort, ""),
-        ];
+        let own = [Verdict::new(Kind::Wandering, ""), Verdict::new(Kind::TooShort, "")];
         let verdicts = |is_idle: bool| {
             let trial = Compared {
                 texture: "felt",

@@ -80,10 +80,7 @@ fn of_file(samples: &Samples) -> Vec<Verdict> {
     }
     let rate_hz = samples.source_rate_hz;
     if rate_hz < LEAST_RATE_HZ {
-        let words = format!(
-            "wrong rate: {rate_hz} Hz, nothing above {} Hz",
-            rate_hz / 2.0
-        );
+        let words = format!("wrong rate: {rate_hz} Hz, nothing above {} Hz", rate_hz / 2.0);
         verdicts.push(Verdict::new(Kind::WrongRate, words));
     }
     verdicts.extend(of_times(samples));
@@ -96,10 +93,7 @@ fn of_file(samples: &Samples) -> Vec<Verdict> {
 
 /// Returns the verdicts on the times of a file's samples.
 fn of_times(samples: &Samples) -> Vec<Verdict> {
-    let (timing, length) = (
-        &samples.defects.timing,
-        samples.axes.first().map_or(0, Vec::len),
-    );
+    let (timing, length) = (&samples.defects.timing, samples.axes.first().map_or(0, Vec::len));
     let mut verdicts = Vec::new();
     let mut found = |kind, words: String| verdicts.push(Verdict::new(kind, words));
     if let Some(unit) = timing.guessed_unit {
@@ -108,15 +102,10 @@ fn of_times(samples: &Samples) -> Vec<Verdict> {
     }
     if timing.joined_rows > 0 {
         let rows = counted(timing.joined_rows, "row");
-        found(
-            Kind::Joined,
-            format!("joined: {rows} of other sensors taken out"),
-        );
+        found(Kind::Joined, format!("joined: {rows} of other sensors taken out"));
     }
     if let Some(size) = timing.bunch {
-        let words = format!(
-            "bunches: times come in bunches of {size}, and were taken for the samples' own"
-        );
+        let words = format!("bunches: times come in bunches of {size}, and were taken for the samples' own");
         found(Kind::Bunches, words);
     }
     let (lost, all) = (counted(timing.lost, "sample"), timing.samples);
@@ -157,9 +146,7 @@ pub fn flaws(samples: &Samples, verdicts: &[Verdict]) -> Vec<Span> {
     let length = samples.axes.first().map_or(0, Vec::len);
     let clips = samples.defects.clips.iter();
     let clips = clips.map(|clip| span(clip.start_s, clip.seconds, SPIKE_REACH, length));
-    let found = verdicts
-        .iter()
-        .flat_map(|verdict| verdict.spans().iter().cloned());
+    let found = verdicts.iter().flat_map(|verdict| verdict.spans().iter().cloned());
     let mut flaws: Vec<Span> = found.chain(clips).collect();
     flaws.sort_by_key(|flaw| flaw.start);
     flaws
@@ -172,9 +159,7 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
     let span = |start_s, seconds, margin| span(start_s, seconds, margin, length);
     let holds = |is_zero: bool| -> Vec<Span> {
         let alike = defects.holds.iter().filter(|hold| hold.is_zero == is_zero);
-        alike
-            .map(|hold| span(hold.start_s, hold.seconds, 0))
-            .collect()
+        alike.map(|hold| span(hold.start_s, hold.seconds, 0)).collect()
     };
     let mut verdicts = Vec::new();
     if defects.clipped_share >= CLIPPED_SHARE {
@@ -212,9 +197,7 @@ fn of_wild_samples(defects: &Defects, span: impl Fn(f64, f64, usize) -> Span) ->
     let (spikes, bursts) = (&defects.spikes, &defects.bursts);
     if !spikes.is_empty() {
         let ratio = spikes.iter().map(|spike| spike.ratio).fold(0.0, f64::max);
-        let spans = spikes
-            .iter()
-            .map(|spike| span(spike.time_s, 0.0, SPIKE_REACH));
+        let spans = spikes.iter().map(|spike| span(spike.time_s, 0.0, SPIKE_REACH));
         let words = format!(", up to {ratio:.0} times what is around");
         verdicts.push(Verdict::on(Kind::Spikes, "spikes", spans.collect()).with(&words));
     }

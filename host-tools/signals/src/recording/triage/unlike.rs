@@ -19,15 +19,15 @@ const AUDIBLE_DB: f64 = 50.0;
 
 /// Returns the verdicts on those `members`, trials of one texture, that deviate from both neighbours in speed at their
 /// force. The deviation extends from some frequency upwards, or downwards, or over all frequencies.
-pub(super) fn unlike_neighbours(
-    trials: &[Compared<'_>],
-    members: &[usize],
-) -> Vec<(usize, Verdict)> {
+pub(super) fn unlike_neighbours(trials: &[Compared<'_>], members: &[usize]) -> Vec<(usize, Verdict)> {
     let usable = |index: &&usize| !trials[**index].is_idle && !trials[**index].is_silent();
     let loud: Vec<&Compared<'_>> = members.iter().filter(usable).map(|i| &trials[*i]).collect();
     let found = members.iter().filter(usable).filter_map(|&index| {
         let own = &trials[index];
-        let line = || loud.iter().filter(|other| other.force_n.total_cmp(&own.force_n).is_eq());
+        let line = || {
+            loud.iter()
+                .filter(|other| other.force_n.total_cmp(&own.force_n).is_eq())
+        };
         let slower = line().filter(|other| other.speed_mm_s < own.speed_mm_s);
         let faster = line().filter(|other| other.speed_mm_s > own.speed_mm_s);
         let slower = slower.max_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s))?;
@@ -53,15 +53,9 @@ struct Departure {
 
 /// Returns the longest range in which `own` deviates from both neighbours. It begins at either end of the frequencies
 /// that all three recordings cover, or includes all of them.
-fn departure(
-    own: &[(f64, f64)],
-    slower: &[(f64, f64)],
-    faster: &[(f64, f64)],
-) -> Option<Departure> {
+fn departure(own: &[(f64, f64)], slower: &[(f64, f64)], faster: &[(f64, f64)]) -> Option<Departure> {
     let level = |bands: &[(f64, f64)], hz: f64| {
-        let found = bands
-            .iter()
-            .find(|(centre, _)| centre.total_cmp(&hz).is_eq());
+        let found = bands.iter().find(|(centre, _)| centre.total_cmp(&hz).is_eq());
         found.map(|(_, db)| *db)
     };
     let strongest = |bands: &[(f64, f64)]| bands.iter().map(|b| b.1).fold(f64::MIN, f64::max);
@@ -84,10 +78,7 @@ fn departure(
         .collect();
     let run = |first: Option<&(f64, f64)>, bands: &mut dyn Iterator<Item = &(f64, f64)>| {
         let sign = first?.1;
-        let run: Vec<(f64, f64)> = bands
-            .take_while(|(_, db)| db * sign > 0.0)
-            .copied()
-            .collect();
+        let run: Vec<(f64, f64)> = bands.take_while(|(_, db)| db * sign > 0.0).copied().collect();
         (run.len() >= LEAST_BANDS).then_some(run)
     };
     let up = run(off.last(), &mut off.iter().rev());
@@ -130,11 +121,7 @@ mod tests {
         let low_passed = of(|hz| if hz > 1100.0 { -15.0 } else { 0.0 }).unwrap();
         assert_eq!(low_passed.hz.0.round(), 1259.0);
         assert_eq!(low_passed.hz.1.round(), 1995.0);
-        assert!(
-            (low_passed.off_db.0 + 13.0).abs() < 1e-9,
-            "{}",
-            low_passed.off_db.0
-        );
+        assert!((low_passed.off_db.0 + 13.0).abs() < 1e-9, "{}", low_passed.off_db.0);
         let high_passed = of(|hz| if hz < 90.0 { -20.0 } else { 0.0 }).unwrap();
         assert!(high_passed.hz.1 < 90.0);
         let gained = of(|_| 14.0).unwrap();
@@ -145,14 +132,7 @@ mod tests {
     fn a_level_between_or_near_the_neighbours_and_a_resonance_of_its_own_are_no_findings() {
         assert!(of(|_| 0.0).is_none());
         assert!(of(|_| 6.0).is_none());
-        assert!(
-            of(|hz| if (200.0..450.0).contains(&hz) {
-                20.0
-            } else {
-                0.0
-            })
-            .is_none()
-        );
+        assert!(of(|hz| if (200.0..450.0).contains(&hz) { 20.0 } else { 0.0 }).is_none());
         assert!(of(|hz| if hz > 1500.0 { -30.0 } else { 0.0 }).is_none());
     }
 }

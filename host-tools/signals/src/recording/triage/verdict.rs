@@ -117,11 +117,7 @@ impl Verdict {
             seconds(total),
             seconds(spans.first().map_or(0, |span| span.start))
         );
-        Self {
-            kind,
-            finding,
-            spans,
-        }
+        Self { kind, finding, spans }
     }
 
     /// Returns the same verdict with `words` appended to its finding.
@@ -153,13 +149,9 @@ impl Verdict {
         let mut numbers = words.filter_map(|word| word.parse().ok());
         let first = numbers.next().unwrap_or(0.0);
         match self.kind {
-            _ if !self.spans.is_empty() => {
-                self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64
-            }
+            _ if !self.spans.is_empty() => self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64,
             // Fewer samples, a lower rate, and a smaller ratio of the signal to its steps are worse.
-            Kind::TooShort | Kind::Truncated | Kind::WrongRate | Kind::Repeated | Kind::Coarse => {
-                -first
-            }
+            Kind::TooShort | Kind::Truncated | Kind::WrongRate | Kind::Repeated | Kind::Coarse => -first,
             // The first number is the axis. A constant axis has no second one.
             Kind::DeadAxis => numbers.next().unwrap_or(f64::INFINITY),
             // The first two numbers are deviations, of either sign.
@@ -219,11 +211,7 @@ mod tests {
                 "spectrum: -5 to +12 dB off, from 90 to 700 Hz",
                 "spectrum: -13 to -2 dB off, from 20 to 80 Hz",
             ),
-            (
-                Kind::Drifting,
-                "drifting: 6 % of energy",
-                "drifting: 30 % of energy",
-            ),
+            (Kind::Drifting, "drifting: 6 % of energy", "drifting: 30 % of energy"),
         ] {
             let size = |words: &str| Verdict::new(kind, words).size();
             assert!(size(better) < size(worse), "{worse}");

@@ -102,10 +102,7 @@ const OUT_OF_RANGE: &[(&str, &str)] = &[
     ("damping_ratio = 0.0", "tool.mode[1].damping_ratio"),
     ("name = \"a/b\"", "texture[2].name"),
     ("name = \"Smooth\"", "texture[2].name"),
-    (
-        "effective_modulus_mpa = 0.1",
-        "texture[2].effective_modulus_mpa",
-    ),
+    ("effective_modulus_mpa = 0.1", "texture[2].effective_modulus_mpa"),
     ("loss_factor = -0.1", "texture[2].loss_factor"),
     ("wavelength_mm = 400", "texture[2].weave[1].wavelength_mm"),
     ("wavelength_mm = 1e-4", "texture[2].weave[1].wavelength_mm"),
@@ -136,10 +133,7 @@ fn a_value_out_of_its_range_is_an_error_that_names_line_and_field() {
     // A list that is too long, and an empty list where at least one value is required.
     let many = format!("forces_n = {:?}", (0..65).collect::<Vec<_>>());
     let message = read(&WHOLE.replacen("forces_n = [0.0, 1.0]", &many, 1)).unwrap_err();
-    assert!(
-        message.to_string().contains("1 to 64 entries, but has 65"),
-        "{message}"
-    );
+    assert!(message.to_string().contains("1 to 64 entries, but has 65"), "{message}");
     let (head, _) = WHOLE.split_once("[[texture]]").unwrap();
     let message = read(&head.replacen("[recording]", "texture = []\n\n[recording]", 1));
     let message = message.unwrap_err();
@@ -154,16 +148,12 @@ fn text_that_does_not_fit_the_schema_is_an_error_that_names_the_line() {
         ("hurst = 0.5", "hurst 0.5", ""),
         ("sample_rate_hz = 5000", "sample_rate_hz = 5000.5", "5000.5"),
     ] {
-        let message = read(&WHOLE.replacen(good, bad, 1))
-            .expect_err(bad)
-            .to_string();
+        let message = read(&WHOLE.replacen(good, bad, 1)).expect_err(bad).to_string();
         assert!(message.starts_with(&at_line(good)), "{message}");
         assert!(message.contains(named), "{message}");
         assert!(!message.contains('\n'), "{message}");
     }
-    let missing = read(&WHOLE.replacen("hurst = 0.5", "", 1))
-        .unwrap_err()
-        .to_string();
+    let missing = read(&WHOLE.replacen("hurst = 0.5", "", 1)).unwrap_err().to_string();
     let start = at_line("[texture.roughness]");
     assert!(missing.starts_with(&start), "{missing}");
     assert!(missing.contains("hurst"), "{missing}");
@@ -173,9 +163,7 @@ fn text_that_does_not_fit_the_schema_is_an_error_that_names_the_line() {
 fn a_profile_without_a_tool_is_refused_and_a_flat_texture_is_not() {
     let (before, after) = WHOLE.split_once("[tool]").unwrap();
     let (_, after) = after.split_once("[[texture]]").unwrap();
-    let message = read(&format!("{before}[[texture]]{after}"))
-        .unwrap_err()
-        .to_string();
+    let message = read(&format!("{before}[[texture]]{after}")).unwrap_err().to_string();
     holds(&message, &["texture[2]", "[tool]"]);
     let (flat, _) = after.split_once("[[texture]]").unwrap();
     read(&format!("{before}[[texture]]{flat}")).unwrap();

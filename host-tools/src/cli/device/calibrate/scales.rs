@@ -79,11 +79,7 @@ impl Bench<'_> {
             ));
         }
         let path = distance.map(|mm| self.path(mm)).transpose()?;
-        Ok(ScalesReport {
-            force,
-            weighed,
-            path,
-        })
+        Ok(ScalesReport { force, weighed, path })
     }
 
     fn weigh(&self, grams: f64) -> Result<Weighed> {

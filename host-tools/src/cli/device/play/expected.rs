@@ -46,12 +46,7 @@ impl LibraryFile {
     }
 
     /// Computes the level of `request` along `motion` for `seconds`, but for one minute at most; `None` for a scene.
-    pub fn level(
-        &self,
-        request: &PlayRequest,
-        motion: &MotionPath,
-        seconds: f64,
-    ) -> Result<Option<Level>> {
+    pub fn level(&self, request: &PlayRequest, motion: &MotionPath, seconds: f64) -> Result<Option<Level>> {
         let Selection::Texture(name) = &request.selection else {
             return Ok(None);
         };

@@ -9,15 +9,12 @@ use std::time::Duration;
 
 use clap::ArgGroup;
 use clap::builder::RangedU64ValueParser;
-use host_tools::link::play::{
-    Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, Vibration, drive,
-};
+use host_tools::link::play::{Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, Vibration, drive};
 use host_tools::link::{Device, LinkError};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use model_format::link::{
-    Activity, MAX_PLAY_GAIN, MotionRefused, MotionSource, OutputStatus, PlayRequest, Selection,
-    TextureName,
+    Activity, MAX_PLAY_GAIN, MotionRefused, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
 };
 use model_format::scene::SceneName;
 use serde::Serialize;
@@ -75,12 +72,7 @@ pub struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// File of the active library, to print the level that is expected along the given motion
-    #[arg(
-        long,
-        value_name = "LIB",
-        requires = "texture",
-        requires = "given motion"
-    )]
+    #[arg(long, value_name = "LIB", requires = "texture", requires = "given motion")]
     library: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
@@ -128,9 +120,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let interrupt = Interrupt::listen()?;
     let before = device.status()?;
     let library = arguments.library.as_deref();
-    let library = library
-        .map(|path| LibraryFile::read(path, &before))
-        .transpose()?;
+    let library = library.map(|path| LibraryFile::read(path, &before)).transpose()?;
     let mut heard = Heard::since(&before);
     device.play(&request)?;
     let (played, fastest_mm_s) = keep_playing(&device, &plan, interrupt, &mut heard);
@@ -183,10 +173,7 @@ type Played = std::result::Result<Option<Driven>, LinkError>;
 /// failure too, and the first failure is reported.
 fn stop(device: &Device, played: Played) -> Result<(Driven, OutputStatus)> {
     // A stop now could end what another program plays over the other link since.
-    let is_over = matches!(
-        played,
-        Ok(None) | Err(LinkError::Motion(MotionRefused::Held { .. }))
-    );
+    let is_over = matches!(played, Ok(None) | Err(LinkError::Motion(MotionRefused::Held { .. })));
     if !is_over {
         let stopped = device.stop();
         let driven = played?;
@@ -195,8 +182,7 @@ fn stop(device: &Device, played: Played) -> Result<(Driven, OutputStatus)> {
             return Ok((driven, status));
         }
     }
-    let problem =
-        "stopped over the stylus's other link, or by the device: `stylus status` says why";
+    let problem = "stopped over the stylus's other link, or by the device: `stylus status` says why";
     Err(Error::Request(format!("{}: {problem}", device.address())))
 }
 
@@ -242,12 +228,7 @@ fn warn_of_stillness(device: &Device) {
     });
 }
 
-fn summary(
-    request: &PlayRequest,
-    driven: &Driven,
-    heard: &Heard,
-    expected: Option<Level>,
-) -> String {
+fn summary(request: &PlayRequest, driven: &Driven, heard: &Heard, expected: Option<Level>) -> String {
     let muted = match heard.muted_share() {
         Some(share) if share > 0.0 => format!(", muted {:.0} % of the time", share * 100.0),
         _ => String::new(),
@@ -341,12 +322,7 @@ fn selection(arguments: &Arguments) -> Result<Selection> {
 }
 
 /// Plays until the end. Returns what was sent, and the largest speed that the sensors measured, mm/s.
-fn keep_playing(
-    device: &Device,
-    plan: &Drive,
-    interrupt: Interrupt,
-    heard: &mut Heard,
-) -> (Played, Option<f64>) {
+fn keep_playing(device: &Device, plan: &Drive, interrupt: Interrupt, heard: &mut Heard) -> (Played, Option<f64>) {
     // Both functions that `drive` calls use the display, one after the other.
     let live = RefCell::new(Live::begin(device, plan.motion.as_ref()));
     let is_over = Cell::new(false);

@@ -22,10 +22,7 @@ use crate::cli::input::{not_negative, of_axes, positive, trial_force, trial_spee
 use crate::cli::output::{print, print_json, tell};
 
 #[derive(clap::Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a switch of the command"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of the command")]
 pub struct Arguments {
     /// Folder of the recording set; trials that are in it already are not recorded again. With --strokes a CSV file
     out: PathBuf,
@@ -163,8 +160,7 @@ impl Sensing {
         let mut scales = calibration.m_s2_per_code.iter();
         if scales.all(|scale| scale.abs() <= 0.0) {
             return Err(Error::Request(
-                "the accelerometer's scale is zero; set acceleration-per-volt-x, -y, -z, or give --scale"
-                    .to_owned(),
+                "the accelerometer's scale is zero; set acceleration-per-volt-x, -y, -z, or give --scale".to_owned(),
             ));
         }
         Ok(calibration)

@@ -38,12 +38,7 @@ pub struct Row {
 
 impl Row {
     /// Creates the row of the trial `point`, which was recorded as `capture`.
-    pub fn new(
-        point: &PlannedTrial,
-        capture: &Capture,
-        calibration: &Calibration,
-        analysis: &Analysis,
-    ) -> Self {
+    pub fn new(point: &PlannedTrial, capture: &Capture, calibration: &Calibration, analysis: &Analysis) -> Self {
         let level = Level::of(&capture.samples, calibration, f64::from(capture.rate_hz));
         Self {
             texture: point.texture.clone(),
@@ -68,10 +63,7 @@ impl Row {
         let torn = if self.interpolated == 0 {
             String::new()
         } else {
-            format!(
-                " ({} interpolated)",
-                counted(self.interpolated, "torn sample")
-            )
+            format!(" ({} interpolated)", counted(self.interpolated, "torn sample"))
         };
         format!(
             "{}: {:.3} m/s² RMS, {:.1} mm/s, {:.2} N; {}{holes}{torn}",
@@ -160,9 +152,7 @@ fn is_still(point: &PlannedTrial, level: &Level) -> bool {
 fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<String> {
     if is_still(point, level) {
         let Level {
-            speed_mm_s,
-            force_n,
-            ..
+            speed_mm_s, force_n, ..
         } = level;
         return vec![format!(
             "nothing moved: the sensors say {speed_mm_s:.1} mm/s and {force_n:.2} N; rub the surface, or connect the \

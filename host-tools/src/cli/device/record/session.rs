@@ -56,12 +56,7 @@ impl<'a> Session<'a> {
     }
 
     /// Records trial `number` of `of`, as often as the operator wants.
-    pub fn trial(
-        &self,
-        folder: &mut Folder,
-        point: &PlannedTrial,
-        (number, of): (usize, usize),
-    ) -> Result<Outcome> {
+    pub fn trial(&self, folder: &mut Folder, point: &PlannedTrial, (number, of): (usize, usize)) -> Result<Outcome> {
         tell(&format!("[{number}/{of}] {point}"));
         // An earlier recording stays in the folder until another one replaces it.
         let mut earlier = None;

@@ -6,10 +6,9 @@ mod watch;
 use host_tools::link::settings::cap;
 use host_tools::support::error::Result;
 use model_format::link::{
-    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus,
-    Levels, LinkCounters, Marks, MotionSource, MuteReason, OutputLimits, OutputStatus,
-    SettingChange, SettingsChange, SettingsState, StartReport, Status, UpdatePhase, UpdateReport,
-    UploadState,
+    Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus, Levels,
+    LinkCounters, Marks, MotionSource, MuteReason, OutputLimits, OutputStatus, SettingChange, SettingsChange,
+    SettingsState, StartReport, Status, UpdatePhase, UpdateReport, UploadState,
 };
 use serde::Serialize;
 
@@ -109,10 +108,7 @@ fn output_lines(status: &Status) -> Vec<String> {
     };
     let mut lines = vec![format!("library  {library}{}", upload(&status.upload))];
     let amplifier = if status.output.amplifier { "on" } else { "off" };
-    lines.push(format!(
-        "output   {}; amplifier {amplifier}",
-        output(&status.output)
-    ));
+    lines.push(format!("output   {}; amplifier {amplifier}", output(&status.output)));
     lines.push(format!("muted    {}", mutes(&status.output)));
     lines.push(format!(
         "limits   saturated {}, hard limit {}, slew {}, thermal {} samples; coil at {:.1} % of its limit, gain {:.1} %",
@@ -144,11 +140,7 @@ fn counter_lines(status: &Status) -> [String; 7] {
     [
         format!(
             "recorder {}, {} blocks, {} lost",
-            if status.record.recording {
-                "recording"
-            } else {
-                "idle"
-            },
+            if status.record.recording { "recording" } else { "idle" },
             status.record.blocks,
             status.record.lost_blocks
         ),
@@ -162,10 +154,7 @@ fn counter_lines(status: &Status) -> [String; 7] {
             status.tick.late_conversions,
             status.tick.late_outputs
         ),
-        format!(
-            "marks    {}",
-            marks(&status.marks, status.tick_histogram.core_hz)
-        ),
+        format!("marks    {}", marks(&status.marks, status.tick_histogram.core_hz)),
         format!("sensors  {}", levels(&status.levels)),
         format!(
             "tick time {:.1} to {:.1} µs",
@@ -199,13 +188,12 @@ fn start(start: StartReport) -> Vec<String> {
                 "CLOCK    the external clock is missing or failed: pitch and times are off by up to 1 %{usb}"
             ));
         }
-        ClockSource::InternalUnmultiplied => lines
-            .push("CLOCK    no clock could be multiplied: nothing is sampled or played".to_owned()),
+        ClockSource::InternalUnmultiplied => {
+            lines.push("CLOCK    no clock could be multiplied: nothing is sampled or played".to_owned())
+        }
     }
     if let Some(stage) = start.hung_stage {
-        lines.push(format!(
-            "HUNG     an earlier start hung at the stage: {stage}"
-        ));
+        lines.push(format!("HUNG     an earlier start hung at the stage: {stage}"));
     }
     if start.supply_low {
         lines.push(format!(
@@ -221,9 +209,9 @@ fn start(start: StartReport) -> Vec<String> {
 }
 
 fn fault(fault: &Fault) -> String {
-    let address = fault.address.map_or(String::new(), |address| {
-        format!(", access to {address:#010x}")
-    });
+    let address = fault
+        .address
+        .map_or(String::new(), |address| format!(", access to {address:#010x}"));
     format!(
         "FAULT    {:?} at {:#010x}{address}, detail {:#x} {}",
         fault.kind, fault.program_counter, fault.detail, fault.text
@@ -315,9 +303,7 @@ pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
         "the last change could not be written to flash: try again; if that fails, `stylus settings reset`".to_owned()
     });
     let refusal = refusal.map(|refusal| format!("nothing plays: {refusal}"));
-    [refusal, differing, mended, unwritable]
-        .into_iter()
-        .flatten()
+    [refusal, differing, mended, unwritable].into_iter().flatten()
 }
 
 /// Returns both images' versions and the state of the update, in words.
@@ -396,20 +382,14 @@ pub fn output(output: &OutputStatus) -> String {
 
 fn mutes(output: &OutputStatus) -> String {
     let counts = MuteReason::ALL.iter().zip(output.mute_counts);
-    let words: Vec<String> = counts
-        .map(|(reason, count)| format!("{reason} {count} x"))
-        .collect();
+    let words: Vec<String> = counts.map(|(reason, count)| format!("{reason} {count} x")).collect();
     words.join(", ")
 }
 
 fn link(counters: &LinkCounters) -> String {
     format!(
         "{} frames, {} malformed, {} oversized, {} line errors, {} unsent",
-        counters.frames,
-        counters.malformed,
-        counters.oversized,
-        counters.line_errors,
-        counters.unsent
+        counters.frames, counters.malformed, counters.oversized, counters.line_errors, counters.unsent
     )
 }
 

@@ -23,15 +23,10 @@ pub struct Summary {
 
 impl Summary {
     pub fn of(state: &ResponseState) -> Option<Self> {
-        let StoredResponse {
-            response,
-            id,
-            stale,
-        } = state.stored.as_ref()?;
+        let StoredResponse { response, id, stale } = state.stored.as_ref()?;
         Some(Self {
             id: format!("{id:08x}"),
-            measured_on: utc(UNIX_EPOCH + Duration::from_secs(response.measured_at))[..10]
-                .to_owned(),
+            measured_on: utc(UNIX_EPOCH + Duration::from_secs(response.measured_at))[..10].to_owned(),
             worst_db: response.worst_db,
             rms_db: response.rms_db,
             changed_since: stale.to_string(),
@@ -51,8 +46,6 @@ impl Summary {
         } else {
             format!("; STALE: {changed_since} changed since, calibrate again")
         };
-        format!(
-            "{id}, measured on {measured_on}, flat within {worst_db:.1} dB ({rms_db:.1} dB RMS){stale}"
-        )
+        format!("{id}, measured on {measured_on}, flat within {worst_db:.1} dB ({rms_db:.1} dB RMS){stale}")
     }
 }

@@ -88,11 +88,7 @@ fn listen(
             samples.extend(arrival.samples);
         }
     }
-    Ok(Level::of(
-        &samples,
-        calibration,
-        f64::from(stream.rate_hz()),
-    ))
+    Ok(Level::of(&samples, calibration, f64::from(stream.rate_hz())))
 }
 
 fn sleep(begin: Instant, until: f64, is_over: &impl Fn() -> bool) {
@@ -136,8 +132,7 @@ impl Reading {
 fn show(reading: &Reading, json: bool, line: &indicatif::ProgressBar) -> Result<()> {
     if json {
         // In one line, so that a script can read it as soon as it comes.
-        let text = serde_json::to_string(reading)
-            .map_err(|failure| Error::Request(failure.to_string()))?;
+        let text = serde_json::to_string(reading).map_err(|failure| Error::Request(failure.to_string()))?;
         print(&visible_json(&text))
     } else if line.is_hidden() {
         print(&reading.text())

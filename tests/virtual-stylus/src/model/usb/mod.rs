@@ -38,9 +38,7 @@ mod registers;
 
 use std::num::NonZeroU64;
 
-use rigless::device::{
-    DeviceContext, ErasedDevice, InterruptChange, Level, RegisterFile, RequestChange,
-};
+use rigless::device::{DeviceContext, ErasedDevice, InterruptChange, Level, RegisterFile, RequestChange};
 use rigless::soc::{Gate, RegisterSpec, Width, Window};
 use rigless::time::{EventId, VirtualNanos};
 
@@ -95,11 +93,7 @@ impl Usb {
     }
 
     /// Makes the host's software do `work`, and then serves the bus.
-    pub fn drive<T>(
-        &mut self,
-        context: &mut DeviceContext<'_>,
-        work: impl FnOnce(&mut Host, u64) -> T,
-    ) -> T {
+    pub fn drive<T>(&mut self, context: &mut DeviceContext<'_>, work: impl FnOnce(&mut Host, u64) -> T) -> T {
         let done = work(&mut self.host, context.now().0);
         self.settle(context);
         done
@@ -144,41 +138,19 @@ impl ErasedDevice for Usb {
         self.layout
     }
 
-    fn read(
-        &mut self,
-        _row: usize,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
+    fn read(&mut self, _row: usize, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) -> Option<u64> {
         None
     }
 
-    fn write(
-        &mut self,
-        _row: usize,
-        _value: u64,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
-    }
+    fn write(&mut self, _row: usize, _value: u64, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {}
 
-    fn on_event(
-        &mut self,
-        event: EventId,
-        _registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_event(&mut self, event: EventId, _registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         if self.due.take_if(|(_, due)| *due == event).is_some() {
             self.settle(context);
         }
     }
 
-    fn on_request(
-        &mut self,
-        _request: RequestChange,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
+    fn on_request(&mut self, _request: RequestChange, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {
     }
 
     fn on_interrupt(
@@ -189,13 +161,7 @@ impl ErasedDevice for Usb {
     ) {
     }
 
-    fn on_clock(
-        &mut self,
-        _hz: u64,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
-    }
+    fn on_clock(&mut self, _hz: u64, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {}
 
     fn poll(&mut self, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {}
 
@@ -203,22 +169,10 @@ impl ErasedDevice for Usb {
         self.core_reset();
     }
 
-    fn on_access(
-        &mut self,
-        _token: u64,
-        _value: u64,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
+    fn on_access(&mut self, _token: u64, _value: u64, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {
     }
 
-    fn on_refused(
-        &mut self,
-        _token: u64,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
-    }
+    fn on_refused(&mut self, _token: u64, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {}
 
     fn read_window(&mut self, offset: u64, _width: Width, context: &mut DeviceContext<'_>) -> u64 {
         // The read sees what has happened on the bus until now, even without an event since.
@@ -228,13 +182,7 @@ impl ErasedDevice for Usb {
         u64::from(value)
     }
 
-    fn write_window(
-        &mut self,
-        offset: u64,
-        _width: Width,
-        value: u64,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn write_window(&mut self, offset: u64, _width: Width, value: u64, context: &mut DeviceContext<'_>) {
         self.core.write(offset, value as u32);
         self.settle(context);
     }

@@ -46,9 +46,7 @@ impl Drop for Told {
                 now_s,
                 last,
             } = self;
-            println!(
-                "step {step}, after {now_s} s of the device's time, the last of these: {last:#?}"
-            );
+            println!("step {step}, after {now_s} s of the device's time, the last of these: {last:#?}");
             println!(
                 "to see it again: cargo tasks soak --seed {seed} --for {}s",
                 // The step that failed may take a while.

@@ -4,10 +4,9 @@ use fake_stylus::device::{MOTION, change};
 use hil::checks::faults::ENDING;
 use hil::injection::Injected;
 use model_format::link::{
-    ActivateEndpoint, Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic,
-    ResetReason, Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId,
-    UpdateBegin, UpdateBeginEndpoint, UpdateError, UpdatePhase, UploadAbortEndpoint,
-    UploadBeginEndpoint, UploadError,
+    ActivateEndpoint, Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic, ResetReason, Setting,
+    SettingChange, Settings, SettingsChange, SettingsError, SlotId, UpdateBegin, UpdateBeginEndpoint, UpdateError,
+    UpdatePhase, UploadAbortEndpoint, UploadBeginEndpoint, UploadError,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::update::sign;
@@ -101,10 +100,7 @@ fn move_tool(world: &mut World) {
     world.device.move_along(&speeds);
     let (most, hertz) = (world.below(3) as f64, world.below(9) as f64);
     world.device.set_pins(move |channel, at_ns| match channel {
-        5 => {
-            force_code(most * (at_ns as f64 / 1e9 * hertz).sin().max(0.0))
-                + quiet(channel, at_ns) % 16
-        }
+        5 => force_code(most * (at_ns as f64 / 1e9 * hertz).sin().max(0.0)) + quiet(channel, at_ns) % 16,
         _ => quiet(channel, at_ns),
     });
     world.pass(300);
@@ -291,8 +287,7 @@ fn bad_frames(world: &mut World) {
 }
 
 fn drift(world: &mut World) {
-    let [hsi_ppm, hsi48_ppm] =
-        [10_000, 40_000].map(|most| world.below(2 * most + 1) as i64 - most as i64);
+    let [hsi_ppm, hsi48_ppm] = [10_000, 40_000].map(|most| world.below(2 * most + 1) as i64 - most as i64);
     (world.device.stylus).board(move |board| board.part.drift(hsi_ppm, hsi48_ppm));
     world.pass(100);
 }
@@ -359,12 +354,7 @@ fn fault(world: &mut World) {
     let status = world.device.status();
     assert_eq!(status.reset, reason, "{name}");
     let told = status.fault.expect("it has a kind");
-    assert_eq!(
-        told.kind,
-        kind,
-        "{name}: {told:x?}, {:?}",
-        world.device.stylus.resets()
-    );
+    assert_eq!(told.kind, kind, "{name}: {told:x?}, {:?}", world.device.stylus.resets());
 }
 
 /// Cuts the power at once, or at an operation of the flash in an upload or a change of settings.
@@ -381,9 +371,8 @@ fn cut(world: &mut World) {
             let library = library(world);
             allowed.push(announced(&library).crc32);
             // Two operations erase; most program a word.
-            let number = (world.device.stylus.flash_operations().len() as u64)
-                + 1
-                + world.below(library.len() as u64 / 32);
+            let number =
+                (world.device.stylus.flash_operations().len() as u64) + 1 + world.below(library.len() as u64 / 32);
             cut_at(world, number, (active, &allowed), settings, |world| {
                 world.device.upload(&library);
             });
@@ -442,9 +431,8 @@ fn update(world: &mut World) {
     if world.once_in(3) {
         let allowed: Vec<u32> = active.into_iter().collect();
         // Two words are programmed for each word of the new image and of the previous one.
-        let number = (world.device.stylus.flash_operations().len() as u64)
-            + 1
-            + world.below(image.len() as u64 / 32 * 5 / 2);
+        let number =
+            (world.device.stylus.flash_operations().len() as u64) + 1 + world.below(image.len() as u64 / 32 * 5 / 2);
         let settings = [world.settings; 2];
         return cut_at(world, number, (active, &allowed), settings, |world| {
             world.device.update(&image);
@@ -458,10 +446,7 @@ fn update(world: &mut World) {
         world.is_exchanged();
         world.count(ROLLED_BACK);
         let state = world.device.update_state();
-        assert!(
-            matches!(state.phase, UpdatePhase::RolledBack { .. }),
-            "{state:?}"
-        );
+        assert!(matches!(state.phase, UpdatePhase::RolledBack { .. }), "{state:?}");
     } else {
         world.device.confirm();
     }
@@ -488,8 +473,5 @@ fn wrap(world: &mut World) {
     world.device.assert_whole();
     let first = world.device.blocks.first().map(|block| block.first_tick);
     let last = world.device.blocks.last().map(|block| block.first_tick);
-    assert!(
-        first < Some(1 << 32) && last > Some(1 << 32),
-        "{first:?} to {last:?}"
-    );
+    assert!(first < Some(1 << 32) && last > Some(1 << 32), "{first:?} to {last:?}");
 }

@@ -52,16 +52,9 @@ impl Pin {
         if output.cause == Cause::Trigger {
             // A code after a reset, or after one that was written, has neither a period nor a slew limit.
             if let Some(last) = self.last.filter(|last| last.cause == Cause::Trigger) {
-                assert_eq!(
-                    output.at_ns - last.at_ns,
-                    CODE_NS,
-                    "{last:?}, then {output:?}"
-                );
+                assert_eq!(output.at_ns - last.at_ns, CODE_NS, "{last:?}, then {output:?}");
                 let step = code.abs_diff(last.code.unwrap_or(MID_SCALE));
-                assert!(
-                    step <= limits.slew,
-                    "{last:?}, then {output:?} of {limits:?}"
-                );
+                assert!(step <= limits.slew, "{last:?}, then {output:?} of {limits:?}");
             }
             self.codes += 1;
         } else {
@@ -81,14 +74,8 @@ impl Pin {
         self.amplifier = change.drive == Drive::High;
         if self.amplifier {
             let is_settled = |output: &Output| output.code == Some(MID_SCALE);
-            assert!(
-                self.settled.iter().all(is_settled),
-                "{change:?} before it has settled"
-            );
-            assert!(
-                self.settled.len() as u64 >= SETTLED_NS / CODE_NS - 1,
-                "{change:?}"
-            );
+            assert!(self.settled.iter().all(is_settled), "{change:?} before it has settled");
+            assert!(self.settled.len() as u64 >= SETTLED_NS / CODE_NS - 1, "{change:?}");
         }
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use model_format::Library;
 use model_format::link::{
-    Activity, MotionSource, MuteReason, PlayEndpoint, PlayError, PlayRequest, Selection, Settings,
-    SlotState, Status, StopEndpoint,
+    Activity, MotionSource, MuteReason, PlayEndpoint, PlayError, PlayRequest, Selection, Settings, SlotState, Status,
+    StopEndpoint,
 };
 use stylus_app::safety;
 use virtual_stylus::Options;
@@ -41,9 +41,9 @@ pub struct Known {
 impl Known {
     fn new(bytes: Vec<u8>) -> Self {
         let library = Library::decode(&bytes).expect("a valid library");
-        let textures = library.textures().map(|texture| {
-            Selection::Texture(texture.name().try_into().expect("a texture's name fits"))
-        });
+        let textures = library
+            .textures()
+            .map(|texture| Selection::Texture(texture.name().try_into().expect("a texture's name fits")));
         let scenes = library.scenes().map(|scene| Selection::Scene(scene.name));
         Self {
             selections: textures.chain(scenes).collect(),
@@ -271,13 +271,7 @@ impl World {
 
     /// Cuts the power, and switches it on with `contents` in the flash. After that one of the libraries `allowed` must
     /// be active, and the library `was` must still be in a slot.
-    pub fn cut_power(
-        &mut self,
-        contents: Contents,
-        was: Option<u32>,
-        allowed: &[u32],
-        settings: [Settings; 2],
-    ) {
+    pub fn cut_power(&mut self, contents: Contents, was: Option<u32>, allowed: &[u32], settings: [Settings; 2]) {
         self.follow_pin();
         let pin = &self.run.pin;
         self.codes = [self.codes[0] + pin.codes, self.codes[1] + pin.heard];
@@ -300,16 +294,10 @@ impl World {
             self.device.confirm();
         }
         let found = self.device.settings();
-        assert!(
-            settings.contains(&found),
-            "{found:?} is neither of {settings:?}"
-        );
+        assert!(settings.contains(&found), "{found:?} is neither of {settings:?}");
         self.settings = found;
         let (active, valid) = self.slots();
-        assert!(
-            was.is_some_and(|was| valid.contains(&was)),
-            "{was:x?} of {valid:x?}"
-        );
+        assert!(was.is_some_and(|was| valid.contains(&was)), "{was:x?} of {valid:x?}");
         assert!(
             active.is_some_and(|active| allowed.contains(&active)),
             "{active:x?} of {allowed:x?}"
@@ -324,9 +312,7 @@ impl World {
             SlotState::Valid(info) => Some(info.crc32),
             _ => None,
         };
-        let active = slots
-            .active
-            .and_then(|active| crc32(&slots.slots[active.index()]));
+        let active = slots.active.and_then(|active| crc32(&slots.slots[active.index()]));
         (active, slots.slots.iter().filter_map(crc32).collect())
     }
 
@@ -400,10 +386,7 @@ impl World {
 
     /// Prints the largest figures of each quarter of the run.
     pub fn tell_figures(&self) {
-        let [codes, heard] = [
-            self.codes[0] + self.run.pin.codes,
-            self.codes[1] + self.run.pin.heard,
-        ];
+        let [codes, heard] = [self.codes[0] + self.run.pin.codes, self.codes[1] + self.run.pin.heard];
         println!("{codes:>11} codes, {heard} of them other than mid-scale");
         for (at, name) in FIGURES.into_iter().enumerate() {
             let most = self.most.map(|most| most[at]);
@@ -485,10 +468,7 @@ impl World {
         for (usb, counters) in [(false, status.serial), (true, status.usb)] {
             self.turn_to(usb);
             let counted = counters.frames + counters.malformed + counters.oversized;
-            let sent = self
-                .device
-                .sent()
-                .wrapping_sub(self.run.sent[usize::from(usb)]);
+            let sent = self.device.sent().wrapping_sub(self.run.sent[usize::from(usb)]);
             if self.run.is_exact[usize::from(usb)] {
                 // A keep-alive may be under way, now or when the counting began.
                 assert!(
@@ -503,16 +483,8 @@ impl World {
         // A tick may happen between the readings of the two counts.
         assert!((ticks / TICKS_PER_MS).abs_diff(uptime) <= 1, "{status:?}");
         if !self.run.is_aged {
-            let binned: u64 = status
-                .tick_histogram
-                .bins
-                .iter()
-                .map(|&bin| u64::from(bin))
-                .sum();
-            assert!(
-                ticks.abs_diff(binned) <= 1,
-                "{ticks} ticks, {binned} in the histogram"
-            );
+            let binned: u64 = status.tick_histogram.bins.iter().map(|&bin| u64::from(bin)).sum();
+            assert!(ticks.abs_diff(binned) <= 1, "{ticks} ticks, {binned} in the histogram");
         }
         let Some(last) = &self.run.last else { return };
         assert!(status.tick.ticks > last.tick.ticks);
@@ -520,11 +492,7 @@ impl World {
             let output = &status.output;
             let mut counts = output.mute_counts.to_vec();
             counts.extend([output.saturations, output.hard_limited, output.slew_limited]);
-            counts.extend([
-                output.thermally_limited,
-                status.lease.refused,
-                status.resets,
-            ]);
+            counts.extend([output.thermally_limited, status.lease.refused, status.resets]);
             counts.extend([status.usb, status.serial].map(|link| link.frames));
             counts
         };

@@ -2,8 +2,8 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{
-    ChipValues, ClockCount, ClockValues, DeviceInfo, ErrorCorrectionValues, FlashValues,
-    LEAST_BROWN_OUT_LEVEL, OptionByteValues, RAM_MONITORS, SiliconRevision,
+    ChipValues, ClockCount, ClockValues, DeviceInfo, ErrorCorrectionValues, FlashValues, LEAST_BROWN_OUT_LEVEL,
+    OptionByteValues, RAM_MONITORS, SiliconRevision,
 };
 
 use crate::procedures::self_test::line::Line;
@@ -99,15 +99,9 @@ pub fn clocks(values: &ClockValues) -> Vec<Line> {
             "the core does not run from the probe's 8 MHz: power the board through the probe's USB (CN1), and see the \
              clock in `status`",
         ),
-        None => Line::not_measured(
-            "core against USB",
-            "connect the stylus's own USB (CN13) to measure it",
-        ),
+        None => Line::not_measured("core against USB", "connect the stylus's own USB (CN13) to measure it"),
     };
-    let tick = ppm(
-        hertz(values.ticks, values.core_hz),
-        f64::from(SAMPLE_RATE_HZ),
-    );
+    let tick = ppm(hertz(values.ticks, values.core_hz), f64::from(SAMPLE_RATE_HZ));
     vec![
         low_speed,
         usb,
@@ -128,8 +122,7 @@ const ERASE_MS: f64 = 4_000.0;
 /// what DS12110 gives for a parallelism of 8 bits.
 const WRITE_US: f64 = 2_000.0;
 
-const WORN: &str =
-    "the flash is slow or worn: check the 3.3 V and test again; if it stays, replace the board";
+const WORN: &str = "the flash is slow or worn: check the 3.3 V and test again; if it stays, replace the board";
 
 /// Judges a sector's erasure and writing.
 pub fn flash(values: &FlashValues) -> Vec<Line> {
@@ -143,11 +136,7 @@ pub fn flash(values: &FlashValues) -> Vec<Line> {
             ("ms", 1),
             WORN,
         ),
-        Line::none(
-            format!("slot {slot} bytes not erased"),
-            values.not_erased,
-            WORN,
-        ),
+        Line::none(format!("slot {slot} bytes not erased"), values.not_erased, WORN),
         Line::number(
             format!("slot {slot} word write, mean"),
             mean,
@@ -161,8 +150,7 @@ pub fn flash(values: &FlashValues) -> Vec<Line> {
 
 /// Memory of each RAMECC monitor (RM0433 section 3.3).
 const MEMORIES: [&str; RAM_MONITORS] = [
-    "AXI SRAM", "ITCM", "DTCM", "DTCM", "trace", "SRAM1", "SRAM1", "SRAM2", "SRAM2", "SRAM3",
-    "SRAM4", "backup",
+    "AXI SRAM", "ITCM", "DTCM", "DTCM", "trace", "SRAM1", "SRAM1", "SRAM2", "SRAM2", "SRAM3", "SRAM4", "backup",
 ];
 
 /// Names of the memories whose monitor has a bit of `bits`.
@@ -199,16 +187,11 @@ pub fn memory(values: &ErrorCorrectionValues) -> Vec<Line> {
             "do not use the device: check its supply, restart and test again; if it comes back, replace the board",
         ),
     ];
-    for (bank, (corrected, failed)) in (values.flash_corrected.iter())
-        .zip(values.flash_failed)
-        .enumerate()
-    {
+    for (bank, (corrected, failed)) in (values.flash_corrected.iter()).zip(values.flash_failed).enumerate() {
         let bank = bank + 1;
         let remedy = match bank {
             1 => "flash the image again; if it comes back, the flash is worn: replace the board",
-            _ => {
-                "upload the libraries again; if it comes back, the flash is worn: replace the board"
-            }
+            _ => "upload the libraries again; if it comes back, the flash is worn: replace the board",
         };
         lines.push(Line::none(
             format!("flash bank {bank} errors corrected"),

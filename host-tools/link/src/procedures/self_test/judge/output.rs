@@ -1,8 +1,8 @@
 //! The output's pin, read back by a converter.
 
 use model_format::link::{
-    CONVERSIONS_PER_CODE, OUTPUT_CODE_STEP, OUTPUT_CODES, OutputValues, REST_CONVERSIONS,
-    RestValues, STEP_CODES, STEP_INSTANT_CYCLES, STEP_INSTANTS, output_code,
+    CONVERSIONS_PER_CODE, OUTPUT_CODE_STEP, OUTPUT_CODES, OutputValues, REST_CONVERSIONS, RestValues, STEP_CODES,
+    STEP_INSTANT_CYCLES, STEP_INSTANTS, output_code,
 };
 
 use crate::procedures::self_test::line::Line;
@@ -55,19 +55,11 @@ fn means(values: &OutputValues) -> [f64; OUTPUT_CODES] {
 
 /// Slope and value at mid-scale of the straight line through `means`, by least squares.
 fn line_through(means: &[f64; OUTPUT_CODES]) -> (f64, f64) {
-    let codes: Vec<f64> = (0..OUTPUT_CODES)
-        .map(|n| f64::from(output_code(n)))
-        .collect();
+    let codes: Vec<f64> = (0..OUTPUT_CODES).map(|n| f64::from(output_code(n))).collect();
     let count = OUTPUT_CODES as f64;
-    let (code, mean) = (
-        codes.iter().sum::<f64>() / count,
-        means.iter().sum::<f64>() / count,
-    );
+    let (code, mean) = (codes.iter().sum::<f64>() / count, means.iter().sum::<f64>() / count);
     let spread: f64 = codes.iter().map(|x| (x - code).powi(2)).sum();
-    let product = codes
-        .iter()
-        .zip(means)
-        .map(|(x, y)| (x - code) * (y - mean));
+    let product = codes.iter().zip(means).map(|(x, y)| (x - code) * (y - mean));
     let slope = product.sum::<f64>() / spread;
     (slope, mean + slope * (MID_SCALE - code))
 }
@@ -75,9 +67,7 @@ fn line_through(means: &[f64; OUTPUT_CODES]) -> (f64, f64) {
 /// Returns the delays until half of the step and until the step has settled, µs; none if that does not happen.
 fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [Option<f64>; 2] {
     let ends = STEP_CODES.map(|code| middle + slope * (f64::from(code) - MID_SCALE));
-    let words = values
-        .step_words
-        .map(|word| f64::from(word) / WORDS_PER_CODE);
+    let words = values.step_words.map(|word| f64::from(word) / WORDS_PER_CODE);
     let instant_us = |index: usize| {
         let cycles = index as u32 * STEP_INSTANT_CYCLES + values.sample_cycles;
         f64::from(cycles) * 1e6 / f64::from(core_hz)
@@ -98,20 +88,8 @@ fn delays(values: &OutputValues, core_hz: u32, (slope, middle): (f64, f64)) -> [
 /// A delay, or its absence.
 fn delay_line(name: &str, delay: Option<f64>, limit_us: f64) -> Line {
     match delay {
-        Some(delay) => Line::number(
-            name,
-            delay,
-            (f64::NEG_INFINITY, limit_us),
-            ("µs", 1),
-            AMPLIFIER,
-        ),
-        None => Line::judged(
-            name,
-            "never",
-            format!("at most {limit_us:.1} µs"),
-            false,
-            AMPLIFIER,
-        ),
+        Some(delay) => Line::number(name, delay, (f64::NEG_INFINITY, limit_us), ("µs", 1), AMPLIFIER),
+        None => Line::judged(name, "never", format!("at most {limit_us:.1} µs"), false, AMPLIFIER),
     }
 }
 
@@ -125,13 +103,7 @@ pub fn rest(values: &RestValues) -> Vec<Line> {
     let (limits, most) = ((-OFFSET_CODES, OFFSET_CODES), (0.0, REST_RANGE_CODES));
     vec![
         Line::number("output at rest", offset, limits, ("codes", 1), DRIVEN),
-        Line::number(
-            "output still at rest",
-            range,
-            most,
-            ("codes peak to peak", 1),
-            DRIVEN,
-        ),
+        Line::number("output still at rest", range, most, ("codes peak to peak", 1), DRIVEN),
     ]
 }
 

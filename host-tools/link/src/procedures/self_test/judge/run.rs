@@ -53,8 +53,7 @@ fn faults(counters: &LinkCounters) -> u32 {
 }
 
 const REPORT: &str = "report the device's build with the record of this test";
-const AGAIN: &str =
-    "restart and test again; if it stays, report the device's build with the record of this test";
+const AGAIN: &str = "restart and test again; if it stays, report the device's build with the record of this test";
 const SIMPLER: &str = "play a simpler scene; if a texture alone takes too long, report the build with the record of \
                        this test";
 
@@ -79,11 +78,7 @@ pub fn state(status: &Status) -> Vec<Line> {
         [
             ("ticks missed since the start", tick.missed, AGAIN),
             ("frames late since the start", tick.late_frames, SIMPLER),
-            (
-                "conversions late since the start",
-                tick.late_conversions,
-                AGAIN,
-            ),
+            ("conversions late since the start", tick.late_conversions, AGAIN),
             ("outputs late since the start", tick.late_outputs, AGAIN),
         ]
         .map(|(name, count, remedy)| Line::none(name, count, remedy)),
@@ -143,8 +138,7 @@ fn worst(marks: &Marks, core_hz: u32) -> Vec<Line> {
 
 /// Judges the traffic of `link`.
 pub fn traffic(link: &str, values: &Traffic) -> Vec<Line> {
-    const CABLE: &str =
-        "close other programs that use the link, use another cable, without a hub, and test again";
+    const CABLE: &str = "close other programs that use the link, use another cable, without a hub, and test again";
     let Traffic { before, after, .. } = values;
     let name = |what: &str| format!("{link}: {what}");
     // The counters wrap; the difference is right all the same.
@@ -179,21 +173,12 @@ pub fn traffic(link: &str, values: &Traffic) -> Vec<Line> {
         ("round trip, longest", longest, ROUND_TRIP_MS[0]),
         ("round trip, median", median, ROUND_TRIP_MS[1]),
     ] {
-        lines.push(Line::number(
-            name(what),
-            trip,
-            (0.0, most),
-            ("ms", 1),
-            CABLE,
-        ));
+        lines.push(Line::number(name(what), trip, (0.0, most), ("ms", 1), CABLE));
     }
     for (what, count) in [
         ("ticks missed", during(|status| status.tick.missed)),
         ("frames late", during(|status| status.tick.late_frames)),
-        (
-            "conversions late",
-            during(|status| status.tick.late_conversions),
-        ),
+        ("conversions late", during(|status| status.tick.late_conversions)),
         ("outputs late", during(|status| status.tick.late_outputs)),
     ] {
         lines.push(Line::none(name(what), count, REPORT));

@@ -51,22 +51,16 @@ fn hum(signal: &[f64], hz: f64, rate_hz: f64) -> f64 {
 }
 
 /// Judges one sensor by its codes. The last argument has their scale, its unit, and the index of the sensor's limits.
-fn sensor(
-    name: &str,
-    codes: &[f64],
-    rate_hz: f64,
-    (scale, unit, kind): (f64, &str, usize),
-) -> Vec<Line> {
+fn sensor(name: &str, codes: &[f64], rate_hz: f64, (scale, unit, kind): (f64, &str, usize)) -> Vec<Line> {
     let count = codes.len() as f64;
     let mean = codes.iter().sum::<f64>() / count;
     // Whole tenths of a second are whole periods of 50 and 60 Hz.
     let whole = codes.len() - codes.len() % (rate_hz as usize / 10).max(1);
     let centred: Vec<f64> = codes.iter().map(|code| code - mean).collect();
     let rms = (centred.iter().map(|x| x * x).sum::<f64>() / count).sqrt();
-    let (lowest, highest) = (codes.iter())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
-            (low.min(x), high.max(x))
-        });
+    let (lowest, highest) = (codes.iter()).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
+        (low.min(x), high.max(x))
+    });
     let rail = lowest.min(HIGHEST - highest);
     let physical = rms * scale.abs();
     let mut lines = vec![
@@ -108,11 +102,7 @@ fn sensor(
 pub fn at_rest(capture: &Capture, calibration: &Calibration) -> Vec<Line> {
     let rate_hz = f64::from(capture.rate_hz);
     let codes = |of: &dyn Fn(&RecordSample) -> u16| -> Vec<f64> {
-        capture
-            .samples
-            .iter()
-            .map(|sample| f64::from(of(sample)))
-            .collect()
+        capture.samples.iter().map(|sample| f64::from(of(sample))).collect()
     };
     let mut lines = Vec::new();
     for (axis, name) in ["acceleration X", "acceleration Y", "acceleration Z"]
@@ -142,12 +132,7 @@ pub fn at_rest(capture: &Capture, calibration: &Calibration) -> Vec<Line> {
 /// Judges the encoder by a recording during which the tool was moved in one direction, and by the levels that were seen
 /// on its lines.
 pub fn moved(capture: &Capture, seen: [[bool; 2]; 2]) -> Vec<Line> {
-    let deltas = || {
-        capture
-            .samples
-            .iter()
-            .map(|sample| i64::from(sample.encoder_delta))
-    };
+    let deltas = || capture.samples.iter().map(|sample| i64::from(sample.encoder_delta));
     let path: i64 = deltas().map(i64::abs).sum();
     let net = deltas().sum::<i64>().abs();
     let mut lines = vec![

@@ -2,13 +2,12 @@
 
 use super::state::Core;
 use crate::model::usb::registers::{
-    ALL_FIFOS, CID, CTL, DAINT, DAINTMSK, DCFG, DCTL, DCTL_CGINAK, DCTL_CGONAK, DCTL_GINSTS,
-    DCTL_GONSTS, DCTL_SGINAK, DCTL_SGONAK, DIEP0, DIEPEMPMSK, DIEPINT_INEPNE, DIEPMSK, DIEPTXF0,
-    DIEPTXF1, DOEP0, DOEPMSK, DSTS, DSTS_FULL_SPEED, DSTS_SUSPSTS, ENDPOINT_STEP, ENDPOINTS,
-    EPCTL_EPDIS, EPINT_EPDISD, FIFO_STEP, FIFO0, GAHBCFG, GAHBCFG_DMAEN, GCCFG, GINTMSK, GINTSTS,
-    GINTSTS_LATCHED, GOTGCTL, GOTGCTL_BSVLD, GOTGCTL_BVALOEN, GOTGCTL_BVALOVAL, GOTGINT, GRSTCTL,
-    GRSTCTL_AHBIDL, GRSTCTL_CSRST, GRSTCTL_RXFFLSH, GRSTCTL_TXFFLSH, GRXFSIZ, GRXSTSP, GRXSTSR,
-    GUSBCFG, GUSBCFG_FHMOD, INT, PCGCCTL, TSIZ, TSIZ_SETUPS_SHIFT, TXFSTS,
+    ALL_FIFOS, CID, CTL, DAINT, DAINTMSK, DCFG, DCTL, DCTL_CGINAK, DCTL_CGONAK, DCTL_GINSTS, DCTL_GONSTS, DCTL_SGINAK,
+    DCTL_SGONAK, DIEP0, DIEPEMPMSK, DIEPINT_INEPNE, DIEPMSK, DIEPTXF0, DIEPTXF1, DOEP0, DOEPMSK, DSTS, DSTS_FULL_SPEED,
+    DSTS_SUSPSTS, ENDPOINT_STEP, ENDPOINTS, EPCTL_EPDIS, EPINT_EPDISD, FIFO_STEP, FIFO0, GAHBCFG, GAHBCFG_DMAEN, GCCFG,
+    GINTMSK, GINTSTS, GINTSTS_LATCHED, GOTGCTL, GOTGCTL_BSVLD, GOTGCTL_BVALOEN, GOTGCTL_BVALOVAL, GOTGINT, GRSTCTL,
+    GRSTCTL_AHBIDL, GRSTCTL_CSRST, GRSTCTL_RXFFLSH, GRSTCTL_TXFFLSH, GRXFSIZ, GRXSTSP, GRXSTSR, GUSBCFG, GUSBCFG_FHMOD,
+    INT, PCGCCTL, TSIZ, TSIZ_SETUPS_SHIFT, TXFSTS,
 };
 
 /// `CID` of this part's cores (section 57.14, OTG_CID).
@@ -16,8 +15,7 @@ const CORE_ID: u32 = 0x2300;
 /// Words of the FIFO RAM: 4 Kbytes.
 const FIFO_WORDS: u32 = 1024;
 
-const DMA: &str =
-    "RM0433 57.14, OTG_GAHBCFG: DMAEN is not modelled, the FIFOs are the core's to fill and empty";
+const DMA: &str = "RM0433 57.14, OTG_GAHBCFG: DMAEN is not modelled, the FIFOs are the core's to fill and empty";
 const HOST_MODE: &str = "RM0433 57.14, OTG_GUSBCFG: FHMOD is not modelled, the core is a device";
 const OUT_DISABLED: &str = "RM0433 57.14, OTG_DOEPCTLx: EPDIS without the global OUT NAK, \
                             which the manual asks for first; taken at once";
@@ -60,8 +58,7 @@ impl Core {
         match offset {
             GOTGCTL => {
                 self.otg_control
-                    | if self.otg_control & (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL)
-                        == (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL)
+                    | if self.otg_control & (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL) == (GOTGCTL_BVALOEN | GOTGCTL_BVALOVAL)
                     {
                         GOTGCTL_BSVLD
                     } else {
@@ -81,18 +78,14 @@ impl Core {
             CID => CORE_ID,
             DCFG => self.device_config,
             DCTL => self.device_control,
-            DSTS => {
-                DSTS_FULL_SPEED | self.frame << 8 | if self.suspended { DSTS_SUSPSTS } else { 0 }
-            }
+            DSTS => DSTS_FULL_SPEED | self.frame << 8 | if self.suspended { DSTS_SUSPSTS } else { 0 },
             DIEPMSK => self.in_mask,
             DOEPMSK => self.out_mask,
             DAINT => self.all_interrupts(),
             DAINTMSK => self.all_mask,
             DIEPEMPMSK => self.empty_mask,
             PCGCCTL => self.gating,
-            DIEPTXF1..0x124 if offset.is_multiple_of(4) => {
-                self.transmit_sizes[(offset - DIEPTXF1) as usize / 4 + 1]
-            }
+            DIEPTXF1..0x124 if offset.is_multiple_of(4) => self.transmit_sizes[(offset - DIEPTXF1) as usize / 4 + 1],
             _ => self.peek_endpoint(offset),
         }
     }

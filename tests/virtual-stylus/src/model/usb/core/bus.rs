@@ -4,13 +4,12 @@
 use super::state::{Core, Received};
 use crate::model::usb::packets::{Handshake, InAnswer, Pid};
 use crate::model::usb::registers::{
-    DCTL_GINSTS, DCTL_GONSTS, DIEPINT_ITTXFE, DOEPINT_B2BSTUP, DOEPINT_STUP, EPINT_XFRC,
-    GINTSTS_ENUMDNE, GINTSTS_ESUSP, GINTSTS_SOF, GINTSTS_USBRST, GINTSTS_USBSUSP, GINTSTS_WKUPINT,
-    OUT_DATA, OUT_DONE, SETUP_DATA, SETUP_DONE,
+    DCTL_GINSTS, DCTL_GONSTS, DIEPINT_ITTXFE, DOEPINT_B2BSTUP, DOEPINT_STUP, EPINT_XFRC, GINTSTS_ENUMDNE,
+    GINTSTS_ESUSP, GINTSTS_SOF, GINTSTS_USBRST, GINTSTS_USBSUSP, GINTSTS_WKUPINT, OUT_DATA, OUT_DONE, SETUP_DATA,
+    SETUP_DONE,
 };
 
-const FIFO_OVERRUN: &str =
-    "more words were written to a transmit FIFO than DTXFSTS had room for; they are lost";
+const FIFO_OVERRUN: &str = "more words were written to a transmit FIFO than DTXFSTS had room for; they are lost";
 
 impl Core {
     pub(super) fn free_words(&self, fifo: usize) -> u32 {
@@ -51,10 +50,7 @@ impl Core {
 
     pub(super) fn held_words(&self) -> u32 {
         let entries = self.received.iter();
-        self.popped.len() as u32
-            + entries
-                .map(|entry| 1 + entry.words.len() as u32)
-                .sum::<u32>()
+        self.popped.len() as u32 + entries.map(|entry| 1 + entry.words.len() as u32).sum::<u32>()
     }
 
     pub(super) fn has_room(&self, bytes: usize) -> bool {
@@ -64,11 +60,7 @@ impl Core {
 
     pub(super) fn receive(&mut self, endpoint: usize, kind: u32, pid: Pid, data: &[u8]) {
         let odd = if pid == Pid::Data1 { 0b10 } else { 0 };
-        let status = endpoint as u32
-            | (data.len() as u32) << 4
-            | odd << 15
-            | kind << 17
-            | (self.frame & 0xF) << 21;
+        let status = endpoint as u32 | (data.len() as u32) << 4 | odd << 15 | kind << 17 | (self.frame & 0xF) << 21;
         let words = data.chunks(4).map(|chunk| {
             let mut word = [0; 4];
             word[..chunk.len()].copy_from_slice(chunk);
@@ -192,8 +184,7 @@ impl Core {
                 endpoint.odd = !endpoint.odd;
                 endpoint.packets = endpoint.packets.saturating_sub(1);
                 endpoint.bytes = endpoint.bytes.saturating_sub(data.len() as u32);
-                let is_last =
-                    endpoint.packets == 0 || data.len() < endpoint.max_packet_bytes(index);
+                let is_last = endpoint.packets == 0 || data.len() < endpoint.max_packet_bytes(index);
                 endpoint.nak |= is_last;
                 self.receive(index, OUT_DATA, pid, data);
                 if is_last {

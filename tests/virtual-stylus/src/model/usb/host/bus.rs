@@ -76,10 +76,7 @@ impl Host {
                 // The software's call has no access to the core, so the core learns of the reset here.
                 if !begun {
                     core.bus_reset_begins();
-                    self.bus = Bus::Reset {
-                        until_ns,
-                        begun: true,
-                    };
+                    self.bus = Bus::Reset { until_ns, begun: true };
                 }
                 if now_ns < until_ns {
                     return Some(until_ns);
@@ -134,11 +131,7 @@ impl Host {
         if self.queue.is_empty() || self.refused_at == Some(core.changes()) {
             return None;
         }
-        if self
-            .queue
-            .values()
-            .all(|waiting| refused(&waiting[0], core))
-        {
+        if self.queue.values().all(|waiting| refused(&waiting[0], core)) {
             self.refused_at = Some(core.changes());
             return None;
         }
@@ -209,12 +202,8 @@ impl Host {
 fn refused(pending: &Pending, core: &Core) -> bool {
     match pending.packets() {
         Packets::Setup(_) => false,
-        Packets::Out { endpoint: 0, .. } | Packets::In { endpoint: 0 } if core.in_setup_stage() => {
-            false
-        }
-        Packets::Out { endpoint, data } => {
-            core.answer_out(endpoint, data.len()) == Some(Handshake::Nak)
-        }
+        Packets::Out { endpoint: 0, .. } | Packets::In { endpoint: 0 } if core.in_setup_stage() => false,
+        Packets::Out { endpoint, data } => core.answer_out(endpoint, data.len()) == Some(Handshake::Nak),
         Packets::In { endpoint } => core.answer_in(endpoint) == Some(InAnswer::Nak),
     }
 }
@@ -243,18 +232,12 @@ impl Host {
         let arrives = is_there && !self.clock_is_off && !self.breaks();
         let (sent, took_ns) = match &packets {
             Packets::In { endpoint } => {
-                let answer = if arrives {
-                    core.token_in(*endpoint)
-                } else {
-                    None
-                };
+                let answer = if arrives { core.token_in(*endpoint) } else { None };
                 match answer {
                     None => (Sent::Unheard, nanos(TOKEN_BITS + TIMEOUT_BITS)),
                     Some(answer) => {
                         let answer_ns = match &answer {
-                            InAnswer::Data(_, data) => {
-                                data_nanos(data.len()) + nanos(TURNAROUND_BITS + HANDSHAKE_BITS)
-                            }
+                            InAnswer::Data(_, data) => data_nanos(data.len()) + nanos(TURNAROUND_BITS + HANDSHAKE_BITS),
                             _ => nanos(HANDSHAKE_BITS),
                         };
                         let sent = Sent::Answered {
@@ -294,12 +277,7 @@ impl Host {
     /// Ends the transaction, and its transfer if the transaction was the last.
     fn end(&mut self, transaction: Transaction, core: &mut Core) {
         self.traffic.transactions += 1;
-        let (pipe, id, pid, at_ns) = (
-            transaction.pipe,
-            transaction.id,
-            transaction.pid,
-            transaction.ends_ns,
-        );
+        let (pipe, id, pid, at_ns) = (transaction.pipe, transaction.id, transaction.pid, transaction.ends_ns);
         let outcome = Outcome::of(transaction, core);
         self.count(&outcome);
         let Some(pending) = self.queue.get_mut(&pipe).and_then(VecDeque::front_mut) else {
@@ -348,15 +326,13 @@ impl Outcome {
                 Some(Handshake::Ack) if is_answered => Self::SetUp,
                 _ => Self::Broken,
             },
-            (Packets::Out { endpoint, data }, Sent::Heard { is_answered }) => {
-                match core.out(*endpoint, pid, data) {
-                    None => Self::Broken,
-                    Some(_) if !is_answered => Self::Broken,
-                    Some(Handshake::Ack) => Self::Took(data.len()),
-                    Some(Handshake::Nak) => Self::Refused,
-                    Some(Handshake::Stall) => Self::Failed(TransferError::Stall),
-                }
-            }
+            (Packets::Out { endpoint, data }, Sent::Heard { is_answered }) => match core.out(*endpoint, pid, data) {
+                None => Self::Broken,
+                Some(_) if !is_answered => Self::Broken,
+                Some(Handshake::Ack) => Self::Took(data.len()),
+                Some(Handshake::Nak) => Self::Refused,
+                Some(Handshake::Stall) => Self::Failed(TransferError::Stall),
+            },
             (
                 Packets::In { endpoint },
                 Sent::Answered {
@@ -372,11 +348,7 @@ impl Outcome {
                         core.acknowledged(*endpoint);
                     }
                     // The same packet comes again if the device has missed the host's last handshake.
-                    if found == pid {
-                        Self::Got(data)
-                    } else {
-                        Self::Repeated
-                    }
+                    if found == pid { Self::Got(data) } else { Self::Repeated }
                 }
             },
             _ => Self::Broken,

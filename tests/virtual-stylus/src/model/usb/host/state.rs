@@ -2,9 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::transfer::{
-    Completion, Packets, Pending, Pipe, Stage, Transfer, TransferError, TransferId,
-};
+use super::transfer::{Completion, Packets, Pending, Pipe, Stage, Transfer, TransferError, TransferId};
 use crate::chance::Chance;
 use crate::model::usb::packets::{InAnswer, Pid};
 

@@ -111,12 +111,10 @@ impl Pending {
                 data: rest(data),
             },
             // The status stage goes in the opposite direction to the data stage (section 8.5.3).
-            (Transfer::Control { .. }, Stage::Status) if self.is_read() && self.asked() > 0 => {
-                Packets::Out {
-                    endpoint: 0,
-                    data: Vec::new(),
-                }
-            }
+            (Transfer::Control { .. }, Stage::Status) if self.is_read() && self.asked() > 0 => Packets::Out {
+                endpoint: 0,
+                data: Vec::new(),
+            },
             (Transfer::Control { .. }, _) => Packets::In { endpoint: 0 },
             (Transfer::Out { endpoint, data }, _) => Packets::Out {
                 endpoint: usize::from(*endpoint),
@@ -135,9 +133,7 @@ impl Pending {
     /// Number of bytes wanted from the device.
     pub(super) fn asked(&self) -> usize {
         match &self.transfer {
-            Transfer::Control { setup, .. } => {
-                usize::from(u16::from_le_bytes([setup[6], setup[7]]))
-            }
+            Transfer::Control { setup, .. } => usize::from(u16::from_le_bytes([setup[6], setup[7]])),
             Transfer::In { bytes, .. } => *bytes,
             Transfer::Out { .. } => 0,
         }
@@ -186,11 +182,7 @@ impl Pending {
             Transfer::Control { data, .. } => data.len(),
             _ => 0,
         };
-        let has_data = if self.is_read() {
-            self.asked() > 0
-        } else {
-            data > 0
-        };
+        let has_data = if self.is_read() { self.asked() > 0 } else { data > 0 };
         self.stage = if has_data { Stage::Data } else { Stage::Status };
     }
 }
