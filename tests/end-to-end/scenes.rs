@@ -307,7 +307,7 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
     bench.write("rig.toml", rig_of("40, 120, 200", "0.2, 0.6, 1.2"));
     bench.succeed("simulate-rig --rig rig.toml --out rig");
     bench.succeed("fit rig --out rig.lib --order 60");
-    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes");
     let scenes = "steady-denim.toml four-cloths.toml equalised-taps.toml";
     for name in scenes.split(' ').chain(["across.csv", "tapping.csv"]) {
         bench.write(name, std::fs::read(shipped.join(name)).unwrap());
