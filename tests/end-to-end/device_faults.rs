@@ -79,7 +79,7 @@ fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
     // Each broken answer is waited for until the timeout. Any other answer that is later costs a retry only.
     let timeouts = Timeouts {
         flash: Duration::from_secs(3),
-        ..Timeouts::scaled_to(Duration::from_secs(60))
+        ..Timeouts::scaled_to(Duration::from_mins(1))
     };
     let address = stylus.link().parse().unwrap();
     let mut device = Device::connect(&address, timeouts).unwrap();
@@ -105,7 +105,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
     // No answer is waited for until its timeout, because a busy device refuses at once.
     let timeouts = Timeouts {
         flash: Duration::from_secs(1),
-        ..Timeouts::scaled_to(Duration::from_secs(60))
+        ..Timeouts::scaled_to(Duration::from_mins(1))
     };
     let address = stylus.link().parse().unwrap();
     let device = Device::connect(&address, timeouts).unwrap();

@@ -14,7 +14,8 @@
 //! predicts: a change of speed by some mm/s that is shorter than the memory is overestimated for a moment, and so is a
 //! tremor.
 //!
-//! `host-tools/manual/COSTS.md`, "Speed of the hand", compares noise and delay of the estimate with those of a mean of 20 ms.
+//! `host-tools/manual/COSTS.md`, "Speed of the hand", compares noise and delay of the estimate with those of a mean of
+//! 20 ms.
 //!
 //! The position that is felt is wrong by at most 5 µm RMS, and by at most one count, at 20 to 300 mm/s. The phase noise
 //! of a line with a period of 0.6 mm is therefore at most 3° RMS. `firmware/app/tests/app/speed.rs` and `lines.rs` hold

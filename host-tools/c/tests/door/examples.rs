@@ -89,8 +89,8 @@ fn a_control_loop_and_a_callback_in_two_threads_play_by_the_shared_library_in_cp
     assert!(output.status.success() && told.contains("V RMS"), "{output:?}");
 }
 
-/// Waits for the end of a child that reads its own clock, and asks every 100 ms. Returns `None` after ten minutes, which
-/// only a fault needs.
+/// Waits for the end of a child that reads its own clock, and asks every 100 ms. Returns `None` after ten minutes,
+/// which only a fault needs.
 fn ended(child: &mut Child) -> Option<ExitStatus> {
     for _ in 0..6000 {
         if let Some(status) = child.try_wait().expect("it is a child") {

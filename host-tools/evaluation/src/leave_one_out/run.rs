@@ -119,7 +119,7 @@ impl<'p, 's> Removal<'p, 's> {
         Ok(self.voices[at].1.as_ref().map(|voice| {
             let power = match row {
                 Row::Interpolated(method) => method.level.power(&self.neighbours, &voice.model.reflection),
-                _ => voice.model.output_power,
+                Row::Own => voice.model.output_power,
             };
             (at, power)
         }))

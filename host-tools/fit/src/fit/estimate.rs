@@ -339,8 +339,8 @@ impl Bands {
 
 /// Returns the centre of a band, Hz.
 ///
-/// Centres and edges differ in their last bits from [`third_octave_hz`](crate::dsp::spectrum::third_octave_hz), and stay,
-/// because a bit of a band's power may decide on a model's order, and so on the bytes of a library.
+/// Centres and edges differ in their last bits from [`third_octave_hz`](crate::dsp::spectrum::third_octave_hz), and
+/// stay, because a bit of a band's power may decide on a model's order, and so on the bytes of a library.
 fn centre_hz(band: usize) -> f64 {
     10f64.powf((LOWEST + band as f64) / 10.0)
 }

@@ -122,9 +122,9 @@ pub(super) fn assemble(
 /// Returns the laws of the level for a texture with these models.
 ///
 /// Between nodes, the mean of the level in dB predicts removed nodes best. This holds for simulated recordings (the
-/// removed-node test in `host-tools/manual/COSTS.md`) and for 582 published HaTT models, each predicted from the triangle
-/// around it: between neighbours that differ by 6 to 12 dB, the mean power is 0.9 dB too loud and the mean in dB is 0.1
-/// dB too low. A silent node has no level in dB, so a texture with one uses the mean amplitude.
+/// removed-node test in `host-tools/manual/COSTS.md`) and for 582 published HaTT models, each predicted from the
+/// triangle around it: between neighbours that differ by 6 to 12 dB, the mean power is 0.9 dB too loud and the mean in
+/// dB is 0.1 dB too low. A silent node has no level in dB, so a texture with one uses the mean amplitude.
 ///
 /// Below the grid, power is proportional to speed and force. For 525 pairs of the same HaTT models, at one force and at
 /// speeds with a ratio of 1.5 to 4, the mean deviation from this law is -0.3 dB, and that from proportional amplitude

@@ -38,11 +38,8 @@ fn in_table(port: SocketAddr) -> String {
         SocketAddr::V6(address) => address.ip().octets().to_vec(),
     };
     let (words, _) = bytes.as_chunks::<4>();
-    let words: String = words
-        .iter()
-        .map(|word| format!("{:08X}", u32::from_ne_bytes(*word)))
-        .collect();
-    format!("{words}:{:04X}", port.port())
+    let words = words.iter().map(|word| format!("{:08X}", u32::from_ne_bytes(*word)));
+    format!("{}:{:04X}", words.collect::<Vec<_>>().concat(), port.port())
 }
 
 /// Returns the other processes that have one of these files open, in words; `None` if there is none.

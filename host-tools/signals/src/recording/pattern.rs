@@ -275,8 +275,8 @@ mod tests {
         }
     }
 
-    /// The time of a match is proportional to the length of the pattern times the length of the path. A match that tried
-    /// all places of the placeholders would never end.
+    /// The time of a match is proportional to the length of the pattern times the length of the path. A match that
+    /// tried all places of the placeholders would never end.
     #[test]
     fn a_pattern_is_bounded_and_a_match_of_its_longest_ends() {
         for text in [

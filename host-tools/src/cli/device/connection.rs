@@ -13,7 +13,6 @@ use crate::cli::table::{headed, table};
 
 /// The stylus that a command talks to.
 #[derive(clap::Args)]
-#[expect(clippy::struct_field_names, reason = "it is the option's name")]
 pub struct Link {
     /// Address of the stylus: usb, usb:SERIAL, serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT [default: the only
     /// one that is attached, see `stylus devices`]

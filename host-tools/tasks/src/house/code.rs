@@ -148,7 +148,7 @@ pub fn check(tree: &Tree, findings: &mut Findings) {
     let mut names: BTreeMap<Path, &Path> = BTreeMap::new();
     for import in &imports {
         if let Some(name) = &import.name {
-            let name = [&*import.module, &[name.clone()]].concat();
+            let name = [&*import.module, std::slice::from_ref(name)].concat();
             if name != import.target {
                 names.insert(name, &import.target);
             }

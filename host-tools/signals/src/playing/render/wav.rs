@@ -94,10 +94,6 @@ pub fn write_wav(
 }
 
 /// Writes values as a mono WAV file of 32-bit floats, whole or not at all, and returns their number.
-#[expect(
-    clippy::redundant_closure_for_method_calls,
-    reason = "the method itself is of one lifetime, and any is asked for"
-)]
 pub fn write_floats_wav(path: &Path, sample_rate_hz: u32, samples: impl ExactSizeIterator<Item = f32>) -> Result<u64> {
     write_each(path, sample_rate_hz, WavFormat::Float32, samples, |writer, value| {
         writer.write_sample(value)

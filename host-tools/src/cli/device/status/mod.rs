@@ -189,7 +189,7 @@ fn start(start: StartReport) -> Vec<String> {
             ));
         }
         ClockSource::InternalUnmultiplied => {
-            lines.push("CLOCK    no clock could be multiplied: nothing is sampled or played".to_owned())
+            lines.push("CLOCK    no clock could be multiplied: nothing is sampled or played".to_owned());
         }
     }
     if let Some(stage) = start.hung_stage {
