@@ -203,8 +203,15 @@ fn library_of(trials: &[[Vec<f64>; 3]]) -> Vec<u8> {
     fitted_to(written.collect(), &Options::default()).1
 }
 
+/// Few cases, because each is half a minute of fits and renderings. With fresh seeds, `cargo tasks attack` draws eight.
+fn few() -> ProptestConfig {
+    let all = ProptestConfig::default();
+    let cases = (all.cases / 128).max(2);
+    ProptestConfig { cases, ..all }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+    #![proptest_config(few())]
 
     /// The remaining excess is found for any parts, even for those of another surface, whose changing level or impulses
     /// the node's recording does not have. This does not depend on the earlier limits.
