@@ -8,7 +8,7 @@ use fake_stylus::{FakeStylus, Hand};
 use serde_json::{Value, json};
 
 use crate::device_links::{announce, at_a_desk, port};
-use crate::support::{Bench, PLAY, holds, interrupt, json, text, wait_for};
+use crate::support::{Bench, LONGEST_WAIT_S, PLAY, holds, interrupt, json, text, wait_for};
 
 /// A stylus with a library and two announced links, of which commands use the first.
 struct Desk {
@@ -21,7 +21,9 @@ impl Desk {
     fn new() -> Self {
         let (stylus, bench) = (FakeStylus::start(), at_a_desk());
         let announced = announce(&bench, "1-0", &[&stylus.link(), &stylus.other_link()]);
-        let bench = bench.with("STYLUS_LINK", stylus.link());
+        let bench = bench
+            .with("STYLUS_LINK", stylus.link())
+            .with("STYLUS_TIMEOUT", LONGEST_WAIT_S.to_string());
         bench.write("a.lib", library(1, 20, 1));
         bench.succeed("upload a.lib --activate");
         stylus.take_heard();
@@ -135,7 +137,7 @@ fn a_serial_port_is_refused_to_a_second_program_under_any_of_its_names() {
     let stylus = FakeStylus::start();
     let mut port = port::before(stylus.port());
     port.held = None;
-    let bench = at_a_desk();
+    let bench = at_a_desk().with("STYLUS_TIMEOUT", LONGEST_WAIT_S.to_string());
     let watch = format!("status --watch --link serial:{}", port.name);
     let first = bench.spawn(watch.split_whitespace());
     wait_for("a recording", || stylus.count("stylus/record/start") > 0);

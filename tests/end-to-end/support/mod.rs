@@ -168,7 +168,7 @@ impl Bench {
 }
 
 /// Longest wait for an answer or for a condition, s. Only a fault takes so long, however busy this computer is.
-const LONGEST_WAIT_S: u16 = 600;
+pub const LONGEST_WAIT_S: u16 = 600;
 
 /// A fake stylus, and a folder whose commands use the stylus's link.
 pub fn attached(stylus: FakeStylus) -> (FakeStylus, Bench) {

@@ -358,3 +358,44 @@ fn mutes(status: &Status) -> u32 {
         .map(|(_, count)| count)
         .sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What was heard of a play at whose two statuses so many motions had been sent, after so many ms of the device.
+    fn heard(paces: [(u64, u64); 2]) -> Heard {
+        Heard {
+            mutes: 0,
+            missed_ticks: 0,
+            statuses: 2,
+            muted: 0,
+            reasons: MuteReasons::NONE,
+            mutes_before: 0,
+            missed_before: 0,
+            paces: Some(paces),
+            vibration: Vibration {
+                before_m_s2: 0.0,
+                greatest_m_s2: 0.0,
+            },
+        }
+    }
+
+    #[test]
+    fn a_play_fails_if_less_than_half_of_its_motions_are_sent_below_the_least_rate_of_the_devices_clock() {
+        let driven = |motions, skipped| Driven {
+            motions,
+            skipped,
+            acknowledged: 0,
+            keep_alives: 0,
+            seconds: 3.0,
+        };
+        let slow = heard([(0, 1_000), (48, 4_000)]);
+        let failure = slow.failure(&driven(48, 252)).expect("16 per second");
+        assert!(failure.starts_with("only 48 of 300 motions could be sent, 16 per second, but at least 60"));
+        assert_eq!(slow.failure(&driven(151, 149)), None);
+        // An emulated device's second may take ten of this computer's.
+        let of_a_slow_device = heard([(0, 1_000), (48, 1_300)]);
+        assert_eq!(of_a_slow_device.failure(&driven(48, 252)), None);
+    }
+}
