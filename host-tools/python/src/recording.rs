@@ -8,10 +8,10 @@ use host_tools::recording::{
     self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, TimeUnit, Trial, texture_fault,
 };
 use host_tools::rig::{RigFile, simulate_to_folder};
+use host_tools::support::bounded_file::Format;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::hand::{force_fault, speed_fault};
 use host_tools::support::output::check_folder;
-use host_tools::support::toml_field::TEXT;
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -481,5 +481,5 @@ pub fn simulate_rig(
 }
 
 fn rig_file(path: &Path) -> Result<RigFile> {
-    RigFile::from_toml(path, &TEXT.read_text(path)?)
+    RigFile::from_toml(path, &Format::Rig.read_text(path)?)
 }

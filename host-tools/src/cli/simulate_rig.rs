@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use host_tools::rig::{self, RigFile};
+use host_tools::support::bounded_file::Format;
 use host_tools::support::error::Result;
-use host_tools::support::toml_field::TEXT;
 
 use crate::cli::files::Overwrite;
 use crate::cli::output::print;
@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let rig = match &arguments.rig {
         None => RigFile::paper(),
         Some(path) => {
-            let text = TEXT.read_text(path)?;
+            let text = Format::Rig.read_text(path)?;
             RigFile::from_toml(path, &text)?
         }
     };

@@ -8,6 +8,7 @@ use host_tools::recording::freehand::is_simulated;
 use host_tools::recording::pattern::{Named, Pattern};
 use host_tools::recording::{scale, texture_fault};
 use host_tools::support::atomic_file;
+use host_tools::support::csv_table::written;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::number::{recorded_force, recorded_speed};
@@ -66,8 +67,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if named.is_empty() {
         return Err(Error::Request("no file is of that take".into()));
     }
-    // Into memory first, so that the list is written whole or not at all.
-    let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header = vec!["file", "texture", "speed_mm_s", "force_n"];
     header.extend(scale.map(|_| "scale_m_s2"));
     // A list that did not pass on the mark of simulated files would make every library and report of them look
@@ -90,12 +89,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         record.extend(has_simulated.then(|| simulated.to_string()));
         records.push(record);
     }
-    let failed = |fault: &dyn std::fmt::Display| Error::file(&list, format!("cannot be made: {fault}"));
-    for record in records {
-        writer.write_record(record).map_err(|fault| failed(&fault))?;
-    }
-    let text = writer.into_inner().map_err(|fault| failed(&fault))?;
-    atomic_file::write(&list, &text)?;
+    let text = written(records.iter().map(|record| record.iter().map(String::as_str)));
+    atomic_file::write(&list, text.as_bytes())?;
     warn_of_others(&others);
     print(&format!("{}\n", understood(&named)))?;
     let mark = if has_simulated { ", SIMULATED" } else { "" };

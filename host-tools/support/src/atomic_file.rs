@@ -3,12 +3,32 @@
 //! The order of the steps ensures this even if the power fails in between: the content is on the disk before the file
 //! gets its name.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::temporaries::Temporary;
+use crate::temporaries::{Earlier, Temporary};
+
+/// How to replace an existing output, for the command line and for Python.
+pub(crate) const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=True in Python)";
+
+/// Files that were not there when a command checked its outputs, and that it may not replace.
+static NEW: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// Stores whether the file `target` is to be a new one. If it is, writing it fails if another process has written it
+/// meanwhile.
+pub(crate) fn expect_new(target: &Path, is_new: bool) -> bool {
+    // A panic of another thread leaves the set whole.
+    let mut new = NEW.lock().unwrap_or_else(PoisonError::into_inner);
+    if is_new {
+        new.insert(target.to_owned())
+    } else {
+        new.remove(target)
+    }
+}
 
 /// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
 ///
@@ -67,6 +87,14 @@ pub fn target(path: &Path) -> Result<PathBuf> {
         return Err(Error::file(path, problem));
     }
     fs::canonicalize(path).map_err(Error::io("follow the link", path))
+}
+
+/// Returns the error that an output cannot get its name, for example because another process has taken it.
+pub(crate) fn appeared(path: &Path, failure: io::Error) -> Error {
+    if failure.kind() == io::ErrorKind::AlreadyExists {
+        return Error::file(path, format!("was written by another program meanwhile: {REMEDY}"));
+    }
+    Error::io("replace", path)(failure)
 }
 
 /// Returns what is at a path, as a noun with its article, if it is not a regular file.
@@ -135,8 +163,13 @@ impl<'a> Unnamed<'a> {
     }
 
     fn name(self) -> Result<()> {
-        let named = self.temporary.persist(&self.target, None);
-        named.map_err(Error::io("replace", self.path))
+        // An empty file, such as one of `mktemp`, may be replaced.
+        let is_empty = fs::metadata(&self.target).is_ok_and(|found| found.len() == 0);
+        // A result is new once: the process that wrote it may write it again.
+        let is_new = expect_new(&self.target, false) && !is_empty;
+        let earlier = if is_new { Earlier::Nothing } else { Earlier::File };
+        let named = self.temporary.persist(&self.target, earlier);
+        named.map_err(|failure| appeared(self.path, failure))
     }
 }
 

@@ -10,19 +10,67 @@ use super::atomic_file::other_than_a_file;
 use super::error::{Error, Result};
 use super::nearest::nearly;
 
-/// One mebibyte, bytes.
-pub const MIB: u64 = 1 << 20;
-
 /// Largest number of names in a folder that are compared with the name of a missing file.
 const MOST_NAMES: usize = 10_000;
 
-/// A kind of file, with its size limit.
-#[derive(Clone, Copy, Debug)]
-pub struct Limit {
-    /// Name of the kind, with its article.
-    pub of: &'static str,
-    /// Largest size, bytes.
-    pub bytes: u64,
+/// Makes the list of formats, in which none lacks its limit, so that whoever goes through [`Format::ALL`] misses none.
+macro_rules! formats {
+    ($($(#[$doc:meta])* $name:ident: $of:literal, $mebibytes:literal;)*) => {
+        /// A format of files that the host reads. Each has a size limit, and a fuzzer in `tests/fuzz`.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Format {
+            $($(#[$doc])* $name,)*
+        }
+
+        impl Format {
+            /// All formats.
+            pub const ALL: &[Self] = &[$(Self::$name),*];
+
+            /// Returns the name of the format, with its article, and the largest size of a file, bytes.
+            fn limit(self) -> (&'static str, u64) {
+                match self {
+                    $(Self::$name => ($of, $mebibytes << 20),)*
+                }
+            }
+        }
+    };
+}
+
+formats! {
+    /// Samples as WAV, whose length is stated in 32 bits.
+    Wave: "a recording", 4097;
+    /// Samples as CSV.
+    Table: "a table of samples", 512;
+    /// Samples of LabVIEW.
+    LabView: "a LabVIEW file", 512;
+    /// Samples of a free hand with its motion, as CSV.
+    Strokes: "a free hand's recording", 512;
+    /// Trials of a recording set, as CSV.
+    Trials: "a list of trials", 512;
+    /// Trials to be recorded, as CSV.
+    Plan: "a list of trials to record", 512;
+    /// A motion as CSV: about 40 bytes per row, so that a day at 100 rows per second fits.
+    Motion: "a motion", 512;
+    /// Answers of a listening test, as CSV.
+    Answers: "a file of answers", 16;
+    /// A scene, as TOML.
+    Scene: "a scene", 1;
+    /// The description of a rig, as TOML.
+    Rig: "a rig's description", 1;
+    /// An actuator, as TOML.
+    Plant: "an actuator's parameters", 1;
+    /// A model file of HaTT, as XML. The published ones take some hundred kilobytes.
+    Hatt: "a HaTT model file", 16;
+    /// A library. A slot holds half a mebibyte; for slightly larger files the decoder's error names the lengths.
+    Library: "a library", 16;
+    /// The record of a fit, as JSON: some hundred bytes per trial, of which a list has up to a million.
+    Record: "a fit's record", 512;
+    /// A partial result of a fit: some 4 KB for each trial of a unit.
+    Partial: "a partial result", 1024;
+    /// An update of the device.
+    Update: "an update", 1;
+    /// The list of a result's files: enough for about 100 000 files.
+    Listing: "a list of a result's files", 16;
 }
 
 /// Returns the error that `action` failed on the file at `path`. If the file is missing, the error suggests a file in
@@ -47,50 +95,50 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
     Error::io(action, path)(source)
 }
 
-impl Limit {
+impl Format {
     /// Opens the file at `path`. It must be a regular file within the size limit, because it is read more than once or
     /// not in sequence. Devices and pipes are refused before they are opened.
-    pub fn open(&self, path: &Path) -> Result<File> {
+    pub fn open(self, path: &Path) -> Result<File> {
         // To open a pipe would mean to wait for its other end.
         let found = std::fs::metadata(path).map_err(|source| absent("open", path, source))?;
+        let (of, most) = self.limit();
         if let Some(other) = other_than_a_file(&found) {
-            let problem = format!("is {other}, and {} is read from a file: copy it to one", self.of);
+            let problem = format!("is {other}, and {of} is read from a file: copy it to one");
             return Err(Error::file(path, problem));
         }
-        if found.len() > self.bytes {
+        if found.len() > most {
             return Err(self.exceeded(path));
         }
         File::open(path).map_err(Error::io("open", path))
     }
 
-    fn exceeded(&self, path: &Path) -> Error {
-        let problem = format!(
-            "has more than {} bytes, the most of {}: give another file, or a part of it",
-            self.bytes, self.of
-        );
+    fn exceeded(self, path: &Path) -> Error {
+        let (of, most) = self.limit();
+        let problem = format!("has more than {most} bytes, the most of {of}: give another file, or a part of it");
         Error::file(path, problem)
     }
 
     /// Reads the file at `path`.
-    pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
+    pub fn read(self, path: &Path) -> Result<Vec<u8>> {
         let file = File::open(path).map_err(|source| absent("read", path, source))?;
         // On Unix a folder can be opened, and reading it fails with words that name no remedy.
+        let (of, most) = self.limit();
         if file.metadata().is_ok_and(|found| found.is_dir()) {
-            let problem = format!("is a folder, and {} is read from a file: name one", self.of);
+            let problem = format!("is a folder, and {of} is read from a file: name one");
             return Err(Error::file(path, problem));
         }
         let mut bytes = Vec::new();
         // One byte more than allowed is enough to know that there are too many.
-        let mut counted = file.take(self.bytes + 1);
+        let mut counted = file.take(most + 1);
         counted.read_to_end(&mut bytes).map_err(Error::io("read", path))?;
-        if bytes.len() as u64 > self.bytes {
+        if bytes.len() as u64 > most {
             return Err(self.exceeded(path));
         }
         Ok(bytes)
     }
 
     /// Reads the text file at `path`.
-    pub fn read_text(&self, path: &Path) -> Result<String> {
+    pub fn read_text(self, path: &Path) -> Result<String> {
         String::from_utf8(self.read(path)?).map_err(|failure| {
             let before = &failure.as_bytes()[..failure.utf8_error().valid_up_to()];
             let line = before.split(|&byte| byte == b'\n').count() as u64;
@@ -104,16 +152,22 @@ mod tests {
     use super::*;
     use test_helpers::holds;
 
-    const SMALL: Limit = Limit { of: "a note", bytes: 4 };
+    const SMALL: Format = Format::Scene;
+
+    /// Makes the file one byte longer than [`SMALL`] may be.
+    fn make_too_long(path: &Path) {
+        let file = File::create(path).unwrap();
+        file.set_len(SMALL.limit().1 + 1).unwrap();
+    }
 
     #[test]
     fn a_file_up_to_its_limit_is_read_and_a_larger_one_is_named_with_it() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "four").unwrap();
         assert_eq!(SMALL.read_text(file.path()).unwrap(), "four");
-        std::fs::write(file.path(), "five!").unwrap();
+        make_too_long(file.path());
         let message = SMALL.read(file.path()).unwrap_err();
-        holds(&message, &["4 bytes", "a note"]);
+        holds(&message, &["1048576 bytes", "a scene"]);
     }
 
     #[test]
@@ -131,7 +185,7 @@ mod tests {
         }
         let other = SMALL.read(&folder.path().join("silk.csv")).unwrap_err();
         assert!(!other.to_string().contains("did you mean"), "{other}");
-        holds(&SMALL.read(folder.path()).unwrap_err(), &["is a folder", "a note"]);
+        holds(&SMALL.read(folder.path()).unwrap_err(), &["is a folder", "a scene"]);
     }
 
     #[cfg(unix)]
@@ -143,8 +197,8 @@ mod tests {
         holds(&SMALL.open(&socket).unwrap_err(), &["a socket"]);
         holds(&SMALL.open(folder.path()).unwrap_err(), &["a folder"]);
         let file = folder.path().join("file");
-        std::fs::write(&file, "five!").unwrap();
-        holds(&SMALL.open(&file).unwrap_err(), &["4 bytes"]);
+        make_too_long(&file);
+        holds(&SMALL.open(&file).unwrap_err(), &["1048576 bytes"]);
         std::fs::write(&file, "four").unwrap();
         assert!(SMALL.open(&file).is_ok());
     }

@@ -16,24 +16,21 @@ use std::path::{Path, PathBuf};
 
 use csv_core::ReadRecordResult;
 
-use super::bounded_file::{Limit, MIB};
+use super::bounded_file::Format;
 use super::error::{Error, Result};
 
 mod first_lines;
 
 use first_lines::{FirstLines, MOST_BYTES, MOST_LINES, split};
 
-/// Size limit of a table of samples, of trials or of a motion.
-pub const TABLE: Limit = Limit {
-    of: "a table",
-    bytes: 512 * MIB,
-};
-
 /// Characters of units, ², µ, ° and ·, in the Western European code page.
 const SIGNS: [u8; 4] = [0xb2, 0xb5, 0xb0, 0xb7];
 
 /// Largest size of a row, bytes.
 const MOST_ROW_BYTES: usize = 1 << 20;
+
+/// Largest number of fields of a row: as many as a spreadsheet has columns.
+const MOST_FIELDS: usize = 16_384;
 
 /// Largest number of characters of a field that an error repeats.
 const SHOWN_CHARACTERS: usize = 40;
@@ -51,24 +48,24 @@ pub struct CsvTable {
 /// The text of a table.
 #[derive(Debug)]
 enum Text {
-    File(Limit),
+    File(Format),
     Memory(String),
 }
 
 impl CsvTable {
-    /// Opens the file at `path`, whose size must not exceed `limit`. A pipe is held in memory, because it can be read
+    /// Opens the file at `path`, which has this `format`. A pipe is held in memory, because it can be read
     /// only once.
     ///
     /// # Errors
     /// The file cannot be read or is larger than the limit, or one of its first lines is too long or not UTF-8.
-    pub fn read(path: &Path, limit: Limit) -> Result<Self> {
+    pub fn read(path: &Path, format: Format) -> Result<Self> {
         let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
         let text = if !is_file {
-            Text::Memory(limit.read_text(path)?)
-        } else if let Some(text) = utf_16(path, limit)? {
+            Text::Memory(format.read_text(path)?)
+        } else if let Some(text) = utf_16(path, format)? {
             Text::Memory(text)
         } else {
-            Text::File(limit)
+            Text::File(format)
         };
         Self::with(path, text)
     }
@@ -112,7 +109,7 @@ impl CsvTable {
     fn lines(&self) -> Result<Lines<'_>> {
         // Each pass reads the file anew, so that nothing of it is kept.
         let reader: Box<dyn BufRead> = match &self.text {
-            Text::File(limit) => Box::new(BufReader::new(limit.open(&self.path)?)),
+            Text::File(format) => Box::new(BufReader::new(format.open(&self.path)?)),
             Text::Memory(text) => Box::new(text.as_bytes()),
         };
         Ok(Lines {
@@ -254,22 +251,63 @@ pub fn comment(line: &str) -> Option<&str> {
     is_comment.then(|| line.trim_start_matches(COMMENT_SIGNS))
 }
 
+/// Sign before a text that a spreadsheet would otherwise compute.
+const GUARD: char = '\'';
+
+/// Returns whether a spreadsheet computes `text`, or whether it has guards before such a text, which one more keeps.
+fn is_formula(text: &str) -> bool {
+    text.trim_start_matches(GUARD).starts_with(['=', '+', '-', '@'])
+}
+
+/// Returns `rows` as CSV. [`Row::text`] returns each field as it was, and a spreadsheet computes none of them.
+pub fn written<'f>(rows: impl IntoIterator<Item = impl IntoIterator<Item = &'f str>>) -> String {
+    let mut text = String::new();
+    for row in rows {
+        for (index, field) in row.into_iter().enumerate() {
+            text.extend((index > 0).then_some(','));
+            let is_number = field.parse().is_ok_and(f64::is_finite);
+            let is_quoted = field.contains([',', '"', '\n', '\r']) || comment(field).is_some();
+            text.extend(is_quoted.then_some('"'));
+            text.extend((is_formula(field) && !is_number).then_some(GUARD));
+            text.push_str(&if is_quoted {
+                field.replace('"', "\"\"")
+            } else {
+                field.to_owned()
+            });
+            text.extend(is_quoted.then_some('"'));
+        }
+        text.push('\n');
+    }
+    text
+}
+
 /// Returns whether `line` is neither empty nor a comment.
 pub fn is_content(line: &str) -> bool {
     comment(line).is_none() && !line.trim().is_empty()
 }
 
+/// Checks the length of a row, bytes, before anything else is done with it.
+///
+/// # Errors
+/// The row is too long; the error states its `line`.
+pub fn check_length(path: &Path, line: u64, bytes: usize) -> Result<()> {
+    let problem = || format!("a row of more than {MOST_ROW_BYTES} bytes: is it a table?");
+    (bytes <= MOST_ROW_BYTES)
+        .then_some(())
+        .ok_or_else(|| Error::line(path, line, problem()))
+}
+
 /// Returns the text of the file at `path` if its byte order mark indicates UTF-16, which the Windows shell writes.
-fn utf_16(path: &Path, limit: Limit) -> Result<Option<String>> {
+fn utf_16(path: &Path, format: Format) -> Result<Option<String>> {
     let mut mark = [0; 2];
-    let read = limit.open(path)?.read(&mut mark);
+    let read = format.open(path)?.read(&mut mark);
     let unit = match (read.map_err(Error::io("read", path))?, mark) {
         (2, [0xff, 0xfe]) => u16::from_le_bytes,
         (2, [0xfe, 0xff]) => u16::from_be_bytes,
         _ => return Ok(None),
     };
     // Lines are sought as bytes, so this text is converted as a whole.
-    let bytes = limit.read(path)?;
+    let bytes = format.read(path)?;
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let characters = char::decode_utf16(units);
     let characters = characters.map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER));
@@ -299,9 +337,7 @@ impl Lines<'_> {
             return Ok(false);
         }
         self.number += 1;
-        if self.bytes.len() > MOST_ROW_BYTES {
-            return Err(self.too_long());
-        }
+        check_length(self.path, self.number, self.bytes.len())?;
         let text = match std::str::from_utf8(&self.bytes) {
             Ok(text) => Cow::Borrowed(text),
             Err(_) if self.bytes.iter().all(|byte| byte.is_ascii() || SIGNS.contains(byte)) => {
@@ -353,10 +389,6 @@ impl Lines<'_> {
     /// Returns whether the line is neither empty, nor a comment, nor a line of the preamble.
     fn is_content(&self) -> bool {
         self.number >= self.first.begin && is_content(&self.line)
-    }
-
-    fn too_long(&self) -> Error {
-        self.error(&format!("a row of more than {MOST_ROW_BYTES} bytes: is it a table?"))
     }
 
     fn error(&self, problem: &str) -> Error {
@@ -596,11 +628,15 @@ impl<'a> Rows<'a> {
                     };
                 }
                 // A quotation mark that is never closed would take in the rest of the file.
-                ReadRecordResult::OutputFull if written > MOST_ROW_BYTES => {
-                    return Err(self.lines.too_long());
+                ReadRecordResult::OutputFull => {
+                    check_length(self.lines.path, self.lines.number, written)?;
+                    text.resize(2 * text.len(), 0);
                 }
-                ReadRecordResult::OutputFull => text.resize(2 * text.len(), 0),
-                ReadRecordResult::OutputEndsFull => ends.resize(2 * ends.len(), 0),
+                ReadRecordResult::OutputEndsFull if ended > MOST_FIELDS => {
+                    let problem = format!("a row of more than {MOST_FIELDS} fields: is it a table?");
+                    return Err(self.lines.error(&problem));
+                }
+                ReadRecordResult::OutputEndsFull => ends.resize((2 * ended).min(MOST_FIELDS + 1), 0),
                 ReadRecordResult::Record | ReadRecordResult::End => break,
             }
         }
@@ -654,9 +690,12 @@ impl<'r> Row<'r, '_> {
         self.fields.iter()
     }
 
-    /// Returns the text of a field; empty if there is no such field.
+    /// Returns the text of a field, without the sign that [`written`] puts before a formula; empty if there is no such
+    /// field.
     pub fn text(&self, index: usize) -> &'r str {
-        self.fields.get(index).unwrap_or_default()
+        let field = self.fields.get(index).unwrap_or_default();
+        let guarded = field.strip_prefix(GUARD).filter(|rest| is_formula(rest));
+        guarded.unwrap_or(field)
     }
 
     /// Parses a field as a number. It may be infinite or NaN if the text says so.
@@ -828,11 +867,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         std::fs::write(&path, b"t,a [m/s\xb2]\n0,1\n").unwrap();
-        let found = CsvTable::read(&path, TABLE).unwrap();
+        let found = CsvTable::read(&path, Format::Table).unwrap();
         let header = found.header().unwrap();
         assert_eq!(header.names().last(), Some("a [m/s²]"));
         std::fs::write(&path, b"t,a\xe4\n0,1\n").unwrap();
-        holds(&CsvTable::read(&path, TABLE).unwrap_err(), &["not UTF-8"]);
+        holds(&CsvTable::read(&path, Format::Table).unwrap_err(), &["not UTF-8"]);
     }
 
     #[test]
@@ -846,6 +885,18 @@ mod tests {
             &message,
             &["line 3", "column 1", "'1,250'", "semicolon", "decimals by a point"],
         );
+    }
+
+    #[test]
+    fn a_row_has_as_many_fields_as_a_spreadsheet_has_columns() {
+        for (count, is_possible) in [(MOST_FIELDS, true), (MOST_FIELDS + 2, false), (20 * MOST_FIELDS, false)] {
+            let row = vec!["1"; count].join(",");
+            let told = numbers(&table(&format!("{row}\n{row}\n")));
+            assert_eq!(told.is_ok(), is_possible, "{count}");
+            if let Err(refused) = told {
+                holds(&refused, &["line 1", "16384 fields"]);
+            }
+        }
     }
 
     #[test]
@@ -881,6 +932,27 @@ mod tests {
             prop_assert_eq!(table.line_of_row(1), line);
             let with_units = super::tests::table(&text.replacen("x;y", "x;y\ns;g", 1));
             prop_assert_eq!(with_units.line_of_row(1), line + 1);
+        }
+
+        /// Covers formulas, guards, comments, quotation marks, separators and numbers.
+        #[test]
+        fn texts_are_read_back_as_they_were_written_and_no_spreadsheet_computes_one(
+            texts in prop::collection::vec(["[-'=+@#\"a1 ,;:\t/]{0,6}|\\PC{1,8}", "[=+@-]?[a-z1.(),\"]{1,6}"], 1..5),
+        ) {
+            let texts: Vec<[&str; 2]> = texts.iter().map(|pair| pair.each_ref().map(|text| text.trim())).collect();
+            let header = ["file", "texture", "speed_mm_s"];
+            let rows = texts.iter().map(|&[one, other]| [one, other, "-1.5"]);
+            let text = written([header].into_iter().chain(rows));
+            let table = table(&text);
+            let mut rows = table.rows_below_header().unwrap();
+            for &[one, other] in &texts {
+                let row = rows.next_row().unwrap().expect("it was written");
+                prop_assert_eq!([row.text(0), row.text(1), row.text(2)], [one, other, "-1.5"], "{}", text);
+                for field in row.fields() {
+                    prop_assert!(!field.starts_with(['=', '+', '-', '@']) || field.parse::<f64>().is_ok(), "{}", field);
+                }
+            }
+            prop_assert!(rows.next_row().unwrap().is_none());
         }
 
         /// Numbers are read back correctly from a table written with any separator and decimal sign.

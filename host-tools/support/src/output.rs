@@ -10,29 +10,21 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use super::atomic_file::{folder_of, target};
-use super::bounded_file::{Limit, MIB};
+use super::atomic_file::{REMEDY, appeared, expect_new, folder_of, target};
+use super::bounded_file::Format;
 use super::error::{Error, Result};
 use super::file_name::portable;
-use super::temporaries::{self, Temporary};
+use super::temporaries::{self, Earlier, Temporary, left_aside};
 
 /// Name of the list of the files that a command wrote into its folder.
 pub const LIST: &str = ".made-by-stylus";
 
-/// Size limit of a list, enough for about 100 000 files.
-const LIST_TEXT: Limit = Limit {
-    of: "a list of a result's files",
-    bytes: 16 * MIB,
-};
-
 /// Files that file managers leave in any folder.
 const LITTER: [&str; 3] = [".DS_Store", "Thumbs.db", "desktop.ini"];
 
-/// How to replace an existing output, for the command line and for Python.
-const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=True in Python)";
-
 /// Checks that a file can be written as `path`. There must be no file or an empty one; with `overwrite`, there may be a
-/// regular file that is none of `inputs`. The folder must accept files.
+/// regular file that is none of `inputs`. The folder must accept files. Without `overwrite`, a file that appears there
+/// before this process writes it is not replaced either.
 ///
 /// # Errors
 /// The first of these conditions that does not hold, with the remedy.
@@ -45,6 +37,7 @@ pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()
     }
     let target = target(path)?;
     check_place(path, folder_of(&target))?;
+    expect_new(&target, !overwrite);
     let Ok(found) = fs::metadata(&target) else {
         return Ok(());
     };
@@ -97,6 +90,15 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
         return Err(Error::file(path, problem));
     }
     let Ok(folder) = fs::canonicalize(path) else {
+        if let Some(aside) = left_aside(path) {
+            let problem = format!(
+                "its earlier result is in {}, because a command was killed as it replaced it: rename that to {}, or \
+                 remove it",
+                aside.display(),
+                path.display()
+            );
+            return Err(Error::file(path, problem));
+        }
         return check_place(path, folder_of(path));
     };
     if !folder.is_dir() {
@@ -117,8 +119,8 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
         return Err(Error::file(path, problem));
     }
     // A list that leads to a device without an end is refused here, before it is read.
-    let list = match LIST_TEXT.open(&folder.join(LIST)) {
-        Ok(_) => LIST_TEXT.read_text(&folder.join(LIST))?,
+    let list = match Format::Listing.open(&folder.join(LIST)) {
+        Ok(_) => Format::Listing.read_text(&folder.join(LIST))?,
         Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => String::new(),
         Err(failure) => return Err(failure),
     };
@@ -247,9 +249,10 @@ impl OutputFolder {
         }
         fs::write(hidden.path().join(LIST), list).map_err(Error::io("write", &named))?;
         check_folder(&named, overwrite, &[])?;
-        let failed = |failure: io::Error| Error::io("replace", &named)(failure);
+        let failed = |failure: io::Error| appeared(&named, failure);
         if !named.exists() {
-            return hidden.persist(&named, None).map_err(failed);
+            synced(hidden.path()).map_err(failed)?;
+            return hidden.persist(&named, Earlier::Nothing).map_err(failed);
         }
         let place = fs::canonicalize(&named).map_err(failed)?;
         for litter in Content::of(&place)?.litter {
@@ -257,10 +260,26 @@ impl OutputFolder {
             fs::create_dir_all(folder_of(&kept)).map_err(failed)?;
             fs::copy(place.join(&litter), kept).map_err(failed)?;
         }
-        // No folder can be renamed onto one with files. The earlier result moves aside, and goes with this temporary.
-        let aside = Temporary::folder_in(folder_of(&place)).map_err(failed)?;
-        let earlier = aside.path().join("earlier");
-        hidden.persist(&place, Some(&earlier)).map_err(failed)
+        synced(hidden.path()).map_err(failed)?;
+        hidden.persist(&place, Earlier::Folder).map_err(failed)
+    }
+}
+
+/// Brings all files of `folder` and its subfolders to the disk, and the folders themselves where a system can.
+fn synced(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let kind = entry.file_type()?;
+        if kind.is_dir() {
+            synced(&entry.path())?;
+        } else if kind.is_file() && cfg!(unix) {
+            fs::File::open(entry.path())?.sync_all()?;
+        }
+    }
+    if cfg!(unix) {
+        fs::File::open(folder)?.sync_all()
+    } else {
+        Ok(())
     }
 }
 
@@ -359,7 +378,7 @@ mod tests {
         holds(&refusal(result(&path, true, &["x"])), &[LIST]);
         fs::remove_file(path.join(LIST)).unwrap();
         let long = fs::File::create(path.join(LIST)).unwrap();
-        long.set_len(LIST_TEXT.bytes + 1).unwrap();
+        long.set_len((16 << 20) + 1).unwrap();
         holds(&refusal(result(&path, true, &["x"])), &["16777216 bytes"]);
     }
 

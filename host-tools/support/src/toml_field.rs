@@ -6,15 +6,8 @@ use model_format::limits::MAX_NAME_BYTES;
 use serde::de::DeserializeOwned;
 use toml::de::DeTable;
 
-use crate::bounded_file::{Limit, MIB};
 use crate::error::{Error, Result};
 use crate::file_name;
-
-/// Size limit of a text of settings: a scene, or the description of a rig.
-pub const TEXT: Limit = Limit {
-    of: "a TOML text",
-    bytes: MIB,
-};
 
 /// Parses TOML `text`; errors name `path`.
 ///

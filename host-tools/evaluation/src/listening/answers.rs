@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::dsp::binomial::clopper_pearson;
-use crate::support::bounded_file::{Limit, MIB};
+use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
 
@@ -15,12 +15,6 @@ pub const CHANCE: f64 = 0.5;
 
 /// Confidence of intervals.
 pub const CONFIDENCE: f64 = 0.95;
-
-/// Largest file of answers.
-const LIMIT: Limit = Limit {
-    of: "a file of answers",
-    bytes: 16 * MIB,
-};
 
 /// Longest text of a field, bytes: many times what a page saves.
 const LONGEST_TEXT: usize = 256;
@@ -95,7 +89,7 @@ impl Answers {
     /// A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial that
     /// occurs twice.
     pub fn read(path: &Path) -> Result<Self> {
-        let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
+        let table = CsvTable::read(path, Format::Answers).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
         let design = header.column("design")?;
         let mut rows: Vec<Answered> = Vec::new();

@@ -15,9 +15,9 @@ use super::excitation::ExcitationReport;
 use super::fitted::Fit;
 use super::lines::Findings;
 use super::options::Options;
-use crate::recording::{RECORDING, RecordingSet, TimeUnit, Trial};
+use crate::recording::{RecordingSet, TimeUnit, Trial};
 use crate::support::atomic_file;
-use crate::support::bounded_file::{Limit, MIB};
+use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::fnv::Fnv;
@@ -25,12 +25,6 @@ use crate::support::in_order::in_order;
 
 /// Ending that is appended to the name of a library's file to name its record.
 const ENDING: &str = ".fit.json";
-
-/// Largest record that is read: some hundred bytes per trial, of which a list has up to a million.
-const RECORD: Limit = Limit {
-    of: "a fit's record",
-    bytes: 512 * MIB,
-};
 
 /// The options and the recordings of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -180,7 +174,7 @@ impl FitRecord {
     /// of another library.
     pub fn beside(path: &Path, bytes: &[u8]) -> Result<Option<Self>> {
         let path = Self::path_for(path);
-        let text = match RECORD.read(&path) {
+        let text = match Format::Record.read(&path) {
             Ok(text) => text,
             Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
                 return Ok(None);
@@ -309,7 +303,7 @@ pub(super) fn content_of(trial: &Trial) -> Result<u64> {
     if let Some(held) = &trial.held {
         return Ok(held.content());
     }
-    let mut file = RECORDING.open(&trial.file)?;
+    let mut file = Format::Wave.open(&trial.file)?;
     // Read in pieces, because a recording may have gigabytes.
     let (mut buffer, mut hash) = (vec![0; PIECE], Fnv::default());
     loop {

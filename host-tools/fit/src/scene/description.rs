@@ -7,8 +7,9 @@ use model_format::SAMPLE_RATE_HZ;
 use serde::Deserialize;
 
 use crate::dsp::equaliser::SectionKind;
+use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
-use crate::support::toml_field::{Field, TEXT, from_toml};
+use crate::support::toml_field::{Field, from_toml};
 
 /// A scene's content.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -152,7 +153,7 @@ pub struct SceneFile {
 impl SceneFile {
     /// Reads the file at `path`.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = TEXT.read_text(path)?;
+        let text = Format::Scene.read_text(path)?;
         Self::from_toml(path, &text)
     }
 

@@ -6,7 +6,7 @@ use model_format::{Library, NodeSpec, Provenance, SAMPLE_RATE_HZ, TextureSpec, e
 
 use super::grid::Grid;
 use super::{quantise, theta};
-use crate::support::bounded_file::{Limit, MIB};
+use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
 
 /// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
@@ -49,16 +49,9 @@ pub fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
     Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))
 }
 
-/// Largest library that is read. A slot holds half a mebibyte; for slightly larger files the decoder's error names the
-/// lengths.
-const LIBRARY: Limit = Limit {
-    of: "a library",
-    bytes: 16 * MIB,
-};
-
 /// Reads a library's bytes.
 pub fn read_library(path: &Path) -> Result<Vec<u8>> {
-    LIBRARY.read(path)
+    Format::Library.read(path)
 }
 
 /// Decodes a library; `path` is only named in errors.

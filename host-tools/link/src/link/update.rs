@@ -12,13 +12,8 @@ use serde::Serialize;
 use super::Device;
 use super::error::{LinkError, Result};
 use super::upload::retried;
-use crate::support::bounded_file::Limit;
+use crate::support::bounded_file::Format;
 use crate::support::error::Error;
-
-const UPDATE: Limit = Limit {
-    of: "an update",
-    bytes: SIGNED_BYTES as u64 + MAX_IMAGE_BYTES as u64,
-};
 
 /// Interval between checks of a device that restarts.
 const LOOK_INTERVAL: Duration = Duration::from_millis(500);
@@ -34,7 +29,7 @@ pub struct UpdateFile {
 impl UpdateFile {
     /// Reads the file at `path`. The device checks its signature.
     pub fn read(path: &Path) -> crate::support::error::Result<Self> {
-        let bytes = UPDATE.read(path)?;
+        let bytes = Format::Update.read(path)?;
         let header = ImageHeader::read(&bytes);
         let whole = header.filter(|header| bytes.len() == SIGNED_BYTES + header.length as usize);
         let header = whole.ok_or_else(|| {

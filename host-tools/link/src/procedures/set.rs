@@ -14,7 +14,8 @@ use model_format::limits::MAX_NAME_BYTES;
 
 use crate::link::capture::{Calibration, Capture};
 use crate::recording::{MOST_TRIALS, RecordingSet, TRIALS_FILE, Trial};
-use crate::support::csv_table::{CsvTable, TABLE, is_content};
+use crate::support::bounded_file::Format;
+use crate::support::csv_table::{CsvTable, is_content, written};
 use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::hand::{force_fault, speed_fault};
@@ -51,7 +52,7 @@ impl PlannedTrial {
     /// A file that cannot be read, a missing or unknown column, no line or more than [`MOST_TRIALS`], or a line without
     /// a texture or with a speed or force that is not a number of at least zero or that no hand and no drum reaches.
     pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
-        let table = CsvTable::read(path, TABLE)?;
+        let table = CsvTable::read(path, Format::Plan)?;
         let header = table.header()?;
         let expected = "a list of trials to record has speed_mm_s, force_n, and texture if there are several";
         let speed = header.needed("speed_mm_s", expected)?;
@@ -156,7 +157,7 @@ impl Folder {
             lines: vec![HEADER.to_owned()],
             done: HashSet::new(),
         };
-        let text = match TABLE.read_text(&list) {
+        let text = match Format::Trials.read_text(&list) {
             Ok(text) => text,
             Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
                 return Ok(folder);
@@ -223,7 +224,7 @@ impl Folder {
         let samples = samples.map(|acceleration_m_s2| acceleration_m_s2 / scale_m_s2);
         let wav = float_wav(3, capture.rate_hz, samples).map_err(|failure| Error::file(&file, failure.to_string()))?;
         atomic_file::write(&file, &wav)?;
-        let line = row(&[
+        let line = row([
             &name,
             &planned.texture,
             &planned.speed_mm_s.to_string(),
@@ -234,8 +235,7 @@ impl Folder {
             } else {
                 "false"
             },
-        ])
-        .map_err(|failure| Error::file(&file, failure.to_string()))?;
+        ]);
         // A copy, so that this state stays that of the files if the list cannot be written.
         let mut lines = self.lines.clone();
         match lines.iter_mut().find(|line| first_field(line) == name) {
@@ -255,26 +255,15 @@ impl Folder {
     }
 }
 
-fn row(fields: &[&str]) -> csv::Result<String> {
-    let mut writer = csv::WriterBuilder::new()
-        .terminator(csv::Terminator::Any(b'\n'))
-        .from_writer(Vec::new());
-    writer.write_record(fields)?;
-    let bytes = writer.into_inner().map_err(csv::IntoInnerError::into_error)?;
-    let text = String::from_utf8(bytes).expect("the fields are text");
-    Ok(text.trim_end_matches('\n').to_owned())
+fn row<const N: usize>(fields: [&str; N]) -> String {
+    written([fields]).trim_end_matches('\n').to_owned()
 }
 
 /// First field of a line of the list; empty for a comment.
 fn first_field(line: &str) -> String {
-    if !is_content(line) {
-        return String::new();
-    }
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .from_reader(line.as_bytes());
-    let first = reader.records().next().and_then(std::result::Result::ok);
-    first.map_or(String::new(), |record| record.get(0).unwrap_or("").to_owned())
+    let first = |table: CsvTable| Some(table.rows().ok()?.next_row().ok()??.text(0).to_owned());
+    let table = CsvTable::of(Path::new(TRIALS_FILE), line.to_owned());
+    table.ok().and_then(first).unwrap_or_default()
 }
 
 /// Largest acceleration that an axis can show at an end of the converter's range, m/s².

@@ -227,7 +227,8 @@
   };
 
   // ---- Files.
-  const quoted = (text) => '"' + String(text).replaceAll('"', '""') + '"';
+  // A spreadsheet shows a text that begins like a formula, and computes none.
+  const quoted = (text) => '"' + String(text).replace(/^'*[=+\-@]/, "'$&").replaceAll('"', '""') + '"';
   const COLUMNS = {
     abx: ["pair", "a", "b", "x", "answer", "correct"],
     similarity: ["block", "position", "pair", "a", "b", "same", "rating"],

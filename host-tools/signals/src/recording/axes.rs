@@ -62,7 +62,7 @@ impl LeftOut {
 
     /// Returns true if the column of this index is left out.
     pub fn contains(&self, index: usize) -> bool {
-        self.columns.contains(&index)
+        self.columns.binary_search(&index).is_ok()
     }
 }
 

@@ -2,7 +2,7 @@
 //! Columns whose names show that they do not contain an axis are left out.
 
 use super::axes::{self, LeftOut};
-use super::rate::{MAX_CHANNELS, length_fault, most_frames, rate_fault};
+use super::rate::{MAX_CHANNELS, SampleRate, length_fault, most_frames};
 use super::source::{Cut, Source};
 use super::stamps::{self, Clock};
 use super::time_text;
@@ -10,7 +10,8 @@ use super::time_unit::{TimeColumn, TimeUnit};
 use super::trial::Trial;
 use super::unit::{self, Integers};
 use super::wrapped;
-use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
+use crate::support::bounded_file::Format;
+use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
 
 /// Column of the time of each sample, s.
@@ -37,19 +38,18 @@ const NO_VALUE: [&str; 5] = ["", "na", "n/a", "#n/a", "null"];
 /// sample rate.
 pub(super) fn read(trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = trial.file.as_path();
-    let given = trial.sample_rate_hz;
-    let fault = given.and_then(|hz| rate_fault(hz, "mend sample_rate_hz, or give --sample-rate"));
-    if let Some(fault) = fault {
-        return Err(Error::file(path, fault));
-    }
     // Only regular files are accepted, because a recording is read again: for its kind, and for the hash of its bytes.
-    TABLE.open(path)?;
-    read_table(&CsvTable::read(path, TABLE)?, trial, cut)
+    Format::Table.open(path)?;
+    read_table(&CsvTable::read(path, Format::Table)?, trial, trial.sample_rate_hz, cut)
 }
 
-/// Reads the part of a `table` of `trial` within `cut`, like [`read`] for a file.
-pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<Source> {
+/// Reads the part of a `table` of `trial` within `cut`, like [`read`] for a file. Its rate is `rate_hz`, Hz, if it is
+/// given.
+pub(super) fn read_table(table: &CsvTable, trial: &Trial, rate_hz: Option<f64>, cut: &Cut) -> Result<Source> {
     let path = table.path();
+    let remedy = "mend it, or give --sample-rate (sample_rate_hz in a list)";
+    let rate = rate_hz.map(|rate_hz| SampleRate::new(rate_hz, remedy));
+    let rate = rate.transpose().map_err(|fault| Error::file(path, fault))?;
     let mut columns = Columns::read(table)?;
     if columns.values.is_empty() {
         refuse_other_widths(table, 0, 0)?;
@@ -71,10 +71,21 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
     let channels = axes.iter().map(|&index| std::mem::take(&mut columns.values[index]));
     let channels = channels.collect();
     let source = if let (Some(time), Some(stamps)) = (time, stamps) {
-        by_times(table, trial, cut, channels, time, &stamps)?
+        let clock = Clock {
+            column: &time.name,
+            unit: trial.time_unit.or(time.unit),
+            is_even: trial.has_even_times.unwrap_or(false),
+            rate,
+        };
+        stamps::source(table, &clock, &stamps, channels, cut)?
     } else {
         columns.refuse_jumps(table)?;
-        without_times(trial, channels, cut)?
+        let Some(rate) = rate else {
+            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to trials.csv, \
+                           or give --sample-rate";
+            return Err(Error::file(path, problem));
+        };
+        stamps::even(rate, channels, cut)
     };
     let kept = source.channels.first().map_or(0, Vec::len);
     if let Some(fault) = length_fault(kept as f64, source.channels.len()) {
@@ -94,6 +105,7 @@ struct Columns<'a> {
     names: Option<Header<'a>>,
     /// Units from a second line of the header, as oscilloscopes write it.
     units: Vec<String>,
+    /// Columns of times, ascending.
     times: Vec<TimeColumn>,
     /// Columns that contain neither times nor an axis.
     left_out: LeftOut,
@@ -136,8 +148,10 @@ impl<'a> Columns<'a> {
                 read.units.extend(row.fields().map(str::to_owned));
                 continue;
             }
+            // In the order of the columns, so that a wide row takes no longer than a narrow one of its length.
+            let mut times = read.times.iter_mut().peekable();
             for (index, column) in read.values.iter_mut().enumerate() {
-                let time = read.times.iter_mut().find(|time| time.index == index);
+                let time = times.next_if(|time| time.index == index);
                 column.push(match (row.number(index), time) {
                     // A time that is not a number may be a time of day or a duration, which is converted to seconds.
                     (Err(fault), Some(time)) => {
@@ -238,7 +252,7 @@ impl<'a> Columns<'a> {
 
     /// Returns true if the column with this index contains an axis.
     fn is_sample(&self, index: usize) -> bool {
-        !self.left_out.contains(index) && self.times.iter().all(|time| time.index != index)
+        !self.left_out.contains(index) && TimeColumn::of(&self.times, index).is_none()
     }
 
     /// Returns the names of all columns, with the units from a second line below them, if there is one.
@@ -249,34 +263,6 @@ impl<'a> Columns<'a> {
         let name = |(name, unit): (&str, &str)| format!("{name} [{}]", unit::bare(unit));
         names.map(name).collect()
     }
-}
-
-/// Returns the part of `channels` within `cut`, at the times `stamps` from the column `time`.
-fn by_times(
-    table: &CsvTable,
-    trial: &Trial,
-    cut: &Cut,
-    channels: Vec<Vec<f64>>,
-    time: &TimeColumn,
-    stamps: &[f64],
-) -> Result<Source> {
-    let clock = Clock {
-        column: &time.name,
-        unit: trial.time_unit.or(time.unit),
-        is_even: trial.has_even_times.unwrap_or(false),
-        rate_hz: trial.sample_rate_hz,
-    };
-    stamps::source(table, &clock, stamps, channels, cut)
-}
-
-/// Returns the part of `columns` within `cut`, at the sample rate of `trial`.
-fn without_times(trial: &Trial, columns: Vec<Vec<f64>>, cut: &Cut) -> Result<Source> {
-    let Some(rate_hz) = trial.sample_rate_hz else {
-        let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to trials.csv, or \
-                       give --sample-rate";
-        return Err(Error::file(&trial.file, problem));
-    };
-    Ok(stamps::even(rate_hz, columns, cut))
 }
 
 /// Returns true for a field that stands for a missing value.

@@ -1,7 +1,7 @@
 //! Samples of a recording that a program holds in memory, instead of in a file.
 
 use super::defects::Timing;
-use super::rate::{MAX_CHANNELS, length_fault, rate_fault};
+use super::rate::{MAX_CHANNELS, SampleRate, length_fault};
 use super::source::{Cut, Source};
 use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
@@ -11,7 +11,7 @@ use crate::support::fnv::Fnv;
 /// file of 64-bit floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldSamples {
-    rate_hz: f64,
+    rate: SampleRate,
     channels: Vec<Vec<f64>>,
     are_integers: bool,
 }
@@ -25,9 +25,10 @@ impl HeldSamples {
     /// recording may have, or the rate is not possible for a recording.
     pub fn new(rate_hz: f64, channels: Vec<Vec<f64>>, are_integers: bool) -> Result<Self> {
         let refused = |problem: String| Err(Error::Request(format!("samples: {problem}")));
-        if let Some(fault) = rate_fault(rate_hz, "give the recording's own rate") {
-            return refused(fault);
-        }
+        let rate = match SampleRate::new(rate_hz, "give the recording's own rate") {
+            Ok(rate) => rate,
+            Err(fault) => return refused(fault),
+        };
         let frames = channels.first().map_or(0, Vec::len);
         if !(1..=MAX_CHANNELS).contains(&channels.len()) {
             return refused(format!(
@@ -45,7 +46,7 @@ impl HeldSamples {
             return refused(fault);
         }
         Ok(Self {
-            rate_hz,
+            rate,
             channels,
             are_integers,
         })
@@ -53,7 +54,7 @@ impl HeldSamples {
 
     /// Sample rate, Hz.
     pub fn rate_hz(&self) -> f64 {
-        self.rate_hz
+        self.rate.hz()
     }
 
     /// Samples of each axis.
@@ -63,7 +64,7 @@ impl HeldSamples {
 
     /// Hash of rate and samples, by which the record of a fit identifies them.
     pub fn content(&self) -> u64 {
-        let rate = Fnv::default().then(&self.rate_hz.to_le_bytes());
+        let rate = Fnv::default().then(&self.rate_hz().to_le_bytes());
         let all = self.channels.iter().fold(rate, |hash, channel| {
             // Without lengths, samples moved from one axis to the next would have the same hash.
             let length = (channel.len() as u64).to_le_bytes();
@@ -75,14 +76,14 @@ impl HeldSamples {
 
     /// Returns the part of the samples within `cut`.
     pub(super) fn source(&self, cut: &Cut) -> Source {
-        let (first, end) = cut.frames(self.rate_hz);
+        let (first, end) = cut.frames(self.rate_hz());
         let part = |channel: &Vec<f64>| {
             let end = end.min(channel.len());
             // The part may begin after the last sample.
             channel[first.min(end)..end].to_vec()
         };
         Source {
-            rate_hz: self.rate_hz,
+            rate: self.rate,
             first_frame: first,
             channels: self.channels.iter().map(part).collect(),
             times_s: None,

@@ -44,7 +44,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
-    let mut rate_hz = source.rate_hz;
+    let mut rate_hz = source.rate.hz();
     // Defects are sought among the sensor's own samples: among held values, each would be a hold or a step.
     let polled = polled(&axes, rate_hz);
     let read_at_hz = polled.is_some().then_some(rate_hz);
@@ -105,11 +105,7 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
                 truncation,
                 remarks,
             } = lvm::read(path)?;
-            let trial = Trial {
-                sample_rate_hz: trial.sample_rate_hz.or(rate_hz),
-                ..trial.clone()
-            };
-            let source = csv_file::read_table(&table, &trial, cut)?;
+            let source = csv_file::read_table(&table, trial, trial.sample_rate_hz.or(rate_hz), cut)?;
             Ok(Source {
                 truncation,
                 remarks: remarks.into_iter().chain(source.remarks).collect(),

@@ -7,12 +7,14 @@
 //! The table contains all lines of the file. Lines that are not data become comments, so that errors name the lines of
 //! the file.
 
+use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 
 use super::defects::Truncation;
 use super::rate::MAX_CHANNELS;
-use crate::support::csv_table::{CsvTable, TABLE};
+use crate::support::bounded_file::Format;
+use crate::support::csv_table::{CsvTable, check_length};
 use crate::support::error::{Error, Result};
 
 /// First words of a file.
@@ -20,6 +22,9 @@ const MAGIC: &str = "LabVIEW Measurement";
 
 /// End of a header.
 const END: &str = "***End_of_Header***";
+
+/// Keys whose values are used. Others are not kept, however many a file has.
+const KEYS: [&str; 4] = ["Channels", "Samples", "Delta_X", "Y_Unit_Label"];
 
 /// Largest relative deviation of two steps of times that count as equal.
 const SAME_STEP: f64 = 1e-3;
@@ -51,7 +56,7 @@ enum Times {
 /// Returns whether the file at `path` is a LabVIEW file.
 pub(super) fn is_lvm(path: &Path) -> Result<bool> {
     let mut beginning = Vec::new();
-    let read = (TABLE.open(path)?).take(64).read_to_end(&mut beginning);
+    let read = (Format::LabView.open(path)?).take(64).read_to_end(&mut beginning);
     read.map_err(Error::io("read", path))?;
     let text = beginning.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&beginning);
     Ok(text.starts_with(MAGIC.as_bytes()))
@@ -63,7 +68,7 @@ pub(super) fn is_lvm(path: &Path) -> Result<bool> {
 /// The file cannot be read or has no rows; there are too many channels; a field is not a number; steps of times or
 /// numbers of channels differ between headers; or channels have different times.
 pub(super) fn read(path: &Path) -> Result<LabView> {
-    let bytes = TABLE.read(path)?;
+    let bytes = Format::LabView.read(path)?;
     // Units are often in the Western European code page.
     let text = String::from_utf8(bytes).unwrap_or_else(|failure| {
         let bytes = failure.as_bytes().iter();
@@ -71,6 +76,7 @@ pub(super) fn read(path: &Path) -> Result<LabView> {
     });
     let mut reader = Reader::of(path, &text);
     for (line, number) in text.lines().zip(1..) {
+        check_length(path, number, line.len())?;
         let own = reader.line(line, number)?;
         // Lines that are not data become comments, so that line numbers stay the same.
         reader.table.push_str(own.as_deref().unwrap_or("#"));
@@ -95,8 +101,8 @@ struct Reader<'a> {
     separator: char,
     times: Times,
     state: State,
-    /// Keys of the headers read so far, each with the fields after it.
-    keys: Vec<(&'a str, Vec<&'a str>)>,
+    /// Fields after each of [`KEYS`], in the latest header that has it.
+    keys: HashMap<&'a str, Vec<&'a str>>,
     /// Channels of the first block.
     channels: Option<usize>,
     /// Step of the times from the first header that states one, s.
@@ -136,7 +142,7 @@ impl<'a> Reader<'a> {
             separator,
             times,
             state: State::Head,
-            keys: Vec::new(),
+            keys: HashMap::new(),
             channels: None,
             step_s: None,
             offset_s: 0.0,
@@ -156,7 +162,7 @@ impl<'a> Reader<'a> {
         match self.state {
             State::Special if fields[0] == "***End_Special***" => self.state = State::Rows,
             State::Head if fields[0] == END => self.end_head(number)?,
-            State::Head => self.keys.push((fields[0], fields[1..].to_vec())),
+            State::Head => self.keep(&fields),
             State::Labels if !is_empty => {
                 self.state = State::FirstRow;
                 return self.labels(&fields, number);
@@ -166,7 +172,7 @@ impl<'a> Reader<'a> {
             }
             State::FirstRow | State::Rows if is_key(fields[0]) => {
                 self.state = State::Head;
-                self.keys.push((fields[0], fields[1..].to_vec()));
+                self.keep(&fields);
             }
             State::FirstRow | State::Rows if !is_empty => return self.row(&fields, number),
             _ => {}
@@ -174,10 +180,16 @@ impl<'a> Reader<'a> {
         Ok(None)
     }
 
+    /// Keeps the fields of a line of a header, if its key is used.
+    fn keep(&mut self, fields: &[&'a str]) {
+        if KEYS.contains(&fields[0]) {
+            self.keys.insert(fields[0], fields[1..].to_vec());
+        }
+    }
+
     /// Returns the fields of `key` in the latest header that has this key.
     fn of_key(&self, key: &str) -> &[&'a str] {
-        let own = self.keys.iter().rev().find(|(known, _)| *known == key);
-        own.map_or(&[], |(_, fields)| fields)
+        self.keys.get(key).map_or(&[], Vec::as_slice)
     }
 
     /// Ends a header. The header of a block, unlike that of the file, states its channels.
@@ -187,7 +199,8 @@ impl<'a> Reader<'a> {
         }
         self.state = State::Labels;
         self.blocks += 1;
-        self.declared += (self.of_key("Samples").first()).map_or(0, |count| count.parse().unwrap_or(0));
+        let samples = (self.of_key("Samples").first()).map_or(0, |count| count.parse().unwrap_or(0));
+        self.declared = self.declared.saturating_add(samples);
         let steps = self.of_key("Delta_X").iter().filter_map(|field| number(field));
         for step in steps.filter(|step| *step > 0.0).collect::<Vec<f64>>() {
             if (step / *self.step_s.get_or_insert(step) - 1.0).abs() > SAME_STEP {
@@ -267,7 +280,8 @@ impl<'a> Reader<'a> {
         // `risen` must still see whether this row is the first of its block.
         let time = times.first().map(|&time| self.risen(time));
         self.state = State::Rows;
-        let all = time.iter().chain(&samples).map(f64::to_string);
+        // With an exponent, because a short number such as 1e300 has hundreds of digits without.
+        let all = time.iter().chain(&samples).map(|value| format!("{value:?}"));
         Ok(Some(all.collect::<Vec<_>>().join(";")))
     }
 
@@ -366,11 +380,8 @@ mod tests {
             start_s: 0.0,
             duration_s: f64::INFINITY,
         };
-        let trial = Trial {
-            sample_rate_hz: own.rate_hz,
-            ..Trial::of(path, "felt", 100.0, 1.0)
-        };
-        Ok((read_table(&own.table, &trial, &cut)?, own))
+        let trial = Trial::of(path, "felt", 100.0, 1.0);
+        Ok((read_table(&own.table, &trial, own.rate_hz, &cut)?, own))
     }
 
     #[test]
@@ -387,7 +398,7 @@ mod tests {
             let decimal_commas = whole.replace('.', ",");
             for text in [&whole, &several(0.1), &several(0.0), &special, &commas, &decimal_commas] {
                 let (source, own) = read_text(text.as_bytes()).unwrap();
-                assert!((source.rate_hz - 1000.0).abs() < 1e-6, "{kind}");
+                assert!((source.rate.hz() - 1000.0).abs() < 1e-6, "{kind}");
                 for axis in 0..2 {
                     let expected: Vec<f64> = (0..300).map(|row| sample(row, axis)).collect();
                     assert_eq!(source.channels[axis], expected, "{kind}");

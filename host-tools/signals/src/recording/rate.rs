@@ -24,16 +24,28 @@ pub const fn most_frames(channels: usize) -> usize {
     MAX_FRAMES * (MAX_CHANNELS + 1) / (channels + 1)
 }
 
-/// Returns, in words, what is wrong with a rate that no recording has; `remedy` states how to correct it.
-pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
-    // NaN is in no range.
-    if RATES_HZ.contains(&rate_hz) {
-        return None;
+/// A sample rate within [`RATES_HZ`]. Every reader of samples returns one, so that none can pass by the range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleRate(f64);
+
+impl SampleRate {
+    /// Checks a rate, Hz.
+    ///
+    /// # Errors
+    /// A rate that no recording has, in words; `remedy` states how to correct it.
+    pub fn new(rate_hz: f64, remedy: &str) -> Result<Self, String> {
+        let (least, most) = (RATES_HZ.start(), RATES_HZ.end());
+        // NaN is in no range.
+        let is_possible = RATES_HZ.contains(&rate_hz);
+        is_possible
+            .then_some(Self(rate_hz))
+            .ok_or_else(|| format!("a sample rate of {rate_hz} Hz, where {least} to {most} Hz can be: {remedy}"))
     }
-    let (least, most) = (RATES_HZ.start(), RATES_HZ.end());
-    Some(format!(
-        "a sample rate of {rate_hz} Hz, where {least} to {most} Hz can be: {remedy}"
-    ))
+
+    /// The rate, Hz.
+    pub fn hz(self) -> f64 {
+        self.0
+    }
 }
 
 /// Returns the fault, in words, if `frames` of `channels` exceed [`most_frames`].
@@ -51,10 +63,10 @@ mod tests {
     #[test]
     fn rates_of_converters_pass_and_others_are_named_with_the_remedy() {
         for rate_hz in [100.0, 1000.0, 2800.0, 44_100.0, 768_000.0] {
-            assert_eq!(rate_fault(rate_hz, ""), None);
+            assert_eq!(SampleRate::new(rate_hz, "").map(SampleRate::hz), Ok(rate_hz));
         }
         for rate_hz in [0.0, 1.0, 99.9, -1.0, 768_001.0, 4e9, f64::NAN, f64::INFINITY] {
-            let message = rate_fault(rate_hz, "mend it").unwrap();
+            let message = SampleRate::new(rate_hz, "mend it").unwrap_err();
             holds(&message, &["768000", "mend it"]);
         }
     }

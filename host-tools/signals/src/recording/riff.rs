@@ -8,8 +8,8 @@ use std::io::{BufReader, Chain, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::rate::MAX_CHANNELS;
-use super::rate::rate_fault;
-use super::source::RECORDING;
+use super::rate::SampleRate;
+use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
 use crate::support::number::counted;
 
@@ -77,7 +77,7 @@ struct Head {
 /// samples, or no recording has its format.
 pub(super) fn open(path: &Path) -> Result<Wave> {
     let failed = |failure| Error::io("read", path)(failure);
-    let file = RECORDING.open(path)?;
+    let file = Format::Wave.open(path)?;
     let file_bytes = file.metadata().map_err(failed)?.len();
     let mut left = file_bytes.saturating_sub(12);
     let mut file = BufReader::new(file);
@@ -249,9 +249,8 @@ fn check_format(path: &Path, format: &[u8]) -> Result<()> {
         return Err(Error::file(path, problem));
     }
     let remedy = "mend its header, or convert it again";
-    rate_fault(f64::from(rate_hz), remedy).map_or(Ok(()), |fault| {
-        Err(Error::file(path, format!("its header states {fault}")))
-    })
+    let refused = |fault| Error::file(path, format!("its header states {fault}"));
+    SampleRate::new(f64::from(rate_hz), remedy).map(drop).map_err(refused)
 }
 
 /// Splits the header of a chunk into its name and the length of its content.

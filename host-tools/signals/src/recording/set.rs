@@ -7,12 +7,12 @@ use clap::ValueEnum;
 use model_format::Provenance;
 
 use super::kind::Kind;
-use super::rate::rate_fault;
+use super::rate::SampleRate;
 use super::time_unit::TimeUnit;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
-use crate::support::bounded_file::absent;
-use crate::support::csv_table::{CsvTable, Header, Row, TABLE, is_named};
+use crate::support::bounded_file::{Format, absent};
+use crate::support::csv_table::{CsvTable, Header, Row, is_named};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::number::{positive, recorded_force, recorded_speed};
@@ -229,7 +229,7 @@ pub fn is_list(path: &Path) -> bool {
     if Kind::of(path) != Some(Kind::Table) {
         return false;
     }
-    let Ok(table) = CsvTable::read(path, TABLE) else {
+    let Ok(table) = CsvTable::read(path, Format::Trials) else {
         return false;
     };
     let Ok(header) = table.header() else {
@@ -246,8 +246,8 @@ pub fn is_list(path: &Path) -> bool {
 /// The list is missing or empty, or a line cannot be used. The error states the line's number.
 fn read_list(list: &Path) -> Result<Vec<Trial>> {
     // Only regular files are accepted, because a list is read again to determine its kind.
-    TABLE.open(list)?;
-    let table = CsvTable::read(list, TABLE)?;
+    Format::Trials.open(list)?;
+    let table = CsvTable::read(list, Format::Trials)?;
     let columns = Columns::of(&table.header()?)?;
     let folder = list.parent().unwrap_or(Path::new("."));
     let (mut rows, mut trials) = (table.rows_below_header()?, Vec::new());
@@ -364,7 +364,7 @@ impl Columns {
             return Err(bad("scale_m_s2 is zero".into()));
         }
         let sample_rate_hz = above_zero("sample_rate_hz")?;
-        if let Some(fault) = sample_rate_hz.and_then(|rate_hz| rate_fault(rate_hz, "mend it")) {
+        if let Some(Err(fault)) = sample_rate_hz.map(|rate_hz| SampleRate::new(rate_hz, "mend it")) {
             return Err(bad(format!("sample_rate_hz is {fault}")));
         }
         let texture = text("texture")?;

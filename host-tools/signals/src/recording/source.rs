@@ -4,15 +4,9 @@ use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
 use super::defects::{Defects, Timing, Truncation};
+use super::rate::SampleRate;
 use super::unit::{Integers, Stated};
 use crate::dsp::high_pass;
-use crate::support::bounded_file::{Limit, MIB};
-
-/// Size limit of a recording's file. A WAV file states its length in 32 bits, and the limit for tables is smaller.
-pub const RECORDING: Limit = Limit {
-    of: "a recording",
-    bytes: (1 << 32) + MIB,
-};
 
 /// Part of a file that is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,8 +29,8 @@ impl Cut {
 /// Samples of a file at its own sample rate, from the cut's first frame on.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Sample rate of the file, Hz.
-    pub rate_hz: f64,
+    /// Sample rate of the file.
+    pub rate: SampleRate,
     /// Frame of the file at which the channels begin.
     pub first_frame: usize,
     /// One to three channels of equal length.

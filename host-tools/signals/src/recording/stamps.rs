@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::defects::{Gap, Timing};
 use super::joined::own_rows;
-use super::rate::rate_fault;
+use super::rate::SampleRate;
 use super::source::{Cut, Source};
 use super::time_unit::TimeUnit;
 use super::uneven::{EVEN, Steps, are_even};
@@ -32,8 +32,8 @@ pub(super) struct Clock<'a> {
     pub unit: Option<TimeUnit>,
     /// True if the samples are evenly spaced, regardless of the times.
     pub is_even: bool,
-    /// The sample rate that was given, Hz. The times have priority if they can be used, unless `is_even`.
-    pub rate_hz: Option<f64>,
+    /// The sample rate that was given. The times have priority if they can be used, unless `is_even`.
+    pub rate: Option<SampleRate>,
 }
 
 /// Returns the samples of `channels` within `cut`. `times` has one time for each row of `table` below its header.
@@ -57,19 +57,19 @@ pub(super) fn source(
         unit,
     }
     .layout(&channels, cut);
-    let mut layout = match (layout, clock.rate_hz) {
+    let mut layout = match (layout, clock.rate) {
         // The times were needed for their rate only.
-        (Err(_), Some(rate_hz)) => return Ok(even(rate_hz, channels, cut)),
+        (Err(_), Some(rate)) => return Ok(even(rate, channels, cut)),
         (layout, _) => layout?,
     };
     layout.timing.guessed_unit = is_guess.then_some(unit);
     Ok(layout.laid_out(channels))
 }
 
-/// Returns the samples of `channels` within `cut`, which are evenly spaced at `rate_hz`. A row without a sample is a
+/// Returns the samples of `channels` within `cut`, which are evenly spaced at `rate`. A row without a sample is a
 /// missing sample.
-pub(super) fn even(rate_hz: f64, channels: Vec<Vec<f64>>, cut: &Cut) -> Source {
-    Layout::even(rate_hz, &channels, cut).laid_out(channels)
+pub(super) fn even(rate: SampleRate, channels: Vec<Vec<f64>>, cut: &Cut) -> Source {
+    Layout::even(rate, &channels, cut).laid_out(channels)
 }
 
 /// Returns true if the row has a sample of every axis.
@@ -88,8 +88,8 @@ impl Clock<'_> {
         }
         // If a sensor's queue is read at once, the usual step is short or zero, and only the mean shows the rate.
         let (mean, usual) = (mean_step(times), Steps::of(times).usual_s);
-        let by_rate = |rate_hz| TimeUnit::of_steps(mean, usual, Some(rate_hz));
-        if let Some(unit) = self.rate_hz.and_then(by_rate) {
+        let by_rate = |rate: SampleRate| TimeUnit::of_steps(mean, usual, Some(rate.hz()));
+        if let Some(unit) = self.rate.and_then(by_rate) {
             return (unit, false);
         }
         let unit = TimeUnit::of_steps(mean, usual, None).unwrap_or(TimeUnit::S);
@@ -113,7 +113,7 @@ enum Rows {
 
 /// How a file's rows become evenly spaced samples.
 struct Layout {
-    rate_hz: f64,
+    rate: SampleRate,
     rows: Rows,
     missing: Vec<Missing>,
     /// Times of the rows, s, if they are uneven.
@@ -140,8 +140,8 @@ impl Stamps<'_> {
             return Err(Error::file(self.table.path(), problem));
         }
         if self.clock.is_even {
-            let rate_hz = self.clock.rate_hz.unwrap_or(self.unit.per_second() / slope(times));
-            return Ok(Layout::even(self.checked(rate_hz)?, channels, cut));
+            let rate = self.clock.rate.map_or_else(|| self.rate_of(slope(times)), Ok)?;
+            return Ok(Layout::even(rate, channels, cut));
         }
         let steps = Steps::of(times);
         let hold = times.windows(2).all(|pair| steps.hold(pair[1] - pair[0]))
@@ -157,11 +157,11 @@ impl Stamps<'_> {
         let times = self.times;
         // Over the whole duration, late times in between do not count.
         let step = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-        let rate_hz = self.checked(self.unit.per_second() / step)?;
-        let mut layout = Layout::even(rate_hz, channels, cut);
+        let rate = self.rate_of(step)?;
+        let mut layout = Layout::even(rate, channels, cut);
         // Conversion takes whole rates, so samples at any other are moved like uneven ones.
         if let Rows::Range(part) = &layout.rows
-            && (rate_hz.fract() != 0.0 || !are_even(times))
+            && (rate.hz().fract() != 0.0 || !are_even(times))
         {
             layout.timing.bunch = bunch(times).map(|(size, _)| size);
             layout.times_s = Some(times[part.clone()].iter().map(|t| self.seconds(*t)).collect());
@@ -210,7 +210,7 @@ impl Stamps<'_> {
         if let Some((size, apart)) = bunch.filter(|_| !missing.is_empty()) {
             return Err(Error::file(self.table.path(), self.bunch_fault(&times, size, apart)));
         }
-        let rate_hz = self.checked(self.unit.per_second() / step)?;
+        let rate = self.rate_of(step)?;
         self.refuse_mostly_missing(&rows, &missing, step)?;
         let is_even = steps.unevenness < EVEN || are_even(&times);
         let times_s = (!is_even).then(|| times.iter().map(|t| self.seconds(*t)).collect());
@@ -223,7 +223,7 @@ impl Stamps<'_> {
             ..Timing::default()
         };
         Ok(Layout {
-            rate_hz,
+            rate,
             rows: Rows::Some(rows),
             missing,
             times_s,
@@ -240,17 +240,15 @@ impl Stamps<'_> {
         (time - self.times[0]) / self.unit.per_second()
     }
 
-    /// Checks `rate_hz`, and rounds it to a whole number if it is close to one.
-    fn checked(&self, rate_hz: f64) -> Result<f64> {
+    /// Returns the rate of samples that are `step` apart, rounded to a whole number if it is close to one.
+    fn rate_of(&self, step: f64) -> Result<SampleRate> {
         let remedy = format!(
             "column '{}' holds times in {}, so give their unit by --time-unit, or their rate by --sample-rate",
             self.clock.column,
             self.unit.name()
         );
-        match rate_fault(rate_hz, &remedy) {
-            None => Ok(near_whole(rate_hz)),
-            Some(fault) => Err(Error::file(self.table.path(), fault)),
-        }
+        let rate_hz = near_whole(self.unit.per_second() / step);
+        SampleRate::new(rate_hz, &remedy).map_err(|fault| Error::file(self.table.path(), fault))
     }
 
     /// Refuses times of `part` that do not rise, unless a row occurs twice.
@@ -306,14 +304,14 @@ impl Stamps<'_> {
 }
 
 impl Layout {
-    /// Returns the layout of evenly spaced samples at `rate_hz`. Rows of `channels` without a sample are missing
+    /// Returns the layout of evenly spaced samples at `rate`. Rows of `channels` without a sample are missing
     /// samples, unless most rows have none.
-    fn even(rate_hz: f64, channels: &[Vec<f64>], cut: &Cut) -> Self {
+    fn even(rate: SampleRate, channels: &[Vec<f64>], cut: &Cut) -> Self {
         let rows = channels.first().map_or(0, Vec::len);
-        let (first, end) = cut.frames(rate_hz);
+        let (first, end) = cut.frames(rate.hz());
         let part = first.min(rows)..end.clamp(first.min(rows), rows);
         let mut layout = Self {
-            rate_hz,
+            rate,
             rows: Rows::Range(part.clone()),
             missing: Vec::new(),
             times_s: None,
@@ -347,9 +345,9 @@ impl Layout {
         for gap in &self.missing {
             if gap.count > 1 || !are_few {
                 self.timing.gaps.push(Gap {
-                    start_s: (gap.after + before) as f64 / self.rate_hz,
+                    start_s: (gap.after + before) as f64 / self.rate.hz(),
                     // A gap reaches from the sample before it to the sample after it.
-                    seconds: (gap.count + 1) as f64 / self.rate_hz,
+                    seconds: (gap.count + 1) as f64 / self.rate.hz(),
                 });
             }
             before += gap.count;
@@ -378,7 +376,7 @@ impl Layout {
             }
         }
         Source {
-            rate_hz: self.rate_hz,
+            rate: self.rate,
             first_frame,
             times_s: self.times_s.map(|times| {
                 spread(&times, &self.missing, |gap, n| {
@@ -448,7 +446,8 @@ fn missing(times: &[f64], steps: Steps) -> (f64, Vec<Missing>) {
         let count = (late.fold(f64::INFINITY, f64::min) / step).round();
         (count >= 1.0).then_some(Missing {
             after,
-            count: count as usize,
+            // More than there are rows are refused, so their number need not be known, and no sum of them overflows.
+            count: (count as usize).min(times.len() + 1),
         })
     };
     (step, times.windows(2).enumerate().filter_map(gap).collect())
@@ -598,7 +597,7 @@ mod tests {
             column: "time_s",
             unit: None,
             is_even: false,
-            rate_hz: None,
+            rate: None,
         }
     }
 
@@ -636,10 +635,10 @@ mod tests {
             let stamps: Vec<f64> = places.iter().map(|&n| (n as f64 + late(n)) / rate_hz).collect();
             let channels = vec![times.iter().map(|time| tone(*time)).collect()];
             let found = source(&table(&stamps), &clock(), &stamps, channels, &ALL).unwrap();
-            near(found.rate_hz, rate_hz, 1e-3 * rate_hz);
+            near(found.rate.hz(), rate_hz, 1e-3 * rate_hz);
             prop_assert_eq!(found.channels[0].len(), next + 300);
             let is_gap = |n: usize| {
-                let time = n as f64 / found.rate_hz;
+                let time = n as f64 / found.rate.hz();
                 found.timing.gaps.iter().any(|gap| (gap.start_s..gap.start_s + gap.seconds).contains(&time))
             };
             for (n, x) in found.channels[0].iter().enumerate() {
@@ -683,7 +682,7 @@ mod tests {
                 }
             }
             let found = of(&times, factor, &Clock { is_even: true, ..clock() }, &ALL).unwrap();
-            near(found.rate_hz, 2000.0, 2.0);
+            near(found.rate.hz(), 2000.0, 2.0);
             prop_assert_eq!(found.channels[0].len(), times.len());
             prop_assert_eq!(found.times_s, None);
         }
@@ -735,11 +734,11 @@ mod tests {
             let fault = source(&table(times), &seconds, times, channels(), &ALL).unwrap_err();
             holds(&fault, &[word]);
             let given = Clock {
-                rate_hz: Some(800.0),
+                rate: SampleRate::new(800.0, "").ok(),
                 ..seconds
             };
             let found = source(&table(times), &given, times, channels(), &ALL).unwrap();
-            assert_eq!((found.rate_hz, found.channels), (800.0, channels()));
+            assert_eq!((found.rate.hz(), found.channels), (800.0, channels()));
         }
     }
 
@@ -758,7 +757,7 @@ mod tests {
                 ),
                 (
                     Clock {
-                        rate_hz: Some(1550.0),
+                        rate: SampleRate::new(1550.0, "").ok(),
                         ..clock()
                     },
                     None,
@@ -766,7 +765,7 @@ mod tests {
                 (clock(), Some(unit).filter(|unit| *unit != TimeUnit::S)),
             ] {
                 let found = of(&times, factor, &clock, &ALL).unwrap();
-                assert_eq!(found.rate_hz, 1600.0);
+                assert_eq!(found.rate.hz(), 1600.0);
                 assert_eq!(found.timing.guessed_unit, guessed);
                 assert_eq!(found.times_s, None, "{unit:?}");
             }

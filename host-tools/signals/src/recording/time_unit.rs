@@ -123,6 +123,12 @@ impl TimeColumn {
         is_time.then_some(Self { index, name, unit })
     }
 
+    /// Returns the one of `columns`, which ascend, that has this index.
+    pub fn of(columns: &[Self], index: usize) -> Option<&Self> {
+        let place = columns.binary_search_by_key(&index, |column| column.index);
+        columns.get(place.ok()?)
+    }
+
     /// Returns the column that determines the rate: the first with a unit, or otherwise the first.
     pub fn best(columns: &[Self]) -> Option<&Self> {
         let with_unit = columns.iter().find(|column| column.unit.is_some());

@@ -12,7 +12,7 @@ use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
 use super::defects::{Timing, Truncation};
-use super::rate::{MAX_CHANNELS, length_fault};
+use super::rate::{MAX_CHANNELS, SampleRate, length_fault};
 use super::riff::{self, Wave};
 use super::source::{Cut, Source};
 use super::unit::{Integers, Stated};
@@ -46,12 +46,11 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let declared_frames = track.num_frames;
     let channel_count = parameters.channels.as_ref().map_or(1, Channels::count);
     let frame_bits = u64::from(parameters.bits_per_sample.unwrap_or(8)) * channel_count as u64;
-    let Some(rate_hz) = parameters.sample_rate.filter(|&rate| rate > 0) else {
-        return Err(Error::file(path, "has no sample rate in its header: convert it again"));
-    };
+    let rate_hz = f64::from(parameters.sample_rate.unwrap_or(0));
+    let rate = SampleRate::new(rate_hz, "convert it again").map_err(|fault| Error::file(path, fault))?;
     let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default());
     let decoder = decoder.map_err(|e| unusable(path, &e))?;
-    let (first, end) = cut.frames(f64::from(rate_hz));
+    let (first, end) = cut.frames(rate_hz);
     let (channels, position) = decoded(path, &mut format, decoder, first..end)?;
     // Only the part that is used must be there.
     if let Some(declared) = declared_frames
@@ -61,7 +60,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         return Err(Error::file(path, problem));
     }
     Ok(Source {
-        rate_hz: f64::from(rate_hz),
+        rate,
         first_frame: first,
         channels,
         times_s: None,

@@ -1,6 +1,5 @@
 //! A simulated set on disk: one WAV file per trial, and the table of trials. Each file says that it is simulated.
 
-use std::io::Write;
 use std::path::Path;
 use std::{fmt, fs};
 
@@ -9,6 +8,7 @@ use rayon::prelude::*;
 use super::description::RigDescription;
 use super::file::{RIG, RigFile};
 use super::trial::{Strip, Trial};
+use crate::support::csv_table::written;
 use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::number::counted;
@@ -120,8 +120,8 @@ fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     bar.finish_and_clear();
 
     atomic_file::write(&out.join(RIG), rig.text().as_bytes())?;
-    let table = table(description, seed, &rows).map_err(Error::io("write", &out.join(TRIALS)))?;
-    atomic_file::write(&out.join(TRIALS), &table)?;
+    let table = table(description, seed, &rows);
+    atomic_file::write(&out.join(TRIALS), table.as_bytes())?;
     let recordings: u64 = rows.iter().map(|row| row.bytes).sum();
     Ok(Summary {
         trials: rows.len(),
@@ -204,21 +204,14 @@ fn notice(rig: &RigFile, seed: u64) -> String {
     )
 }
 
-fn table(description: &RigDescription, seed: u64, rows: &[Row]) -> std::io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    writeln!(bytes, "# {}", provenance(description, seed))?;
-    let mut writer = csv::Writer::from_writer(bytes);
-    writer.write_record(["file", "texture", "speed_mm_s", "force_n", "simulated"])?;
-    for row in rows {
-        writer.write_record([
-            row.file.as_str(),
-            &row.texture,
-            &row.speed_mm_s.to_string(),
-            &row.force_n.to_string(),
-            "true",
-        ])?;
-    }
-    writer.into_inner().map_err(csv::IntoInnerError::into_error)
+fn table(description: &RigDescription, seed: u64, rows: &[Row]) -> String {
+    let motion = |row: &Row| [row.speed_mm_s, row.force_n].map(|value| value.to_string());
+    let motions: Vec<[String; 2]> = rows.iter().map(motion).collect();
+    let fields = rows.iter().zip(&motions);
+    let fields = fields.map(|(row, [speed, force])| [row.file.as_str(), &row.texture, speed, force, "true"]);
+    let header = ["file", "texture", "speed_mm_s", "force_n", "simulated"];
+    let table = written([header].into_iter().chain(fields));
+    format!("# {}\n{table}", provenance(description, seed))
 }
 
 fn summarise(description: &RigDescription, rows: &[Row]) -> Vec<TextureSummary> {

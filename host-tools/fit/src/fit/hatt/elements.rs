@@ -4,14 +4,7 @@ use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
-
-/// Largest model file that is read. The published ones take some hundred kilobytes.
-pub const MODEL_FILE: Limit = Limit {
-    of: "a HaTT model file",
-    bytes: 16 * MIB,
-};
 
 /// Largest number of attributes of an element, and most declarations of namespaces in a file, because the parser
 /// compares each with all others.

@@ -9,11 +9,11 @@ use serde::Serialize;
 
 use super::axes::{Bounds, Candidates};
 use super::convert::{Converted, ConvertedNode, PlaceError, convert};
-use super::elements::MODEL_FILE;
 use super::read::read;
 use super::toolkit::Toolkit;
 use crate::fit::encoded;
 use crate::fit::options::play_rate;
+use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
 
 /// Upper bounds of the bytes of a library without its textures, and of a texture without its name, axes and nodes.
@@ -150,7 +150,7 @@ pub fn read_all(files: &[PathBuf], options: &Options) -> Result<Vec<Source>> {
 }
 
 fn source(path: &Path, rate: PlayRate) -> Result<Source> {
-    let text = MODEL_FILE.read_text(path)?;
+    let text = Format::Hatt.read_text(path)?;
     let toolkit = Toolkit {
         play_rate: rate,
         ..read(path, &text)?

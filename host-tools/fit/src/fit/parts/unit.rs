@@ -18,7 +18,7 @@ use crate::fit::recordings::Recordings;
 use crate::fit::trial::Analysis;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::atomic_file;
-use crate::support::bounded_file::{Limit, MIB};
+use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 
@@ -28,12 +28,6 @@ const MAGIC: [u8; 8] = *b"stylusP5";
 
 /// Largest number of trials of a unit if no lines are sought and no trial has the rig's noise.
 pub(super) const MOST_TRIALS: usize = 64;
-
-/// Largest partial file that is read: some 4 KB for each trial of a unit.
-const PARTIAL: Limit = Limit {
-    of: "a partial result",
-    bytes: 1024 * MIB,
-};
 
 /// Trials that are computed together.
 pub(super) struct Unit {
@@ -113,7 +107,7 @@ impl Unit {
 
     /// Reads the unit's result from `path`.
     pub fn read(&self, path: &Path) -> Result<Content> {
-        let bytes = PARTIAL.read(path)?;
+        let bytes = Format::Partial.read(path)?;
         let damaged = || Error::file(path, "is damaged: remove it, and run its shard again");
         let (header, rest) = postcard::take_from_bytes::<Header>(&bytes).map_err(|_| damaged())?;
         if header.magic != MAGIC || header.hash != Fnv::of(rest) {

@@ -25,7 +25,8 @@ pub use fit::{Ringing, fit, onsets};
 
 use crate::dsp::liveliness::median;
 use crate::dsp::reduction::{Reduction, reduce};
-use crate::recording::{self, RECORDING, Trial, freehand};
+use crate::recording::{self, Trial, freehand};
+use crate::support::bounded_file::Format;
 use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
@@ -295,7 +296,7 @@ fn gain_through_origin(rated: &[(f64, f64)]) -> Option<(f64, f64)> {
 
 /// Returns true if the header of a CSV file has the column `force_n`.
 fn has_force(path: &Path) -> Result<bool> {
-    let file = RECORDING.open(path)?;
+    let file = Format::Wave.open(path)?;
     let mut bytes = Vec::new();
     file.take(MOST_HEADER_BYTES)
         .read_to_end(&mut bytes)

@@ -3,16 +3,10 @@
 use std::path::Path;
 
 use super::path::{MotionPath, Point, Points};
-use crate::support::bounded_file::{Limit, MIB};
+use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, position_fault, speed_fault};
-
-/// Size limit of a motion: about 40 bytes per row, so that a day at 100 rows per second fits.
-const MOTION: Limit = Limit {
-    of: "a motion",
-    bytes: 512 * MIB,
-};
 
 impl MotionPath {
     /// Reads a CSV file with the columns `time_s`, in s, `speed_mm_s` and `force_n`, and optionally `position_mm` and
@@ -30,7 +24,7 @@ impl MotionPath {
 }
 
 fn read(path: &Path) -> Result<Points> {
-    let table = CsvTable::read(path, MOTION)?;
+    let table = CsvTable::read(path, Format::Motion)?;
     let columns = Columns::of(&table.header()?)?;
     let mut points = Points::new(columns.position.is_some(), columns.contact.is_some());
     let mut rows = table.rows_below_header()?;

@@ -9,9 +9,10 @@ use super::positions::{self, PositionColumn};
 use crate::recording::axes::LeftOut;
 use crate::recording::stamps::even_rate;
 use crate::recording::time_unit::{TimeColumn, TimeUnit};
-use crate::recording::{MAX_CHANNELS, MAX_FRAMES, RECORDING, rate_fault};
+use crate::recording::{MAX_CHANNELS, MAX_FRAMES, SampleRate};
 use crate::recording::{lvm, unit};
-use crate::support::csv_table::{CsvTable, Header, Row, TABLE, comment};
+use crate::support::bounded_file::Format;
+use crate::support::csv_table::{CsvTable, Header, Row, comment};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
@@ -157,7 +158,7 @@ const TOP_BYTES: u64 = 4096;
 /// Returns true if the recording at `path` is text that states at its beginning that it is SIMULATED.
 pub fn is_simulated(path: &Path) -> Result<bool> {
     let mut top = Vec::new();
-    let read = (RECORDING.open(path)?).take(TOP_BYTES).read_to_end(&mut top);
+    let read = (Format::Wave.open(path)?).take(TOP_BYTES).read_to_end(&mut top);
     read.map_err(Error::io("read", path))?;
     Ok(says_simulated(&String::from_utf8_lossy(&top)))
 }
@@ -174,12 +175,12 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 /// not possible for a recording, or there are too many rows or outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Result<Freehand> {
     // Only regular files are accepted, because a recording is read again to determine its kind.
-    TABLE.open(path)?;
+    Format::Strokes.open(path)?;
     if lvm::is_lvm(path)? {
         let problem = "is a LabVIEW file, and a free hand's recording is CSV: export it as .csv";
         return Err(Error::file(path, problem));
     }
-    let table = CsvTable::read(path, TABLE)?;
+    let table = CsvTable::read(path, Format::Strokes)?;
     let header = table.header()?;
     let names: Vec<&str> = header.names().collect();
     let columns = Columns::of(&header)?;
@@ -218,10 +219,6 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
         recording.follow(&table, &speeds_mm_s);
     }
     refuse_too_many_outliers(path, &recording)?;
-    let remedy = format!("a column '{TIME}' holds seconds");
-    if let Some(fault) = rate_fault(recording.rate_hz, &remedy) {
-        return Err(Error::file(path, fault));
-    }
     Ok(recording)
 }
 
@@ -269,7 +266,7 @@ impl Columns {
         header.exact_column(TIME)?;
         let names = header.names().enumerate();
         let times: Vec<TimeColumn> = (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
-        let is_time = |index: &usize| times.iter().any(|time| time.index == *index);
+        let is_time = |index: &usize| TimeColumn::of(&times, *index).is_some();
         let samples = header.names().enumerate();
         let samples = samples.filter(|(index, _)| Some(*index) != speed && *index != force && !is_time(index));
         let is_position = |index: usize| speed.is_none() && positions.iter().any(|position| position.index == index);
@@ -299,15 +296,20 @@ impl Columns {
 
 /// Returns the given rate, or that of the times, which must ascend in even steps, in Hz.
 fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
-    if let Some(rate_hz) = given {
-        return Ok(rate_hz);
-    }
-    if times.is_empty() {
-        let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
-        return Err(Error::file(table.path(), problem));
-    }
-    // Times are often written with few digits, so their rate is rounded.
-    Ok(even_rate(table, TIME, times)?.round().max(1.0))
+    let rate_hz = match given {
+        Some(rate_hz) => rate_hz,
+        None if times.is_empty() => {
+            let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
+            return Err(Error::file(table.path(), problem));
+        }
+        // Times are often written with few digits, so their rate is rounded.
+        None => even_rate(table, TIME, times)?.round(),
+    };
+    let rate = SampleRate::new(
+        rate_hz,
+        &format!("a column '{TIME}' holds seconds, or give --sample-rate"),
+    );
+    Ok(rate.map_err(|fault| Error::file(table.path(), fault))?.hz())
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use super::read::Freehand;
 use super::segment::{Placed, Segmentation};
 use crate::recording::TRIALS_FILE;
 use crate::support::atomic_file;
+use crate::support::csv_table::written;
 use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::output::OutputFolder;
@@ -24,10 +25,8 @@ pub fn write(
 
 fn write_into(folder: &Path, texture: &str, recordings: &[Freehand], segmentation: &Segmentation) -> Result<()> {
     let list = folder.join(TRIALS_FILE);
-    let mut writer = csv::Writer::from_writer(Vec::new());
     let header = ["file", "texture", "speed_mm_s", "force_n", "duration_s", "simulated"];
-    let failed = |failure: csv::Error| Error::file(&list, failure.to_string());
-    writer.write_record(header).map_err(failed)?;
+    let mut rows = vec![header.map(str::to_owned)];
     for (index, placed) in segmentation.placed.iter().enumerate() {
         let recording = &recordings[placed.segment.recording];
         let name = format!("segment_{:04}.wav", index + 1);
@@ -35,20 +34,17 @@ fn write_into(folder: &Path, texture: &str, recordings: &[Freehand], segmentatio
         let rate_hz = recording.rate_hz.round();
         write_segment(&folder.join(&name), recording, placed, rate_hz as u32)?;
         let seconds = (placed.segment.end - placed.segment.first) as f64 / rate_hz;
-        let fields = [
+        rows.push([
             name,
             texture.to_owned(),
             placed.speed_mm_s.to_string(),
             placed.force_n.to_string(),
             seconds.to_string(),
             recording.is_simulated.to_string(),
-        ];
-        writer.write_record(fields).map_err(failed)?;
+        ]);
     }
-    let bytes = writer
-        .into_inner()
-        .map_err(|failure| Error::file(&list, failure.to_string()))?;
-    atomic_file::write(&list, &bytes)
+    let text = written(rows.iter().map(|row| row.iter().map(String::as_str)));
+    atomic_file::write(&list, text.as_bytes())
 }
 
 fn write_segment(path: &Path, recording: &Freehand, placed: &Placed, rate_hz: u32) -> Result<()> {
@@ -93,7 +89,7 @@ mod tests {
         };
         let source = wav::read(&folder.path().join(fields[0]), &cut).unwrap();
         let segment = &segmentation.placed[0].segment;
-        assert_eq!(source.rate_hz, 1001.0);
+        assert_eq!(source.rate.hz(), 1001.0);
         assert_eq!(source.channels[0].len(), segment.end - segment.first);
     }
 }
