@@ -16,7 +16,7 @@ const MOST_NAMES: usize = 10_000;
 /// Makes the list of formats, in which none lacks its limit, so that whoever goes through [`Format::ALL`] misses none.
 macro_rules! formats {
     ($($(#[$doc:meta])* $name:ident: $of:literal, $mebibytes:literal;)*) => {
-        /// A format of files that the host reads. Each has a size limit, and a fuzzer in `tests/fuzz`.
+        /// A format of files that the host reads. Each has a size limit.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Format {
             $($(#[$doc])* $name,)*

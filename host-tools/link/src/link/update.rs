@@ -5,7 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    EXCHANGE_MS, ImageHeader, MAX_IMAGE_BYTES, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
+    EXCHANGE_MS, ImageHeader, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 use serde::Serialize;
 

@@ -430,6 +430,42 @@ mod tests {
         );
     }
 
+    /// Counts what is kept, because a search among all keys of a file takes as long as their square.
+    #[test]
+    fn keys_that_are_not_used_are_not_kept_and_counts_that_no_file_has_do_not_overflow() {
+        let mut reader = Reader::of(Path::new("a.lvm"), "");
+        let block = format!(
+            "Channels\t1\nSamples\t{}\nDelta_X\t0.001\n{END}\nX_Value\tx\n0\t1\n",
+            u64::MAX
+        );
+        let keys: String = (0..1000).map(|n| format!("Key{n}\tx\n")).collect();
+        let text = format!("{keys}{block}").repeat(3);
+        for (line, number) in text.lines().zip(1..) {
+            reader.line(line, number).unwrap();
+            assert!(reader.keys.len() <= KEYS.len());
+        }
+        assert_eq!((reader.blocks, reader.declared), (3, u64::MAX));
+    }
+
+    #[test]
+    fn rates_lines_and_numbers_have_the_bounds_of_other_tables() {
+        let head = format!("{HEAD}X_Columns\tNo\n{END}\t\n\n");
+        let whole = head + &block("No", 0..300, 0.0);
+        for step in ["1e-300", "1e-8", "0.1"] {
+            let text = whole.replace("Delta_X\t0.001\t0.001", &format!("Delta_X\t{step}\t{step}"));
+            holds(
+                &read_text(text.as_bytes()).unwrap_err(),
+                &["sample rate of", "--sample-rate"],
+            );
+        }
+        let tabs = whole.clone() + &"\t".repeat(3 << 20);
+        holds(&read_text(tabs.as_bytes()).unwrap_err(), &["a row of more than"]);
+        // A number of five characters takes no hundreds of them.
+        let mut reader = Reader::of(Path::new("a.lvm"), "X_Columns\tNo\n");
+        let row = reader.row(&["1e300"], 1).unwrap().unwrap();
+        assert_eq!(row, "1e300");
+    }
+
     #[test]
     fn what_is_wrong_is_named_with_its_line() {
         let head = format!("{HEAD}X_Columns\tOne\n{END}\t\n\n");

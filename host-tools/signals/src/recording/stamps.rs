@@ -707,6 +707,19 @@ mod tests {
     }
 
     #[test]
+    fn gaps_whose_lengths_no_sum_holds_are_refused() {
+        let gap = 2f64.powi(50);
+        // Each gap counts 2⁶³ missing samples.
+        let time = |n: usize| (n / 100) as f64 * gap + (n % 100) as f64 / 8192.0;
+        let times: Vec<f64> = (0..500)
+            .map(time)
+            .map(|time| (time * 8192.0).round() / 8192.0)
+            .collect();
+        let fault = of(&times, 1.0, &clock(), &ALL).unwrap_err();
+        holds(&fault, &["a gap of", "most of the part"]);
+    }
+
+    #[test]
     fn times_of_a_motion_with_too_few_digits_are_refused_as_such() {
         let times: Vec<f64> = (0..1000).map(|n| f64::from(n / 10) / 1000.0).collect();
         let fault = even_rate(&table(&times), "time_s", &times).unwrap_err();
