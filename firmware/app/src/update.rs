@@ -11,7 +11,7 @@ use model_format::link::{
     SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 use salty::{Keypair, PublicKey, Sha512, Signature};
-use stylus_boot::record::{Store, mark};
+use stylus_boot::record::{FLASH_FAILED, Store, mark};
 
 /// Public key of [`model_format::link::DEVELOPMENT_SEED`].
 pub const DEVELOPMENT_KEY: [u8; 32] = [
@@ -135,6 +135,7 @@ impl<R: NorFlash> Updates<R> {
                 slot: self.slot(),
                 left_ms: TRIAL_MS.saturating_sub(now_us / 1000) as u32,
             },
+            mark::REVERT | mark::ERASED if record.cause == FLASH_FAILED => UpdatePhase::GivenUp { version },
             // The marks are erased for a moment between the last step back and its mark.
             mark::REVERT | mark::ERASED => UpdatePhase::RolledBack {
                 version,

@@ -89,9 +89,6 @@ const fn number(text: &str) -> u32 {
     }
 }
 
-/// Number of times that an exchange of images is tried per start.
-const EXCHANGE_TRIES: usize = 3;
-
 /// Number of LD3's pin in port B.
 const LD3: usize = 14;
 
@@ -103,13 +100,12 @@ extern "C" fn main() -> ! {
     word::enable_bus_fault(&mut core.SCB);
     let cause = (RCC.rsr().read().0 >> 21) as u8;
     let mut has_exchanged = false;
-    let mut begin = || {
+    let begin = || {
         has_exchanged = true;
         supply::watch();
         set_watchdog(Pr::DIVIDE_BY256);
     };
-    // Each try continues where the one before failed.
-    if (0..EXCHANGE_TRIES).all(|_| loader::prepare(Banks, cause, &mut begin).is_err()) {
+    if loader::prepare(Banks, cause, begin).is_err() {
         stay();
     }
     if has_exchanged {
@@ -128,8 +124,8 @@ fn show_fault(is_fault: bool) {
     GPIOB.moder().modify(|w| w.set_moder(LD3, Moder::OUTPUT));
 }
 
-/// Ends the start, with LD3 lit, because the flash cannot be erased or programmed as the exchange needs: a sector is
-/// write-protected or worn. Power-on and the reset button try again.
+/// Ends the start, with LD3 lit, because a sector that an exchange of images cannot do without is write-protected or
+/// worn. Power-on and the reset button try again.
 fn stay() -> ! {
     show_fault(true);
     loop {

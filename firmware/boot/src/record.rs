@@ -39,6 +39,9 @@ pub mod mark {
     pub const ERASED: u8 = 0xFF;
 }
 
+/// In place of a cause of a reset: an exchange was given up, because a sector could not be written.
+pub const FLASH_FAILED: u8 = 0xFF;
+
 /// Number of words of a sector that are used. An update with its way back takes about twenty.
 const WORDS: u32 = 256;
 
@@ -58,8 +61,8 @@ pub struct Record {
     pub marks: [u8; MARKS],
     /// Index of the slot with which the active image is exchanged.
     pub slot: u8,
-    /// Cause of the reset that ended a trial, or after which a committed update was not made: bits 28:21 of `RCC_RSR`.
-    /// Before that it is 0.
+    /// Cause of the reset that ended a trial, or after which a committed update was not made: bits 28:21 of `RCC_RSR`,
+    /// or [`FLASH_FAILED`]. Before that it is 0.
     pub cause: u8,
     /// Version of the image of the last update.
     pub version: [u16; 3],
@@ -95,6 +98,13 @@ impl Record {
             // The progress was made invalid: the way back is complete.
             _ => 2 * EXCHANGED,
         }
+    }
+
+    /// This record with at least `steps` steps done.
+    #[must_use]
+    pub fn with_steps(mut self, steps: usize) -> Self {
+        self.marks[PROGRESS..][..steps].fill(0);
+        self
     }
 
     /// Checksum of the image that an exchange puts aside; none before an exchange, or if the bootloader that wrote the

@@ -168,6 +168,11 @@ pub enum UpdatePhase {
         /// Cause of that reset.
         cause: ResetReason,
     },
+    /// The previous image runs, because a sector of the flash could not be written when the new one was to replace it.
+    GivenUp {
+        /// Version of the new image.
+        version: ImageVersion,
+    },
 }
 
 /// The device's images, and the state of the update.

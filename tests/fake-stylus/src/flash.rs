@@ -28,6 +28,8 @@ pub struct Memory {
     /// Words that fault in some of their reads, with the number of faults per thousand reads. Words behave like this if
     /// their programming was cut at its very end.
     marginal: BTreeMap<usize, u64>,
+    /// A sector in which every operation meets a mishap.
+    worn: Option<(usize, Mishap)>,
     /// State of the random numbers that decide how unstable and marginal words read.
     chance: u64,
 }
@@ -101,6 +103,7 @@ impl Memory {
             faulty: vec![false; bytes / WORD_BYTES],
             unstable: BTreeMap::new(),
             marginal: BTreeMap::new(),
+            worn: None,
             chance: 1,
         }
     }
@@ -231,6 +234,11 @@ impl Memory {
         self.marginal.insert(word, per_mille);
     }
 
+    /// Makes every operation in the sector of `worn` meet its mishap from now on.
+    pub fn wear(&mut self, worn: Option<(usize, Mishap)>) {
+        self.worn = worn;
+    }
+
     /// Seeds the random numbers that decide how unstable and marginal words read.
     pub fn seed(&mut self, seed: u64) {
         // Never zero, which xorshift would not leave.
@@ -312,6 +320,8 @@ impl Damage {
 pub enum Mishap {
     /// Power is lost, and nothing happens after that.
     Cut(Cut),
+    /// The operation changes nothing and reports the failure.
+    Protect,
     /// The operation fails halfway and reports the failure.
     Refuse,
     /// This operation and every later one fail halfway and report the failure.
@@ -424,7 +434,13 @@ impl<'a> SimulatedFlash<'a> {
         }
         self.fate.age(&mut self.memory);
         self.operations += 1;
-        match self.fate.next() {
+        let sector = match operation {
+            Operation::Erase { sector } => sector,
+            Operation::Write { word, .. } => word * WORD_BYTES / SECTOR_BYTES,
+        };
+        let worn = self.memory.worn.filter(|(worn, _)| *worn == sector);
+        match self.fate.next().or(worn.map(|(_, mishap)| mishap)) {
+            Some(Mishap::Protect) => return Err(SimulatedError("the sector is protected")),
             Some(Mishap::Cut(cut)) => {
                 self.memory.perform(operation, cut);
                 self.fate.0.is_off.set(true);

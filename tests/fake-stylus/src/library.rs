@@ -83,10 +83,10 @@ pub fn put(memory: &mut Memory, slot: SlotId, bytes: &[u8], sequence: u32) {
     }
     header.extend(LIBRARY_CRC.checksum(&header).to_le_bytes());
     header.resize(WORD_BYTES, 0);
-    // A commit, too, writes the header last, behind the longest library.
+    // A commit, too, writes the header last, behind the longest library, and then its copy.
     let start = slot.index() * SLOT_BYTES;
     memory.program(start, bytes);
-    memory.program(start + MAX_LIBRARY_BYTES, &header);
+    memory.program(start + MAX_LIBRARY_BYTES, &header.repeat(2));
 }
 
 /// Uploads `bytes` directly into `store`, in chunks of `chunk` bytes.

@@ -1,4 +1,5 @@
-//! The only way to any erasure: a [`Claim`], without which no sector of a slot is erased and no word of it written.
+//! The only way to any erasure: a [`Claim`], without which no sector of a slot is erased, and no word of it written but
+//! copies of its header.
 //!
 //! A slot that holds a library can be claimed only while the other slot holds a library too, unless the claim may
 //! replace the last one. The other library is read again for this, each word [`STEADY_READS`] times, because a word
@@ -8,14 +9,14 @@
 use model_format::link::{SlotFault, SlotId, SlotInfo, SlotState};
 use stylus_boot::record::is_newer;
 
-use super::header::{HEADER_OFFSET, Header, HeaderWord};
+use super::header::{HEADER_OFFSET, Header};
 use super::permit::{Claim, LastLibrary};
 use super::{MappedFlash, SlotStore};
 
 /// Number of times that each word of the library that stays must read the same. A word that reads right half of the
 /// time passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the
 /// number of loads.
-const STEADY_READS: usize = 20;
+pub(super) const STEADY_READS: usize = 20;
 
 /// Number of times that a slot which could not be read is read again before it is claimed.
 const SECOND_CHANCES: usize = 4;
@@ -99,25 +100,13 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     async fn read_steadily(&mut self, slot: SlotId, info: SlotInfo) -> Result<(), SlotFault> {
-        let word = self.repeated_word(slot, HEADER_OFFSET, STEADY_READS).await;
-        let header = word.map(|word| Header::read(&word));
-        if !matches!(header, Some(HeaderWord::Header(header)) if header.crc32 == info.crc32) {
+        let copies = self.copies(slot).await;
+        let is_same = copies.header().is_some_and(|header| header.crc32 == info.crc32);
+        if copies.whole == 0 || !is_same {
             let offset = HEADER_OFFSET;
             return Err(SlotFault::Unreadable { offset });
         }
         self.compare_bytes(slot, info.length, info.crc32, STEADY_READS).await
-    }
-
-    /// Notes the number of the header in `slot`, if one of several reads finds it. An upload must have a higher number
-    /// than a library that cannot be read now, because that library may be readable at the next start.
-    pub(super) async fn note_sequence(&mut self, slot: SlotId) {
-        for _ in 0..STEADY_READS {
-            if let Some(word) = self.word(slot, HEADER_OFFSET).await
-                && let HeaderWord::Header(header) = Header::read(&word)
-            {
-                return self.note_header(header);
-            }
-        }
     }
 
     /// Notes a header that was read or written.

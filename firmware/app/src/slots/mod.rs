@@ -1,8 +1,8 @@
 //! The two library slots in flash. An upload overwrites one and leaves the other as it is.
 //!
-//! A slot holds the library's bytes from its start and, in its last [`SLOT_HEADER_BYTES`], a header of one flash word.
-//! An upload erases the header's sector first, and writes the header last, after the bytes have been read back and
-//! found valid. So after a power loss at any time, a slot is as it was, or it has no valid header.
+//! A slot holds the library's bytes from its start and, in its last [`SLOT_HEADER_BYTES`], a header of one flash word,
+//! with copies. An upload erases the header's sector first, and writes the header last, after the bytes have been read
+//! back and found valid. So after a power loss at any time, a slot is as it was, or it has no valid header.
 //!
 //! The boot activates the newest valid slot. A flash word that was being programmed when power was lost may fault when
 //! it is read (RM0433 section 4.3.16, double ECC error); such a slot counts as faulty. Each word is therefore read by
@@ -11,6 +11,7 @@
 //! Nothing is erased without a `Claim` on its slot, which is refused for the last library that can be read.
 
 mod claim;
+mod copies;
 mod header;
 mod permit;
 
@@ -29,6 +30,7 @@ use stylus_boot::record::is_newer;
 use crate::words::in_words;
 
 pub use crate::flash::WORD_BYTES;
+use copies::Copies;
 pub use header::HEADER_VERSION;
 use header::{HEADER_OFFSET, Header, HeaderWord};
 pub(crate) use permit::{Claim, LastLibrary};
@@ -362,29 +364,33 @@ impl<F: MappedFlash> SlotStore<F> {
             return Err(SealFault::Write(fault));
         }
         self.note_header(header);
-        Ok(self.set_valid(slot, header, content))
+        let info = self.set_valid(slot, header, content);
+        let copies = self.copies(slot).await;
+        self.renew(slot, header, &copies).await;
+        Ok(info)
     }
 
-    /// Reads and validates `slot`.
+    /// Reads and validates `slot`, and adds a copy of its header if a later start could read it differently.
     pub(crate) async fn scan(&mut self, slot: SlotId) {
-        match self.read_slot(slot).await {
+        let copies = self.copies(slot).await;
+        if let Some(header) = copies.header() {
+            // Also of a library that cannot be read now, because an upload must have a higher number.
+            self.note_header(header);
+        }
+        match self.read_slot(slot, &copies).await {
             Ok(Some((header, content))) => {
-                self.note_header(header);
                 self.set_valid(slot, header, content);
+                self.renew(slot, header, &copies).await;
             }
             Ok(None) => self.set_state(slot, SlotState::Empty),
-            Err(fault) => {
-                self.note_sequence(slot).await;
-                self.set_state(slot, SlotState::Faulty(fault));
-            }
+            Err(fault) => self.set_state(slot, SlotState::Faulty(fault)),
         }
     }
 
-    /// Header and content of the library in `slot`; none if the slot is empty.
-    async fn read_slot(&mut self, slot: SlotId) -> Result<Option<(Header, Content)>, SlotFault> {
-        let word = self.word(slot, HEADER_OFFSET).await;
-        let word = word.ok_or(SlotFault::Unreadable { offset: HEADER_OFFSET })?;
-        let header = match Header::read(&word) {
+    /// Header and content of the library in `slot`, whose header's words are `copies`; none if the slot is empty.
+    async fn read_slot(&mut self, slot: SlotId, copies: &Copies) -> Result<Option<(Header, Content)>, SlotFault> {
+        let word = copies.word.ok_or(SlotFault::Unreadable { offset: HEADER_OFFSET })?;
+        let header = match word {
             HeaderWord::Header(header) => header,
             HeaderWord::Blank if self.is_blank(slot).await? => return Ok(None),
             HeaderWord::Blank | HeaderWord::Damaged => return Err(SlotFault::Unfinished),

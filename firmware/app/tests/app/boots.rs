@@ -10,7 +10,8 @@
 //! - At the end an upload succeeds, by the remedies that the refusals name, and its library is active after the next
 //!   start.
 //!
-//! A library is intact (`sound`) if it can be read and decoded and none of its words is damaged.
+//! A library is intact (`sound`) if it can be read and decoded, none of its words is damaged, and a word with its header
+//! is not.
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
@@ -101,20 +102,26 @@ fn libraries() -> [Vec<u8>; 3] {
     ["denim", "paper", "linen"].map(small)
 }
 
-/// Number of operations of a whole upload: two erasures, each word, the header.
+/// Number of operations of a whole upload: two erasures, each word, the header and its copy.
 fn upload_operations() -> usize {
-    2 + libraries()[0].len().div_ceil(WORD_BYTES) + 1
+    2 + libraries()[0].len().div_ceil(WORD_BYTES) + 2
 }
 
-/// Checksums of the intact libraries in the flash itself.
+/// Checksums of the intact libraries in the flash itself, after a start, which renews what a cut has left.
 fn sound_checksums(memory: &Memory) -> [Option<u32>; 2] {
-    let store = block_on(SlotStore::open(SimulatedFlash::new(memory.clone())));
+    let mut flash = SimulatedFlash::new(memory.clone());
+    let store = block_on(SlotStore::open(&mut flash));
+    let libraries = SlotId::ALL.map(|slot| store.library(slot));
+    let memory = flash.memory;
     SlotId::ALL.map(|slot| {
         let begin = slot.index() * SLOT_BYTES;
-        let info = store.library(slot)?;
-        let header = begin + MAX_LIBRARY_BYTES;
-        let is_sound =
-            !memory.is_damaged(begin..begin + info.length as usize) && !memory.is_damaged(header..header + WORD_BYTES);
+        let info = libraries[slot.index()]?;
+        let mut headers = (begin + MAX_LIBRARY_BYTES..begin + SLOT_BYTES).step_by(WORD_BYTES);
+        let has_header = headers.any(|at| {
+            // A flipped bit is in the first byte.
+            memory.bytes()[at..].starts_with(b"HTXS") && !memory.is_damaged(at..at + WORD_BYTES)
+        });
+        let is_sound = has_header && !memory.is_damaged(begin..begin + info.length as usize);
         is_sound.then_some(info.crc32)
     })
 }
@@ -317,7 +324,8 @@ impl Life {
                     self.flipped.push((slot, place));
                 }
                 self.fate.damage(place.offset(slot), damage);
-                self.sound[slot.index()] = false;
+                // The header has a copy.
+                self.sound[slot.index()] &= place == Place::Header;
                 // The next read or operation applies the damage.
                 let listed = Action::List(slot);
                 return self.act(listed);

@@ -15,6 +15,7 @@ use stylus_app::slots::{SlotStore, WORD_BYTES};
 use stylus_app::upload::Uploader;
 
 use crate::budget::{self, Chance};
+use crate::update::polled;
 
 /// Uploads `bytes` like a device after its boot, and returns the slot that takes them.
 fn uploaded(flash: &mut SimulatedFlash<'_>, bytes: &[u8]) -> SlotId {
@@ -49,21 +50,23 @@ fn booted(memory: Memory) -> Option<u32> {
 /// of the other writes. Uploads again after some of these. A device with `before` boots with the checksum `old`.
 fn cut(before: &Memory, old: Option<u32>, new: &[u8], slot: SlotId, share: usize) {
     let new_crc = announcement(new).crc32;
-    // The header follows the last word of a slot's library area, and its write ends the upload.
+    // The header follows the last word of a slot's library area, and its write makes the library valid. The header's
+    // copy comes last.
     let header = ((slot.index() + 1) * SLOT_BYTES - SLOT_HEADER_BYTES) / WORD_BYTES;
     let mut chance = Chance::new(budget::seed(), share as u64);
     let (mut cuts, mut sealed) = (0, 0);
     let mut cut = |memory: &Memory, operation: Operation| {
         let is_header = matches!(operation, Operation::Write { word, .. } if word == header);
+        let is_copy = matches!(operation, Operation::Write { word, .. } if word > header);
         let is_erasure = matches!(operation, Operation::Erase { .. });
-        if !is_header && !is_erasure && chance.below(share) >= budget::cases(1) as usize {
+        if !is_header && !is_copy && !is_erasure && chance.below(share) >= budget::cases(1) as usize {
             return;
         }
         for how in Cut::ALL {
             let mut memory = memory.clone();
             memory.perform(operation, how);
             let found = booted(memory.clone());
-            let is_sealed = is_header && how == Cut::After;
+            let is_sealed = is_copy || is_header && how == Cut::After;
             let expected = if is_sealed { Some(new_crc) } else { old };
             assert_eq!(found, expected, "cut {cuts}, {how:?} {operation:?}");
             sealed += usize::from(is_sealed);
@@ -79,7 +82,7 @@ fn cut(before: &Memory, old: Option<u32>, new: &[u8], slot: SlotId, share: usize
     assert_eq!(uploaded(&mut flash, new), slot);
     assert_eq!(booted(flash.memory.clone()), Some(new_crc));
     drop(flash);
-    assert!(sealed == 1 && cuts > 40, "{sealed} {cuts}");
+    assert!(sealed == 1 + Cut::ALL.len() && cuts > 40, "{sealed} {cuts}");
 }
 
 #[test]
@@ -174,7 +177,10 @@ fn a_slot_that_could_not_be_read_at_the_start_and_can_be_now_is_not_erased_for_o
         // The good slot reads wrongly while the device starts, and right from then on.
         for broken in [0, 32, HEADER] {
             let mut memory = two([1, 2]);
-            memory.set_faulty(good.other().index() * SLOT_BYTES + broken);
+            // Of the header, the copy too.
+            for word in [broken, broken + WORD_BYTES] {
+                memory.set_faulty(good.other().index() * SLOT_BYTES + word);
+            }
             let mut flash = SimulatedFlash::new(memory);
             flash.recovers = Some((good.index() * SLOT_BYTES + 32, 1));
             let mut stylus = SteppedStylus::boot_from(flash);
@@ -190,16 +196,75 @@ fn a_slot_that_could_not_be_read_at_the_start_and_can_be_now_is_not_erased_for_o
 #[test]
 fn an_upload_is_numbered_above_a_library_that_cannot_be_read_now() {
     let new = small("new");
-    for place in [0, HEADER] {
-        let mut flash = SimulatedFlash::new(two([9, 3]));
-        flash.recovers = Some((place, 8));
-        flash.memory.set_faulty(SLOT_BYTES);
-        let mut store = block_on(SlotStore::open(&mut flash));
-        assert_eq!(store.newest(), None);
-        let committed = block_on(upload(&mut Uploader::new(), &mut store, &new, 512));
-        let committed = committed.expect("slot B is free");
-        assert_eq!((committed.slot, committed.sequence), (SlotId::B, 10));
+    let mut flash = SimulatedFlash::new(two([9, 3]));
+    flash.recovers = Some((0, 8));
+    flash.memory.set_faulty(SLOT_BYTES);
+    let mut store = block_on(SlotStore::open(&mut flash));
+    assert_eq!(store.newest(), None);
+    let committed = block_on(upload(&mut Uploader::new(), &mut store, &new, 512));
+    let committed = committed.expect("slot B is free");
+    assert_eq!((committed.slot, committed.sequence), (SlotId::B, 10));
+}
+
+/// Flash after an upload of `new` beside `old`, with power lost in the word of the header.
+fn cut_at_header(old: &[u8], new: &[u8], cut: Cut) -> Memory {
+    let mut flash = SimulatedFlash::new(after_uploads(&[old]));
+    // Two sectors are erased and the words are written before.
+    let header = 2 + new.len().div_ceil(WORD_BYTES);
+    flash.fate.strike(header, Mishap::Cut(cut));
+    let uploaded = polled(async {
+        let mut store = SlotStore::open(&mut flash).await;
+        store.set_active(store.newest());
+        upload(&mut Uploader::new(), &mut store, new, MAX_CHUNK_BYTES).await
+    });
+    assert!(uploaded.is_none());
+    flash.memory
+}
+
+/// Starts on `memory`, with power lost in the first operation if there is a `cut`. Returns the slot of the newest
+/// library, and none after a loss of power.
+fn start(memory: &mut Memory, cut: Option<Cut>) -> Option<Option<SlotId>> {
+    let mut flash = SimulatedFlash::new(std::mem::replace(memory, Memory::blank(0)));
+    if let Some(cut) = cut {
+        flash.fate.strike(0, Mishap::Cut(cut));
     }
+    let newest = polled(async { SlotStore::open(&mut flash).await.newest() });
+    *memory = flash.memory;
+    newest
+}
+
+#[test]
+fn a_library_whose_commit_was_cut_stays_the_newest_once_a_start_has_found_it() {
+    let (old, new) = (small("old"), small("new"));
+    let header = (SLOT_BYTES + HEADER) / WORD_BYTES;
+    let shares = [5, 10, 30, 100, 300, 500].map(Some);
+    let again = Cut::WITH_UNSTABLE.map(Some);
+    for (share, seed) in shares.into_iter().chain([None]).flat_map(|share| (1..=10).map(move |seed| (share, seed))) {
+        for cut in again.into_iter().chain([None]) {
+            let how = if share.is_some() { Cut::After } else { Cut::Unstable };
+            let mut memory = cut_at_header(&old, &new, how);
+            memory.seed(seed * 1000);
+            if let Some(per_mille) = share {
+                memory.set_marginal(header, per_mille);
+            }
+            // Power may be lost again while the header is written once more.
+            let _ = start(&mut memory, cut);
+            let found: Vec<_> = (0..20).map(|_| start(&mut memory, None)).collect();
+            let is_new = |newest: &Option<Option<SlotId>>| *newest == Some(Some(SlotId::B));
+            let first = found.iter().position(is_new).expect("a start finds it");
+            assert!(share.is_none() || first == 0, "{share:?} {seed} {cut:?}");
+            assert!(found[first..].iter().all(is_new), "{share:?} {seed} {cut:?}: {found:?}");
+            memory.set_faulty(header * WORD_BYTES);
+            assert_eq!(start(&mut memory, None), Some(Some(SlotId::B)), "it needs the word that was cut");
+        }
+    }
+}
+
+#[test]
+fn a_start_after_commits_that_were_not_cut_writes_nothing() {
+    let mut flash = SimulatedFlash::new(after_uploads(&[&small("old"), &small("new")]));
+    block_on(SlotStore::open(&mut flash));
+    assert_eq!(flash.operations, 0);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use embassy_futures::block_on;
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES};
 use model_format::link::{SlotFault, SlotId, SlotState};
 use model_format::{SAMPLE_RATE_HZ, encode};
-use stylus_app::slots::SlotStore;
+use stylus_app::slots::{SlotStore, WORD_BYTES};
 use stylus_app::upload::Uploader;
 
 use fake_stylus::flash::{Memory, SimulatedFlash};
@@ -66,6 +66,10 @@ fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
     for offset in offsets {
         let mut memory = memory.clone();
         memory.set_faulty(SLOT_BYTES + offset);
+        if offset == MAX_LIBRARY_BYTES {
+            assert_eq!(opened(memory.clone()).newest(), Some(SlotId::B), "the header has a copy");
+            memory.set_faulty(SLOT_BYTES + offset + WORD_BYTES);
+        }
         let store = opened(memory);
         let offset = (offset / 32 * 32) as u32;
         assert_eq!(fault_of(&store, SlotId::B), SlotFault::Unreadable { offset });
@@ -89,7 +93,9 @@ fn a_changed_bit_makes_a_slot_invalid_wherever_it_is() {
     }
     for offset in 0..24 {
         let mut memory = memory.clone();
-        memory.flip_bit(SLOT_BYTES + MAX_LIBRARY_BYTES + offset);
+        for word in [0, WORD_BYTES] {
+            memory.flip_bit(SLOT_BYTES + MAX_LIBRARY_BYTES + word + offset);
+        }
         assert_eq!(fault_of(&opened(memory), SlotId::B), SlotFault::Unfinished);
     }
 }

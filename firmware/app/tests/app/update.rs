@@ -20,7 +20,7 @@ use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
 use stylus_boot::loader;
 use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, RECORDS, SLOTS, WORD_BYTES};
-use stylus_boot::record::{EXCHANGED, Record, Store, mark};
+use stylus_boot::record::{EXCHANGED, FLASH_FAILED, Record, Store, mark};
 
 use crate::self_test::{flash, measure};
 
@@ -45,7 +45,7 @@ impl Blocking<'_> {
 }
 
 /// Returns the result of `work`; none if power is lost, after which `work` waits forever.
-fn polled<R>(work: impl Future<Output = R>) -> Option<R> {
+pub fn polled<R>(work: impl Future<Output = R>) -> Option<R> {
     // Many more than the operations of one call.
     const POLLS: usize = 10_000;
     let mut work = pin!(work);
@@ -164,6 +164,13 @@ fn boot(memory: Memory, mishap: Option<(usize, Cut)>) -> (Memory, bool) {
 
 /// As [`boot`], after a reset by `cause`.
 fn boot_after(cause: u8, memory: Memory, mishap: Option<(usize, Cut)>) -> (Memory, bool) {
+    let (memory, is_ready, holds) = booted(cause, memory, mishap);
+    assert!(is_ready || !holds);
+    (memory, holds)
+}
+
+/// As [`boot_after`]; also returns true if the bootloader finds an image to start.
+fn booted(cause: u8, memory: Memory, mishap: Option<(usize, Cut)>) -> (Memory, bool, bool) {
     let flash = SimulatedFlash::new(memory);
     if let Some((operations, cut)) = mishap {
         flash.fate.strike(operations, Mishap::Cut(cut));
@@ -171,8 +178,7 @@ fn boot_after(cause: u8, memory: Memory, mishap: Option<(usize, Cut)>) -> (Memor
     let mut flash = Blocking(flash);
     let prepared = loader::prepare(&mut flash, cause, || {});
     let holds = !flash.0.fate.is_off();
-    assert!(prepared.is_ok() || !holds, "{prepared:?}");
-    (flash.0.memory, holds)
+    (flash.0.memory, prepared.is_ok(), holds)
 }
 
 /// All operations of the bootloader on `memory`.
@@ -213,9 +219,7 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
     let active = part(&after, ACTIVE);
     let is_new = active == images.new;
     assert!(holds && (is_new || active == images.old), "{cuts:?}");
-    for kept in [RECORDS.end..SLOTS[0].start, SLOTS[0].clone(), 0..ACTIVE.start] {
-        assert!(part(&after, kept.clone()) == part(before, kept), "{cuts:?}");
-    }
+    assert!(kept(&after) == kept(before), "{cuts:?}");
     (after, is_new)
 }
 
@@ -364,6 +368,94 @@ fn a_slot_without_the_image_that_a_record_asks_for_is_left_alone_until_a_step_ha
             assert!(part(&memory, ACTIVE) == *active, "{erased}");
             assert_eq!(record(&memory).marks[0], mark);
         }
+    }
+}
+
+/// Sector of the flash with this number in `range`.
+fn sector_in(range: &std::ops::Range<u32>, number: usize) -> usize {
+    range.start as usize / SECTOR_BYTES + number
+}
+
+/// Everything that no exchange may change.
+fn kept(memory: &Memory) -> [&[u8]; 3] {
+    [RECORDS.end..SLOTS[0].start, SLOTS[0].clone(), 0..ACTIVE.start].map(|range| part(memory, range))
+}
+
+/// Kinds of wear.
+const WEAR: [Mishap; 3] = [Mishap::Protect, Mishap::Refuse, Mishap::Corrupt];
+
+#[test]
+fn with_a_worn_sector_the_old_image_or_the_new_one_starts_unless_both_need_the_sector() {
+    let images = committed();
+    let (trial, _) = boot(images.memory.clone(), None);
+    for (before, is_back) in [(&images.memory, false), (&trial, true)] {
+        for (sector, wear) in (0..7).flat_map(|sector| WEAR.map(|wear| (sector, wear))) {
+            let of_active = sector < 3;
+            let worn = if of_active {
+                sector_in(&ACTIVE, sector)
+            } else {
+                sector_in(&SLOTS[1], sector - 3)
+            };
+            let mut memory = before.clone();
+            memory.wear(Some((worn, wear)));
+            let (mut memory, is_ready, _) = booted(WATCHDOG, memory, None);
+            let told = format!("{sector} {wear:?} {is_back}");
+            // A sector that still holds the old image needs no writing.
+            assert_eq!(is_ready, !of_active || wear == Mishap::Protect && !is_back, "{told}");
+            if !is_ready {
+                // It stays so until the sector can be written.
+                let (still, is_ready, _) = booted(POWER_ON, memory, None);
+                assert!(!is_ready, "{told}");
+                memory = still;
+                memory.wear(None);
+                memory = boot(memory, None).0;
+            }
+            assert!(kept(&memory) == kept(before), "{told}");
+            let Record { marks, cause, version, .. } = record(&memory);
+            if !is_back && sector == 3 {
+                // The slot's first sector is only read on the way to the new image.
+                assert!(part(&memory, ACTIVE) == images.new && marks[0] == mark::SWAP, "{told}");
+                continue;
+            }
+            assert!(part(&memory, ACTIVE) == images.old, "{told}");
+            let expected = if is_back { WATCHDOG } else { FLASH_FAILED };
+            assert_eq!((marks[0], cause, version), (mark::REVERT, expected, [2, 3, 5]), "{told}");
+        }
+    }
+}
+
+#[test]
+fn a_cut_at_any_operation_of_an_exchange_that_is_given_up_ends_with_the_old_image() {
+    let images = committed();
+    for (sector, wear) in (1..4).flat_map(|sector| WEAR.map(|wear| (sector, wear))) {
+        let mut before = images.memory.clone();
+        before.wear(Some((sector_in(&SLOTS[1], sector), wear)));
+        for (case, number) in edges(&operations(&before)).into_iter().enumerate() {
+            let cut = Cut::WITH_UNSTABLE[case % 5];
+            let (after, _) = boot(before.clone(), Some((number, cut)));
+            let (after, _) = boot(after, None);
+            let told = format!("{sector} {wear:?} {cut:?} at {number}");
+            assert!(part(&after, ACTIVE) == images.old && kept(&after) == kept(&before), "{told}");
+            let after = record(&after);
+            assert!(!after.asks() && after.cause == FLASH_FAILED, "{told}: {after:?}");
+        }
+    }
+}
+
+#[test]
+fn a_record_that_cannot_be_written_leaves_the_old_image_until_it_can_be_if_no_step_was_done() {
+    let images = committed();
+    let (trial, _) = boot(images.memory.clone(), None);
+    for (before, is_ready, after) in [(&images.memory, true, &images.new), (&trial, false, &images.old)] {
+        let mut memory = before.clone();
+        memory.wear(Some((sector_in(&RECORDS, 0), Mishap::Protect)));
+        for _ in 0..2 {
+            let booted = booted(POWER_ON, memory, None);
+            memory = booted.0;
+            assert!(booted.1 == is_ready && memory.bytes() == before.bytes());
+        }
+        memory.wear(None);
+        assert!(part(&boot(memory, None).0, ACTIVE) == *after);
     }
 }
 
@@ -561,9 +653,7 @@ fn an_update_that_is_refused_on_trial_leaves_a_device_that_plays_and_can_be_conf
 
 /// Record of a device on trial.
 pub fn trial() -> Record {
-    let mut trial = Record::marked(mark::SWAP, 1, VERSION.numbers());
-    trial.marks[2..2 + EXCHANGED].fill(0);
-    trial
+    Record::marked(mark::SWAP, 1, VERSION.numbers()).with_steps(EXCHANGED)
 }
 
 #[test]
@@ -657,4 +747,7 @@ fn a_device_that_was_rolled_back_tells_the_version_and_the_cause() {
     let version = ImageVersion::new([2, 3, 5]);
     let cause = ResetReason::Watchdog;
     assert_eq!(phase, UpdatePhase::RolledBack { version, cause });
+    record.cause = FLASH_FAILED;
+    let phase = state(&mut stylus(RUNNING, record)).phase;
+    assert_eq!(phase, UpdatePhase::GivenUp { version });
 }

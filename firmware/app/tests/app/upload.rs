@@ -226,7 +226,7 @@ fn a_fault_of_the_flash_is_told_with_its_place() {
         let error = UploadError::ReadBack { slot, offset };
         assert_eq!(with_mishap(at, Mishap::Corrupt), Some(error), "{at}");
     }
-    // There is no later operation.
+    // The last operation writes the header's copy, without which the library is stored, too.
     assert_eq!(with_mishap(3 + words, Mishap::Refuse), None);
 }
 

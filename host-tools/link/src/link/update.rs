@@ -135,6 +135,12 @@ fn check_exchanged(device: &Device, trial: &UpdateReport, wanted: &ImageHeader) 
              `stylus status` shows a fault"
         )));
     }
+    if let UpdatePhase::GivenUp { version } = trial.phase {
+        return Err(device.not_verified(format!(
+            "a sector of flash could not be written for the new image, {version}, and the one before runs: update \
+             again; if it stays, the sector is write-protected or worn"
+        )));
+    }
     let (runs, wanted) = (trial.image, wanted.version);
     if runs != wanted {
         return Err(device.not_verified(format!(

@@ -320,6 +320,9 @@ fn update(report: UpdateReport) -> String {
         UpdatePhase::RolledBack { version, cause } => {
             format!("put back, because {version} was reset on its trial, by: {cause}")
         }
+        UpdatePhase::GivenUp { version } => {
+            format!("kept, because a sector of flash could not be written for {version}: update again")
+        }
     };
     let bootloader = report
         .bootloader
