@@ -126,7 +126,11 @@ fn exchange<F: NorFlash>(flash: &RefCell<F>, cause: u8, begin: &mut impl FnMut()
 
 /// Returns the record to continue with: `record`, with a checksum before the first step, or a record that asks for
 /// nothing if the slot does not hold the image.
-fn judged<F: NorFlash>(record: Record, active: &mut Part<'_, F>, slot: &mut Part<'_, F>) -> Result<Record, NorFlashErrorKind> {
+fn judged<F: NorFlash>(
+    record: Record,
+    active: &mut Part<'_, F>,
+    slot: &mut Part<'_, F>,
+) -> Result<Record, NorFlashErrorKind> {
     // An exchange leaves the previous image one sector further on in the slot.
     let aside = SECTOR_BYTES as u32;
     let without = |mark| Record::marked(mark, record.slot, record.version);

@@ -116,7 +116,8 @@ enum stylus_status stylus_player_choose(const stylus_player *player,
 // Lets what sounds fade, and plays nothing until the next choice. From any thread; it allocates.
 enum stylus_status stylus_player_stop(const stylus_player *player);
 
-// Moves at a speed, signed by the direction, with a force; held for 50 ms. From any thread, without waiting.
+// Moves at a speed, signed by the direction, with a force; held for 50 ms and the length of a buffer. From any
+// thread, without waiting.
 enum stylus_status stylus_player_move(const stylus_player *player, double speed_mm_s, double force_n);
 
 // Moves to a position with a force at a time of the caller's clock; the speed is that from the position before.

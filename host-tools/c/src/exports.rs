@@ -245,7 +245,8 @@ pub unsafe extern "C" fn stylus_player_stop(player: *const PlayerHandle) -> Stat
     })
 }
 
-/// Moves at a speed, signed by the direction, with a force; held for 50 ms. From any thread, without waiting.
+/// Moves at a speed, signed by the direction, with a force; held for 50 ms and the length of a buffer. From any
+/// thread, without waiting.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_move(player: *const PlayerHandle, speed_mm_s: f64, force_n: f64) -> Status {
     guarded(|| {

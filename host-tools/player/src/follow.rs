@@ -3,8 +3,11 @@
 use crate::mailbox::{Mailbox, Words};
 use crate::motion::{BLOCK_NUMBERS, BlockMotion};
 
-/// Number of blocks, of 2 ms each, for which a motion is held.
+/// Number of blocks, of 2 ms each, for which a motion is held in addition to the blocks of a buffer.
 pub const HELD_BLOCKS: u32 = 25;
+
+/// Number of blocks of the longest buffer that plays through: 1 s.
+const MOST_BUFFERED_BLOCKS: u32 = 500;
 
 /// Longest time between two places from which a speed is computed, s.
 const LONGEST_STEP_S: f64 = 0.1;
@@ -62,8 +65,10 @@ pub struct Follower {
     /// Ticket of the motion that is held.
     taken: u64,
     held: BlockMotion,
-    /// Number of blocks for which the motion is still held.
-    left: u32,
+    /// Number of blocks that have begun since the motion was taken.
+    age: u32,
+    /// Number of blocks for which a motion is held.
+    held_blocks: u32,
     /// The last place and its time, s.
     place: Option<(f64, f64)>,
 }
@@ -73,9 +78,19 @@ impl Follower {
         Self {
             taken: 0,
             held: BlockMotion::new(0.0, 0.0),
-            left: 0,
+            // No motion was told yet.
+            age: u32::MAX,
+            held_blocks: HELD_BLOCKS,
             place: None,
         }
+    }
+
+    /// Prepares for a buffer of `blocks`, rounded up.
+    ///
+    /// A buffer is filled in a moment, and no motion arrives meanwhile. The next motion is met a buffer later at the
+    /// latest, so a motion is held for that much longer, or a longer buffer would fall silent within itself.
+    pub fn begin_buffer(&mut self, blocks: u32) {
+        self.held_blocks = HELD_BLOCKS + blocks.min(MOST_BUFFERED_BLOCKS);
     }
 
     /// Returns the motion of the next block, whose last sample is `last_s` after its first.
@@ -94,17 +109,17 @@ impl Follower {
                 ..motion
             };
             // The block that begins now is the first of those for which the motion is held.
-            (self.taken, self.left) = (ticket, HELD_BLOCKS - 1);
+            (self.taken, self.age) = (ticket, 1);
             return motion;
         }
-        if self.left == 0 {
+        if self.age >= self.held_blocks {
             let contact = 0.0;
             return BlockMotion {
                 contact,
                 ..BlockMotion::new(0.0, self.held.force_n)
             };
         }
-        self.left -= 1;
+        self.age += 1;
         self.held
     }
 

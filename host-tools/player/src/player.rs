@@ -17,8 +17,10 @@ use crate::resampler::{Resampler, delay_s};
 
 /// Duration of a block, s.
 const BLOCK_S: f64 = 0.002;
+const BLOCKS_PER_S: u64 = 500;
 
-/// Time for which a motion is held, s.
+/// Time for which a motion is held in addition to the length of a buffer, s. The length counts in blocks of 2 ms,
+/// rounded up, and up to 1 s.
 pub const HELD_S: f64 = HELD_BLOCKS as f64 * BLOCK_S;
 
 /// Samples of the longest block.
@@ -209,11 +211,12 @@ pub struct Filler {
     gain: Option<Gain>,
 }
 
-/// A gain that moves to the one that was set.
+/// A gain that moves to the one that was set. The way between two numbers of single precision, and its product with a
+/// sample, fit double precision.
 #[derive(Clone, Copy)]
 struct Gain {
-    target: f32,
-    step: f32,
+    target: f64,
+    step: f64,
     left: u32,
 }
 
@@ -237,20 +240,26 @@ impl Filler {
     }
 
     /// Fills `samples` with the next samples, in m/s² times the gain of [`Mover::set_gain`], clamped to its limit.
+    /// Every sample is finite.
     pub fn fill(&mut self, samples: &mut [f32]) {
+        let blocks = (samples.len() as u64 * BLOCKS_PER_S).div_ceil(u64::from(self.output_rate_hz));
+        self.source
+            .follower
+            .begin_buffer(u32::try_from(blocks).unwrap_or(u32::MAX));
         let scale = self.source.shared.scale.load(Ordering::Relaxed);
         let (target, limit) = (f32::from_bits((scale >> 32) as u32), f32::from_bits(scale as u32));
-        self.aim(target);
+        self.aim(target.into());
+        // Whatever the gain, an amplifier gets no infinity.
+        let limit = f64::from(limit.min(f32::MAX));
         for sample in samples {
-            let gain = self.gain.as_mut().map_or(target, Gain::next);
-            *sample = (self.next() * gain).clamp(-limit, limit);
+            let gain = self.gain.as_mut().map_or(target.into(), Gain::next);
+            *sample = (f64::from(self.next()) * gain).clamp(-limit, limit) as f32;
         }
     }
 
     /// Changes the gain to `target` over a block, or at once the first time.
-    fn aim(&mut self, target: f32) {
-        // A block takes 2 ms.
-        let ramp = self.output_rate_hz / 500;
+    fn aim(&mut self, target: f64) {
+        let ramp = self.output_rate_hz / BLOCKS_PER_S as u32;
         // Nothing was heard before the first samples, so their gain needs no ramp.
         let gain = self.gain.get_or_insert(Gain {
             target,
@@ -258,7 +267,7 @@ impl Filler {
             left: 0,
         });
         if gain.target != target {
-            let step = (target - gain.now()) / ramp as f32;
+            let step = (target - gain.now()) / f64::from(ramp);
             *gain = Gain {
                 target,
                 step,
@@ -292,12 +301,12 @@ impl Filler {
 }
 
 impl Gain {
-    fn now(&self) -> f32 {
+    fn now(&self) -> f64 {
         // Counted back from the target, which is reached exactly at the end, whatever the round-off.
-        self.target - self.step * self.left as f32
+        self.target - self.step * f64::from(self.left)
     }
 
-    fn next(&mut self) -> f32 {
+    fn next(&mut self) -> f64 {
         self.left = self.left.saturating_sub(1);
         self.now()
     }

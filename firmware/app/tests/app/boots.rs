@@ -10,8 +10,8 @@
 //! - At the end an upload succeeds, by the remedies that the refusals name, and its library is active after the next
 //!   start.
 //!
-//! A library is intact (`sound`) if it can be read and decoded, none of its words is damaged, and a word with its header
-//! is not.
+//! A library is intact (`sound`) if it can be read and decoded, none of its words is damaged, and a word with its
+//! header is not.
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};

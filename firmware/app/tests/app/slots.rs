@@ -67,7 +67,11 @@ fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
         let mut memory = memory.clone();
         memory.set_faulty(SLOT_BYTES + offset);
         if offset == MAX_LIBRARY_BYTES {
-            assert_eq!(opened(memory.clone()).newest(), Some(SlotId::B), "the header has a copy");
+            assert_eq!(
+                opened(memory.clone()).newest(),
+                Some(SlotId::B),
+                "the header has a copy"
+            );
             memory.set_faulty(SLOT_BYTES + offset + WORD_BYTES);
         }
         let store = opened(memory);

@@ -411,7 +411,9 @@ fn with_a_worn_sector_the_old_image_or_the_new_one_starts_unless_both_need_the_s
                 memory = boot(memory, None).0;
             }
             assert!(kept(&memory) == kept(before), "{told}");
-            let Record { marks, cause, version, .. } = record(&memory);
+            let Record {
+                marks, cause, version, ..
+            } = record(&memory);
             if !is_back && sector == 3 {
                 // The slot's first sector is only read on the way to the new image.
                 assert!(part(&memory, ACTIVE) == images.new && marks[0] == mark::SWAP, "{told}");
@@ -419,7 +421,11 @@ fn with_a_worn_sector_the_old_image_or_the_new_one_starts_unless_both_need_the_s
             }
             assert!(part(&memory, ACTIVE) == images.old, "{told}");
             let expected = if is_back { WATCHDOG } else { FLASH_FAILED };
-            assert_eq!((marks[0], cause, version), (mark::REVERT, expected, [2, 3, 5]), "{told}");
+            assert_eq!(
+                (marks[0], cause, version),
+                (mark::REVERT, expected, [2, 3, 5]),
+                "{told}"
+            );
         }
     }
 }
@@ -435,7 +441,10 @@ fn a_cut_at_any_operation_of_an_exchange_that_is_given_up_ends_with_the_old_imag
             let (after, _) = boot(before.clone(), Some((number, cut)));
             let (after, _) = boot(after, None);
             let told = format!("{sector} {wear:?} {cut:?} at {number}");
-            assert!(part(&after, ACTIVE) == images.old && kept(&after) == kept(&before), "{told}");
+            assert!(
+                part(&after, ACTIVE) == images.old && kept(&after) == kept(&before),
+                "{told}"
+            );
             let after = record(&after);
             assert!(!after.asks() && after.cause == FLASH_FAILED, "{told}: {after:?}");
         }

@@ -4,9 +4,7 @@ use std::path::Path;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use model_format::link::{
-    EXCHANGE_MS, ImageHeader, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
-};
+use model_format::link::{EXCHANGE_MS, ImageHeader, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase, UpdateReport};
 use serde::Serialize;
 
 use super::Device;

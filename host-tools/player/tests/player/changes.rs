@@ -1,6 +1,7 @@
 //! Choices, libraries, rates and gains that change while something plays.
 
 use kernel_vectors::specs;
+use proptest::prelude::*;
 use stylus_player::{ChoiceError, Fault, Selection, Without, player};
 
 use crate::common::{LIBRARIES, choose, largest_step, library, playing, rubbed};
@@ -105,6 +106,26 @@ fn a_gain_gives_volts_changes_over_a_block_and_is_clamped() {
     let clamped = rubbed(&mover, &mut filler, 50, MOTION);
     let largest = clamped.iter().fold(0.0f32, |peak, volts| peak.max(volts.abs()));
     assert_eq!(largest, peak / 8.0);
+}
+
+proptest! {
+    #[test]
+    fn every_sample_is_a_number_within_the_limit_whatever_the_gains(
+        scales in prop::collection::vec((any::<f32>(), any::<f32>()), 1..8),
+    ) {
+        let (mover, mut filler) = playing(&LIBRARIES[0], 1, 5000);
+        // The ends of single precision first, whose difference it does not hold.
+        let ends = [(3e38, 1.0), (-3e38, 1.0), (f32::MAX, f32::INFINITY), (f32::MIN, f32::INFINITY)];
+        let mut within = f32::INFINITY;
+        for (gain, limit) in ends.into_iter().chain(scales) {
+            if mover.set_gain(gain, limit).is_ok() {
+                within = limit;
+            }
+            for sample in rubbed(&mover, &mut filler, 3, MOTION) {
+                prop_assert!(sample.is_finite() && sample.abs() <= within, "{gain} {limit}: {sample}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! When a motion takes effect, and for how long.
 
+use proptest::prelude::*;
 use stylus_player::{HELD_S, latency_s};
 
 use crate::common::{LIBRARIES, playing, rubbed};
@@ -66,20 +67,57 @@ fn samples_at_another_rate_are_those_of_the_texture_later_by_the_delay() {
 }
 
 #[test]
-fn a_motion_that_is_not_told_again_is_held_for_50_ms_and_fades() {
+fn a_motion_that_is_not_told_again_is_held_for_50_ms_and_the_length_of_a_buffer_and_fades() {
     assert_eq!(HELD_S, 0.05);
-    for rate_hz in [5000, 10_000] {
+    for (rate_hz, buffer_s) in [5000, 10_000]
+        .into_iter()
+        .flat_map(|rate_hz| [0.002, 0.05, 1.0].map(|s| (rate_hz, s)))
+    {
         let library = &LIBRARIES[usize::from(rate_hz == 10_000)];
         let (mover, mut filler) = playing(library, 1, rate_hz);
         rubbed(&mover, &mut filler, 20, (100.0, 1.0));
-        let mut samples = vec![0.0f32; rate_hz as usize / 5];
-        filler.fill(&mut samples);
+        let mut samples = vec![0.0f32; 3 * rate_hz as usize];
+        for buffer in samples.chunks_mut((buffer_s * f64::from(rate_hz)) as usize) {
+            filler.fill(buffer);
+        }
         let last = samples.iter().rposition(|sample| *sample != 0.0).expect("it is held");
-        // The block of the last move, 24 more, and one that fades.
-        let played_s = (last + 1) as f64 / f64::from(rate_hz) + 0.002;
-        assert!(played_s > 0.05 && played_s < 0.0521, "{rate_hz}: {played_s}");
+        // The block of the last move has been taken before, and the last block fades.
+        let held_s = (last + 1) as f64 / f64::from(rate_hz);
+        assert!(
+            (held_s - HELD_S - buffer_s).abs() < 0.001,
+            "{rate_hz} {buffer_s}: {held_s}"
+        );
         let again = rubbed(&mover, &mut filler, 20, (100.0, 1.0));
         assert!(again.iter().any(|sample| *sample != 0.0), "{rate_hz}");
+    }
+}
+
+proptest! {
+    /// In the time of the samples: before each buffer the mover has told what was due by then.
+    #[test]
+    fn while_motions_come_20_times_per_second_or_more_no_buffer_up_to_a_second_falls_silent(
+        rate in 0..RATES_HZ.len(),
+        buffer_ms in prop_oneof![0.1..50.0f64, 50.0..1000.0],
+        moves_hz in 20.0..2000.0f64,
+        first in 0.0..1.0f64,
+    ) {
+        let rate_hz = RATES_HZ[rate];
+        let (mover, mut filler) = playing(&LIBRARIES[0], 1, rate_hz);
+        let mut samples = vec![0.0f32; 3 * rate_hz as usize];
+        let frames = (buffer_ms * 1e-3 * f64::from(rate_hz)).max(1.0) as usize;
+        let mut told = 0.0;
+        for (index, buffer) in samples.chunks_mut(frames).enumerate() {
+            let due = (index * frames) as f64 / f64::from(rate_hz) * moves_hz + first;
+            if index == 0 || due.floor() > told {
+                mover.rub(100.0, 1.0).expect("it is finite");
+                told = due.floor();
+            }
+            filler.fill(buffer);
+        }
+        // What fades takes a block, and at the beginning the interpolator is empty.
+        for (index, part) in samples.chunks(rate_hz as usize / 250).enumerate().skip(5) {
+            prop_assert!(part.iter().any(|sample| *sample != 0.0), "silent after {} ms", 4 * index);
+        }
     }
 }
 

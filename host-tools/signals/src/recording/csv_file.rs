@@ -81,8 +81,8 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, rate_hz: Option<f64>, 
     } else {
         columns.refuse_jumps(table)?;
         let Some(rate) = rate else {
-            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to trials.csv, \
-                           or give --sample-rate";
+            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
+                           trials.csv, or give --sample-rate";
             return Err(Error::file(path, problem));
         };
         stamps::even(rate, channels, cut)

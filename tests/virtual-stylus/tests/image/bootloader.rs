@@ -1,4 +1,5 @@
-//! The bootloader: what is flashed with it, and an exchange of images with a low supply or with write-protected sectors.
+//! The bootloader: what is flashed with it, and an exchange of images with a low supply or with write-protected
+//! sectors.
 
 use std::fs;
 
@@ -131,7 +132,12 @@ fn a_record_that_cannot_be_written_amid_an_exchange_ends_the_start_with_a_sign_u
     let mut device = Device::new(&product(), library::after(committed(&new)));
     // The record of a step that is done.
     let records = RECORDS.start as usize..RECORDS.end as usize;
-    while device.stylus.flash().bytes[records.clone()].chunks(WORD_BYTES).filter(|&word| word != ONES).count() < 3 {
+    while device.stylus.flash().bytes[records.clone()]
+        .chunks(WORD_BYTES)
+        .filter(|&word| word != ONES)
+        .count()
+        < 3
+    {
         device.run_for(SECOND / 2);
     }
     protect(&mut device, RECORD);
