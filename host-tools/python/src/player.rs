@@ -128,7 +128,8 @@ impl Player {
     }
 
     /// Moves at `speed_mm_s`, signed by the direction, with `force_n`. From any thread; held for 50 ms and the length
-    /// of a buffer, then the texture fades, so that a control loop that has died leaves no tone. Call it 20 times per second or more.
+    /// of a buffer, then the texture fades, so that a control loop that has died leaves no tone. Call it 20 times per
+    /// second or more.
     #[pyo3(name = "move")]
     fn rub(&self, speed_mm_s: f64, force_n: f64) -> PyResult<()> {
         self.mover.rub(speed_mm_s, force_n).map_err(fault)
