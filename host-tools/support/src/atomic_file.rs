@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::temporaries::{Earlier, Temporary};
+use crate::temporaries::{Earlier, Temporary, folder_of};
 
 /// How to replace an existing output, for the command line and for Python.
 pub(crate) const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=True in Python)";
@@ -120,14 +120,6 @@ pub(crate) fn other_than_a_file(found: &fs::Metadata) -> Option<&'static str> {
         }
     }
     Some("no regular file")
-}
-
-/// Folder of the file at `path`.
-pub fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    }
 }
 
 /// A file that is on the disk and has no name yet.

@@ -10,11 +10,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use super::atomic_file::{REMEDY, appeared, expect_new, folder_of, target};
+use super::atomic_file::{REMEDY, appeared, expect_new, target};
 use super::bounded_file::Format;
 use super::error::{Error, Result};
 use super::file_name::portable;
-use super::temporaries::{self, Earlier, Temporary, left_aside};
+use super::temporaries::{self, Earlier, Temporary, folder_of, left_aside};
 
 /// Name of the list of the files that a command wrote into its folder.
 pub const LIST: &str = ".made-by-stylus";

@@ -9,8 +9,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::atomic_file::folder_of;
-
 /// Prefix of the name of every temporary.
 pub const PREFIX: &str = ".stylus-";
 
@@ -182,6 +180,14 @@ fn ending_aside(path: &Path) -> OsString {
     let mut ending = OsString::from("-earlier-");
     ending.push(path.file_name().unwrap_or_default());
     ending
+}
+
+/// Folder of the file at `path`.
+pub fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
 }
 
 /// Returns where the earlier folder of the name `path` is, if a process was killed as it replaced it.

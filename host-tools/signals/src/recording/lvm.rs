@@ -438,7 +438,7 @@ mod tests {
             "Channels\t1\nSamples\t{}\nDelta_X\t0.001\n{END}\nX_Value\tx\n0\t1\n",
             u64::MAX
         );
-        let keys: String = (0..1000).map(|n| format!("Key{n}\tx\n")).collect();
+        let keys = (0..1000).fold(String::new(), |keys, n| keys + &format!("Key{n}\tx\n"));
         let text = format!("{keys}{block}").repeat(3);
         for (line, number) in text.lines().zip(1..) {
             reader.line(line, number).unwrap();
