@@ -18,16 +18,19 @@ pub(crate) const REMEDY: &str = "name another, or replace it with --overwrite (o
 /// Files that were not there when a command checked its outputs, and that it may not replace.
 static NEW: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Stores whether the file `target` is to be a new one. If it is, writing it fails if another process has written it
-/// meanwhile.
-pub(crate) fn expect_new(target: &Path, is_new: bool) -> bool {
-    // A panic of another thread leaves the set whole.
-    let mut new = NEW.lock().unwrap_or_else(PoisonError::into_inner);
+/// Stores whether the next write of the file `target` must fail if another process has written it meanwhile.
+pub(crate) fn expect_new(target: &Path, is_new: bool) {
+    take_new(target);
     if is_new {
-        new.insert(target.to_owned())
-    } else {
-        new.remove(target)
+        // A panic of another thread leaves the set whole.
+        let mut new = NEW.lock().unwrap_or_else(PoisonError::into_inner);
+        new.insert(target.to_owned());
     }
+}
+
+/// Returns what [`expect_new`] has stored, and forgets it: the process that wrote a result may write it again.
+fn take_new(target: &Path) -> bool {
+    NEW.lock().unwrap_or_else(PoisonError::into_inner).remove(target)
 }
 
 /// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
@@ -157,8 +160,7 @@ impl<'a> Unnamed<'a> {
     fn name(self) -> Result<()> {
         // An empty file, such as one of `mktemp`, may be replaced.
         let is_empty = fs::metadata(&self.target).is_ok_and(|found| found.len() == 0);
-        // A result is new once: the process that wrote it may write it again.
-        let is_new = expect_new(&self.target, false) && !is_empty;
+        let is_new = take_new(&self.target) && !is_empty;
         let earlier = if is_new { Earlier::Nothing } else { Earlier::File };
         let named = self.temporary.persist(&self.target, earlier);
         named.map_err(|failure| appeared(self.path, failure))

@@ -57,8 +57,6 @@ formats! {
     Scene: "a scene", 1;
     /// The description of a rig, as TOML.
     Rig: "a rig's description", 1;
-    /// An actuator, as TOML.
-    Plant: "an actuator's parameters", 1;
     /// A model file of HaTT, as XML. The published ones take some hundred kilobytes.
     Hatt: "a HaTT model file", 16;
     /// A library. A slot holds half a mebibyte; for slightly larger files the decoder's error names the lengths.

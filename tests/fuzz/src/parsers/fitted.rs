@@ -58,7 +58,7 @@ fn rewritten(trials: &[Trial], separator: &str, decimal: &str) -> String {
     let mut text = names.join(separator) + "\n";
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:?}").replace('.', decimal));
     for trial in trials {
-        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let quoted = |text: &str| format!("\"{}\"", place::guarded(text).replace('"', "\"\""));
         let fields = [
             quoted(&trial.file.to_string_lossy()),
             quoted(&trial.texture),
@@ -75,10 +75,12 @@ fn rewritten(trials: &[Trial], separator: &str, decimal: &str) -> String {
     text
 }
 
-/// Checks `input` as a recording: as WAV if it begins like one, otherwise as CSV after a first byte that determines
-/// whether a rate is given.
+/// Checks `input` as a recording: as WAV or of LabVIEW if it begins like one, otherwise as CSV after a first byte that
+/// determines whether a rate is given.
 pub fn recording(input: &[u8]) {
-    if input.starts_with(b"RIFF") {
+    if input.starts_with(b"LabVIEW Measurement") {
+        read_as("recording.lvm", input, None);
+    } else if input.starts_with(b"RIFF") {
         read_as("recording.wav", input, None);
     } else if let Some((first, table)) = input.split_first() {
         let rate_hz = (first % 2 == 0).then_some(f64::from(SAMPLE_RATE_HZ));

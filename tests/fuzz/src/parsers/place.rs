@@ -1,9 +1,12 @@
-//! Files for the parsers, and checks that errors name these files.
+//! Files for the parsers, and checks that errors name these files. Also the files that are judged by nothing else: an
+//! update, and the list of a result's files.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use host_tools::link::update::UpdateFile;
 use host_tools::support::error::Error;
+use host_tools::support::output::{LIST, check_folder};
 use tempfile::TempDir;
 
 /// The folder of this run. It stays after the run, because a fuzzer ends without cleaning up; `smoke` removes it with
@@ -27,6 +30,12 @@ pub fn written(name: &str, content: &[u8]) -> PathBuf {
     path
 }
 
+/// Returns `text` with the sign before it that lists have before a formula.
+pub fn guarded(text: &str) -> String {
+    let is_formula = text.trim_start_matches('\'').starts_with(['=', '+', '-', '@']);
+    format!("{}{text}", if is_formula { "'" } else { "" })
+}
+
 /// Checks that `error` names the file at `path`, and a line that exists in `content`.
 pub fn check(error: &Error, path: &Path, content: &[u8]) {
     let text = error.to_string();
@@ -35,5 +44,30 @@ pub fn check(error: &Error, path: &Path, content: &[u8]) {
     if let Error::Line { line, .. } = error {
         let lines = content.split(|&byte| byte == b'\n').count() as u64;
         assert!((1..=lines).contains(line), "line {line} of {lines}: {text}");
+    }
+}
+
+/// Checks `input` as an update.
+pub fn update(input: &[u8]) {
+    let path = written("new.image", input);
+    match UpdateFile::read(&path) {
+        Ok(file) => assert!(file.header.length as usize <= input.len()),
+        Err(error) => check(&error, &path, input),
+    }
+}
+
+/// Checks `input` as the list of the files of a result that a command is to replace. A file that is not in the list
+/// is the user's own, so that the folder is refused.
+pub fn listing(input: &[u8]) {
+    let result = path("result");
+    std::fs::create_dir_all(&result).expect("there is room for a folder");
+    written("result/own", b"");
+    written(&format!("result/{LIST}"), input);
+    let lists_own = input
+        .split(|&byte| byte == b'\n')
+        .any(|line| line.trim_ascii_end() == b"own");
+    match check_folder(&result, true, &[]) {
+        Ok(()) => assert!(lists_own),
+        Err(error) => check(&error, &result, input),
     }
 }

@@ -3,6 +3,11 @@
 use std::error::Error;
 use std::path::Path;
 
+use host_tools::support::bounded_file::Format;
+use model_format::link::{BOARD, ImageHeader, ImageVersion, SIGNED_BYTES};
+
+use super::target_of;
+
 #[path = "../../../../host-tools/fit/src/fit/hatt/fixture.rs"]
 #[allow(missing_docs)]
 mod hatt;
@@ -13,7 +18,7 @@ type Seeds<'a> = (&'a str, Vec<Vec<u8>>);
 /// Writes the seeds of every parser.
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     let texts = |texts: &[&str]| texts.iter().map(|text| text.as_bytes().to_vec()).collect();
-    let all: [Seeds; 9] = [
+    let all: [Seeds; 11] = [
         ("trials", texts(&TRIALS)),
         ("recordings", recordings()),
         ("tables", texts(&TABLES)),
@@ -32,7 +37,14 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
             texts(&["coil-resistance\n8", "amplifier-gain\n1\npower-limit\n0.1"]),
         ),
         ("records", texts(&[RECORD])),
+        ("updates", vec![update()]),
+        ("listings", texts(&["own\nspectra/a.svg\n"])),
     ];
+    for format in Format::ALL {
+        let target = target_of(*format);
+        let has_seeds = target.is_none_or(|target| target == "decode" || all.iter().any(|(name, _)| *name == target));
+        assert!(has_seeds, "{format:?} has no seeds");
+    }
     for (target, inputs) in all {
         let folder = root.join(target);
         std::fs::create_dir_all(&folder)?;
@@ -78,6 +90,10 @@ const RECORD: &str = r#"{"library":"0123456789abcdef","options":{"order":"auto",
 "modulation":"auto","drop":["hum"],"lines":"auto","strict":false,"snap":0.03,"sample_rate_hz":5000},
 "excitations":[],"trials":[{"file":"a.wav","content":"00ff","start_s":0.5,"duration_s":null}],"lines":[]}"#;
 
+const LABVIEW: &str = "LabVIEW Measurement\t\nReader_Version\t2\nSeparator\tTab\nMulti_Headings\tNo\nX_Columns\tOne\n\
+    ***End_of_Header***\t\n\t\nChannels\t2\t\t\nSamples\t3\t3\t\nY_Unit_Label\tg\tg\t\nX0\t0\t0\t\n\
+    Delta_X\t0.001\t0.001\t\n***End_of_Header***\t\t\t\nX_Value\tx\ty\tComment\n0\t1\t2\n0.001\t2\t3\n0.002\t3\t1\n";
+
 /// WAV files of integers and of floats, with other chunks before the samples, and tables.
 fn recordings() -> Vec<Vec<u8>> {
     let chunk = |id: &[u8; 4], content: &[u8]| {
@@ -114,10 +130,25 @@ fn recordings() -> Vec<Vec<u8>> {
         "\u{1}time_s,x\n0,1\n0.0002,2\n0.0004,3\n",
         "\u{1}time_s;x;y\n0;1,5;2\n0,0002;2;3\n",
         "\0\n1 2 3\n2 3 4\n",
+        LABVIEW,
     ] {
         all.push(text.as_bytes().to_vec());
     }
     all
+}
+
+/// An update with an image of four bytes, and a signature of zeros, which the device judges.
+fn update() -> Vec<u8> {
+    let header = ImageHeader {
+        board: BOARD,
+        version: ImageVersion::new([1, 2, 3]),
+        length: 4,
+        digest: [7; 64],
+    };
+    let mut bytes = header.to_bytes().to_vec();
+    bytes.resize(SIGNED_BYTES, 0);
+    bytes.extend([1, 2, 3, 4]);
+    bytes
 }
 
 /// Frames as a device sends them.

@@ -78,7 +78,7 @@ fn planned(path: &Path) -> host_tools::support::error::Result<()> {
     let trials = PlannedTrial::from_csv(path, Some("given"))?;
     let mut text = String::from("speed_mm_s;force_n;texture\n");
     for trial in &trials {
-        let name = trial.texture.replace('"', "\"\"");
+        let name = place::guarded(&trial.texture).replace('"', "\"\"");
         text.push_str(&format!("{:?};{:?};\"{name}\"\n", trial.speed_mm_s, trial.force_n));
         // Names that cannot be a folder's name are refused by a separate check.
         let _ = trial.check();
