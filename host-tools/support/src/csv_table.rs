@@ -254,7 +254,8 @@ pub fn comment(line: &str) -> Option<&str> {
 /// Sign before a text that a spreadsheet would otherwise compute.
 const GUARD: char = '\'';
 
-/// Returns whether a spreadsheet computes `text`, or whether it has guards before such a text, which one more keeps.
+/// Returns true if `text` begins like a formula, after any number of guards. It is written with one guard more, which
+/// is left out when it is read.
 fn is_formula(text: &str) -> bool {
     text.trim_start_matches(GUARD).starts_with(['=', '+', '-', '@'])
 }
