@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::abx::{Trial, trials};
-use super::excerpts::{Excerpt, Heard, SHORTEST_EXCERPT_S, Sounds, WINDOWS, able, excerpts, samples};
+use super::excerpts::{Excerpt, SHORTEST_EXCERPT_S, Sounds, TrialExcerpts, WINDOWS, able, excerpts, samples};
 use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
@@ -300,10 +300,10 @@ impl Planner<'_> {
             Design::Abx | Design::Staircase => options.trials * options.pairs.len(),
         };
         let takes = most.div_ceil(self.order.len().max(1));
-        let mut heard: Vec<Vec<Heard>> = Vec::new();
+        let mut heard: Vec<Vec<TrialExcerpts>> = Vec::new();
         for surface in self.order.iter().take(most) {
             let read = surface.iter().take(takes).map(|n| self.heard(*n));
-            let own: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
+            let own: Vec<TrialExcerpts> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
             if own.is_empty() {
                 self.too_short.push(self.surface(surface[0]));
             } else {
@@ -320,7 +320,7 @@ impl Planner<'_> {
         }
         let left_out = others.into_iter().map(Pair::name).collect();
         for pair in &pairs {
-            let is_missing = |takes: &&Vec<Heard>| !takes.iter().any(|take| take.has(pair.kinds()));
+            let is_missing = |takes: &&Vec<TrialExcerpts>| !takes.iter().any(|take| take.has(pair.kinds()));
             let missing = heard.iter().filter(is_missing);
             let names: Vec<String> = missing.map(|takes| takes[0].surface.clone()).collect();
             self.without.extend((!names.is_empty()).then(|| (pair.name(), names)));
@@ -398,7 +398,7 @@ impl Planner<'_> {
     }
 
     /// The excerpts of a trial of the set; `None` if it is too short. A silent signal has no excerpts.
-    fn heard(&self, index: usize) -> Result<Option<Heard>> {
+    fn heard(&self, index: usize) -> Result<Option<TrialExcerpts>> {
         let (library, evaluation) = &self.fitted;
         let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;
         let Some(samples) = samples(&comparison.judged, self.options.excerpt_s) else {
@@ -423,7 +423,7 @@ impl Planner<'_> {
                 fitted.clone_from(&gaussian);
             }
         }
-        Ok(Some(Heard {
+        Ok(Some(TrialExcerpts {
             surface: self.surface(index),
             recording: excerpts(&slices(&comparison.judged), samples),
             gaussian,

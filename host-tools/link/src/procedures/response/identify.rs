@@ -4,10 +4,10 @@ use model_format::link::{MAX_PROBE_M_S2, ProbeThrough, Setting, Settings};
 use serde::Serialize;
 use stylus_app::safety::Config;
 
-use super::bench::{Bench, Played, Probe, usable};
+use super::bench::{Played, Probe, ProbedStylus, usable};
 use super::{Fault, Result, Verdict};
 use crate::dsp::equaliser::CALIBRATION_GAIN_DB;
-use crate::dsp::response::{Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
+use crate::dsp::response::{Bandwidths, Fit, Line, MeasuredResponse, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
 use crate::link::capture::Calibration;
 
 /// Band that has to be flat, Hz.
@@ -120,7 +120,7 @@ pub struct Identified {
     /// The levels.
     pub levels: [Level; 3],
     /// Response at the middle level.
-    pub measured: Measured,
+    pub measured: MeasuredResponse,
     /// The model that was fitted to the response.
     pub fit: Fit,
 }
@@ -175,7 +175,7 @@ impl Bounds {
 }
 
 /// The findings at a level, with the response and the model that was fitted to it.
-type Found = (Level, Measured, Option<Fit>);
+type Found = (Level, MeasuredResponse, Option<Fit>);
 
 /// The excitation on a bench.
 struct Probing<'a, B> {
@@ -186,9 +186,9 @@ struct Probing<'a, B> {
     heard: &'a mut dyn FnMut(&str),
 }
 
-impl<B: Bench> Probing<'_, B> {
+impl<B: ProbedStylus> Probing<'_, B> {
     /// Plays `periods` with a peak of `volts`. The measurement is `None` if nothing moves.
-    fn play(&mut self, volts: f64, periods: usize) -> Result<(Played, Option<Measured>)> {
+    fn play(&mut self, volts: f64, periods: usize) -> Result<(Played, Option<MeasuredResponse>)> {
         (self.heard)(&format!("{:.1} mV of peak", 1e3 * volts));
         let probe = Probe {
             codes: &self.wave.codes(),
@@ -198,7 +198,7 @@ impl<B: Bench> Probing<'_, B> {
         };
         let played = usable(self.bench.play(&probe)?, volts)?;
         let spectra = Spectra::of(&played.axes);
-        let measured = Measured::of(&spectra, &self.wave, volts, self.bandwidths);
+        let measured = MeasuredResponse::of(&spectra, &self.wave, volts, self.bandwidths);
         Ok((played, measured.filter(|measured| measured.over_noise > MOVES)))
     }
 
@@ -240,7 +240,7 @@ impl<B: Bench> Probing<'_, B> {
 }
 
 /// Identifies an actuator, and reports each step to `heard`.
-pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut(&str)) -> Result<Identified> {
+pub fn identify(bench: &mut impl ProbedStylus, options: &Options, heard: &mut dyn FnMut(&str)) -> Result<Identified> {
     let bounds = Bounds::of(bench.settings());
     heard("at rest");
     let rest_m_s2 = rest(bench, &bounds)?;
@@ -298,7 +298,7 @@ fn swing(axis: &[f64]) -> f64 {
 }
 
 /// Noise of each axis while the output is driven and silent, m/s² RMS.
-fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
+fn rest(bench: &mut impl ProbedStylus, bounds: &Bounds) -> Result<[f64; 3]> {
     let probe = Probe {
         codes: &[0; PERIOD],
         // All samples are 0, so the peak plays no role. The device refuses a peak of 0.
@@ -337,7 +337,7 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     Ok(deviations)
 }
 
-fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> Level {
+fn level(volts: f64, measured: &MeasuredResponse, fit: Option<&Fit>, periods: usize) -> Level {
     let within = |line: &&Line| (100.0..BAND_HZ[1]).contains(&line.hz);
     let lines: Vec<&Line> = measured.lines.iter().filter(within).collect();
     let is_clear = lines.iter().filter(|line| line.is_trusted()).count() as f64 > TRUSTED * lines.len() as f64;
@@ -355,7 +355,7 @@ fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> 
 }
 
 /// Fraction of the lines in the band that can be trusted.
-pub(super) fn trusted(measured: &Measured) -> f64 {
+pub(super) fn trusted(measured: &MeasuredResponse) -> f64 {
     let within = |line: &&Line| (BAND_HZ[0]..=BAND_HZ[1]).contains(&line.hz);
     let (all, trusted) = measured
         .lines

@@ -104,7 +104,7 @@ impl PlantBench {
     }
 }
 
-impl Bench for PlantBench {
+impl ProbedStylus for PlantBench {
     fn settings(&self) -> &Settings {
         &self.settings
     }
