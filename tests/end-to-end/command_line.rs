@@ -13,7 +13,7 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
     let said = bench.succeed("fit set --out textures.lib");
     holds(&said, &["8 trials -> textures.lib"]);
     holds(&bench.succeed("inspect textures.lib"), &["silk", "2 x 2"]);
-    let judged = bench.succeed("evaluate set --library textures.lib --json figures.json --report report --synthesis 2");
+    let judged = bench.succeed("evaluate set --library textures.lib --json-out figures.json --report report --synthesis 2");
     holds(&judged, &["felt", "report/index.html"]);
     let figures = bench.report("figures.json");
     assert_eq!(figures["trials"].as_array().unwrap().len(), 8);

@@ -47,7 +47,7 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     let bench = simulated();
     let said = bench.succeed(
         "evaluate set --library a.lib --takes set --leave-one-out --order 30 --synthesis 2 --report folder \
-         --json numbers.json",
+         --json-out numbers.json",
     );
     holds(&said, &["folder/index.html", "SIMULATED"]);
     let page = text(&bench.read("folder/index.html"));

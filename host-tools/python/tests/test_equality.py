@@ -88,7 +88,7 @@ def test_a_motion_of_arrays_is_that_of_its_table(command, fitted, folder):
 
 
 def test_an_evaluation_has_the_commands_figures(command, fitted, folder):
-    command.succeed("evaluate", folder, "--library", "a.lib", "--json", "figures.json")
+    command.succeed("evaluate", folder, "--library", "a.lib", "--json-out", "figures.json")
     expected = json.loads((folder / "figures.json").read_text())
     found = sh.evaluate(folder, fitted)
     assert found.as_dict() == expected

@@ -318,7 +318,7 @@ class Evaluation:
         return np.array(self.figures["bands_hz"], dtype=float)
 
     def as_dict(self) -> dict[str, Any]:
-        """All figures as plain objects: those of `stylus evaluate --json`."""
+        """All figures as plain objects: those of `stylus evaluate --json-out`."""
         return self.figures
 
     def to_dataframe(self) -> Any:
