@@ -133,8 +133,8 @@ impl Plan {
             ": blocks are fitted to half of each recording, and --takes plays the library as it is"
         };
         let is_staircase = matches!(self.task, Task::Staircase(_));
-        let same = "plays Gaussian noise alone, so that 'fitted' and 'gaussian' are one sound, which recording-gaussian \
-                    compares";
+        let same = "plays Gaussian noise alone, so that 'fitted' and 'gaussian' are one sound, which \
+                    recording-gaussian compares";
         let left_out = self.left_out.iter().map(|name| {
             let reason = if is_staircase {
                 "no texture that is heard has it".to_owned()
