@@ -480,7 +480,7 @@ fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid
     let speeds = content["textures"][0]["speeds_mm_s"].as_array();
     assert_eq!(speeds, json("[50.0, 100.0, 150.0, 200.0]").as_array());
     // The evaluation must recognise the trials as those of the fit.
-    bench.succeed("evaluate set --library b.lib --synthesis 2 --json b.json");
+    bench.succeed("evaluate set --library b.lib --synthesis 2 --json-out b.json");
     let judged = bench.report("b.json");
     for trial in judged["trials"].as_array().expect("trials") {
         assert!(speeds.expect("speeds").contains(&trial["speed_mm_s"]), "{trial}");

@@ -49,13 +49,12 @@ fn help(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("help is text")
 }
 
-/// The names in the list of commands in `help`.
+/// The names in the lists of commands in `help`.
 pub fn commands(help: &str) -> Vec<String> {
-    let list = help.split_once("Commands:\n").map_or("", |(_, list)| list);
-    let names = list
-        .lines()
-        .take_while(|line| line.starts_with("  "))
-        .filter_map(|line| line.split_whitespace().next());
+    let lists = help.split("\nOptions:").next().unwrap_or_default();
+    let lines = lists.lines().filter_map(|line| line.strip_prefix("  "));
+    let names = lines.filter(|line| line.starts_with(|c: char| c.is_ascii_lowercase()));
+    let names = names.filter_map(|line| line.split_whitespace().next());
     names.filter(|&name| name != "help").map(str::to_owned).collect()
 }
 

@@ -40,7 +40,7 @@ struct Arguments {
     minutes: f64,
     /// Write the report to this file, as JSON
     #[arg(long)]
-    json: Option<PathBuf>,
+    json_out: Option<PathBuf>,
     /// Upload and activate this library at the end, because the tests overwrite both slots
     #[arg(long)]
     library: Option<PathBuf>,
@@ -108,7 +108,7 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     }
     let restored = run(&mut bench, arguments.library.clone());
     println!("{}", bench.report.summary());
-    if let Some(path) = &arguments.json {
+    if let Some(path) = &arguments.json_out {
         write_json(&bench, path)?;
     }
     restored?;

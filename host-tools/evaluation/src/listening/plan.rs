@@ -132,19 +132,20 @@ impl Plan {
         } else {
             ": blocks are fitted to half of each recording, and --takes plays the library as it is"
         };
-        let reason = match self.task {
-            Task::Staircase(_) => "has it",
-            Task::Abx { .. } | Task::Similarity(_) => "plays anything but Gaussian noise",
-        };
-        let left_out = self
-            .left_out
-            .iter()
-            .map(|name| format!("{name}: left out, because no texture that is heard {reason}{remedy}"));
+        let is_staircase = matches!(self.task, Task::Staircase(_));
+        let same = "plays Gaussian noise alone, so that 'fitted' and 'gaussian' are one sound, which \
+                    recording-gaussian compares";
+        let left_out = self.left_out.iter().map(|name| {
+            let reason = if is_staircase {
+                "no texture that is heard has it".to_owned()
+            } else {
+                format!("every texture that is heard {same}")
+            };
+            format!("{name}: left out, because {reason}{remedy}")
+        });
         let without = self.without.iter().map(|(name, surfaces)| {
-            format!(
-                "{name}: without surfaces that are silent or play only Gaussian noise ({}){remedy}",
-                listed("", surfaces)
-            )
+            let surfaces = listed("", surfaces);
+            format!("{name}: not asked of {surfaces}: each is silent, or {same}{remedy}")
         });
         let mut notes: Vec<String> = left_out.chain(without).collect();
         if !self.too_short.is_empty() {

@@ -181,8 +181,8 @@ class RubbingProcessor extends AudioWorkletProcessor {
   process(_inputs, [[output]]) {
     if (this.active) this.guarded(() => this.fill(output));
     this.frames += output.length;
-    this.watchClock();
-    this.tellPage();
+    this.watchClock(output.length);
+    this.tellPage(output.length);
     return true;
   }
 
@@ -216,8 +216,8 @@ class RubbingProcessor extends AudioWorkletProcessor {
   }
 
   // Counts moments in which the audio clock lost time against the computer's.
-  watchClock() {
-    const lead = Date.now() - (1000 * (currentFrame + 128)) / sampleRate;
+  watchClock(length) {
+    const lead = Date.now() - (1000 * (currentFrame + length)) / sampleRate;
     if (this.lead === null || lead < this.lead) {
       this.lead = lead;
     } else if (lead - this.lead > GAP_MS) {
@@ -225,15 +225,15 @@ class RubbingProcessor extends AudioWorkletProcessor {
       this.lead = lead;
     } else {
       // The clocks' rates differ by some 10⁻⁵.
-      this.lead += 0.0003;
+      this.lead += (0.1 * length) / sampleRate;
     }
   }
 
-  tellPage() {
+  tellPage(length) {
     const { report } = this;
-    report.due += 128 * REPORTS_PER_S;
+    report.due += length * REPORTS_PER_S;
     if (report.due < sampleRate) return;
-    report.due -= sampleRate;
+    report.due %= sampleRate;
     const voice = this.active?.voice;
     this.port.postMessage({
       type: "played",

@@ -132,14 +132,25 @@ pub(super) struct Bounds {
     volts_per_sample: f64,
     pub(super) output_gain: f64,
     pub(super) range_m_s2: f64,
+    /// Axes that are wired: those whose scale is not the least that the setting may have.
+    wired: [bool; 3],
 }
+
+/// Scales of the accelerometer's axes.
+const SCALES: [Setting; 3] = [
+    Setting::AccelerationPerVoltX,
+    Setting::AccelerationPerVoltY,
+    Setting::AccelerationPerVoltZ,
+];
 
 impl Bounds {
     pub(super) fn of(settings: &Settings) -> Self {
         let limits = Config::new(settings, 1.0).output_limits(settings);
         let gain = f64::from(settings.get(Setting::OutputGain));
         let scales = Calibration::new(settings, None).m_s2_per_code;
-        let narrowest = scales.iter().map(|scale| scale.abs()).fold(f64::INFINITY, f64::min);
+        let wired = SCALES.map(|scale| settings.get(scale).abs() > scale.spec().least_magnitude);
+        let own = scales.iter().zip(wired).filter(|(_, is_wired)| *is_wired);
+        let narrowest = own.map(|(scale, _)| scale.abs()).fold(f64::INFINITY, f64::min);
         Self {
             peak_volts: (SHARE_OF_PEAK * f64::from(limits.peak_volt))
                 // The device refuses a probe above this peak.
@@ -150,6 +161,7 @@ impl Bounds {
             volts_per_sample: f64::from(settings.get(Setting::SlewLimit)) * 0.2 / 1.5,
             output_gain: gain,
             range_m_s2: SHARE_OF_RANGE * narrowest * 32_768.0,
+            wired,
         }
     }
 
@@ -313,8 +325,9 @@ fn rest(bench: &mut impl ProbedStylus, bounds: &Bounds) -> Result<[f64; 3]> {
         // A line of amplitude a has the power a²/2. Bin 0 is the mean, which may drift.
         [0, 1, 2].map(|axis| (0.5 * spectra.variance[axis][1..].iter().sum::<f64>()).sqrt());
     let largest = deviations.into_iter().fold(0.0, f64::max);
-    for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
-        if deviation <= LEAST_NOISE * largest {
+    let axes = ['X', 'Y', 'Z'].into_iter().zip(deviations).zip(bounds.wired);
+    for ((axis, deviation), is_wired) in axes {
+        if is_wired && deviation <= LEAST_NOISE * largest {
             return Err(Verdict::DeadAxis.failure(format!("axis {axis} shows nothing, not even noise")));
         }
     }

@@ -211,6 +211,19 @@ fn sound_plants_pass_and_their_tips_do_what_was_asked() {
 }
 
 #[test]
+fn an_axis_with_the_least_scale_is_not_wired_and_the_others_are_calibrated_as_ever() {
+    let parameters = plant(1, [Axis::Y, Axis::Z].map(|axis| Broken::DeadAxis { axis }).to_vec());
+    let mut bench = PlantBench::new(&parameters, 1);
+    for setting in [Setting::AccelerationPerVoltY, Setting::AccelerationPerVoltZ] {
+        let value = setting.spec().least_magnitude;
+        bench.settings = bench.settings.with(SettingChange { setting, value }).unwrap();
+    }
+    let done = calibrate(&mut bench, &options(), 0, &mut |_| ()).unwrap();
+    let [rms, worst, _] = deviation(&parameters, &done.response);
+    assert!(rms < 1.0 && worst < 2.0, "{rms} {worst}");
+}
+
+#[test]
 fn each_fault_ends_in_its_own_verdict() {
     let loose = Broken::LooseMount {
         gap_m: 1e-4,
