@@ -7,11 +7,11 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 
 use host_tools::evaluation::evaluate::texture_named;
 use host_tools::scene::scene_named;
-use numpy::{PyArray1, PyReadwriteArrayDyn, PyUntypedArrayMethods};
-use pyo3::exceptions::PyTypeError;
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use stylus_player::{BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, latency_s};
 
+use crate::convert::filled;
 use crate::error::{raised, refused};
 use crate::library::Library;
 use crate::playing::LibraryLike;
@@ -29,18 +29,11 @@ const MOST_SAMPLES: usize = 192_000;
 #[pyclass(frozen, module = "stylus_haptics")]
 pub struct Player {
     mover: Mover,
-    filling: Mutex<Filling>,
+    filler: Mutex<Filler>,
     output_rate_hz: u32,
     /// The library that `choose` plays from if it is given no other, and the sample rate of what was chosen last, Hz;
     /// 5000 before the first choice.
     chosen: Mutex<(Py<Library>, SharedLibrary, u32)>,
-}
-
-/// The side of a player that fills buffers.
-struct Filling {
-    filler: Filler,
-    /// Samples for arrays whose samples are not side by side.
-    buffer: Vec<f32>,
 }
 
 /// Locks a mutex, even one whose holder has panicked: a panic leaves the locked value as it was.
@@ -86,10 +79,10 @@ fn found(library: &Library, texture: Option<&str>, scene: Option<&str>) -> PyRes
 
 impl Player {
     /// Locks the player's only filling side.
-    fn filling(&self) -> PyResult<MutexGuard<'_, Filling>> {
+    fn filling(&self) -> PyResult<MutexGuard<'_, Filler>> {
         // It does not wait: two threads in turn would each have only parts of the sound.
-        match self.filling.try_lock() {
-            Ok(filling) => Ok(filling),
+        match self.filler.try_lock() {
+            Ok(filler) => Ok(filler),
             // A filler is of no use after a panic, which left it amid a sample.
             Err(TryLockError::Poisoned(_)) => Err(refused("the player has failed before: make another one")),
             Err(TryLockError::WouldBlock) => Err(refused(
@@ -114,10 +107,9 @@ impl Player {
         let library = library.library(py)?;
         let decoded = shared(library.get())?;
         let (mover, filler) = stylus_player::player(output_rate_hz).map_err(fault)?;
-        let buffer = Vec::new();
         let player = Self {
             mover,
-            filling: Mutex::new(Filling { filler, buffer }),
+            filler: Mutex::new(filler),
             output_rate_hz,
             chosen: Mutex::new((library, decoded, model_format::SAMPLE_RATE_HZ)),
         };
@@ -202,31 +194,9 @@ impl Player {
 
     /// Plays the next samples into `out`, a writable array of float32 of the shape (N,) or (N, 1), such as one channel
     /// of a sound card's buffer. Without the interpreter's lock, from one thread at a time.
-    fn fill(&self, py: Python<'_>, out: &Bound<'_, PyAny>) -> PyResult<()> {
-        let mut out: PyReadwriteArrayDyn<'_, f32> = out.extract().map_err(|_| {
-            PyTypeError::new_err(
-                "fill takes a writable array of float32 that nothing else uses: numpy.empty(n, 'float32')",
-            )
-        })?;
-        if !matches!(out.shape(), [_] | [_, 1]) {
-            let shape = out.shape().to_vec();
-            return Err(refused(format!(
-                "out has the shape {shape:?}: give (N,), such as out[:, 0] for the first channel"
-            )));
-        }
-        let mut filling = self.filling()?;
-        let Filling { filler, buffer } = &mut *filling;
-        if let Ok(samples) = out.as_slice_mut() {
-            py.detach(|| filler.fill(samples));
-        } else {
-            // The player fills samples side by side, and those of one channel of several are not.
-            buffer.resize(out.len(), 0.0);
-            py.detach(|| filler.fill(buffer));
-            for (sample, played) in out.as_array_mut().iter_mut().zip(buffer) {
-                *sample = *played;
-            }
-        }
-        Ok(())
+    fn fill(&self, out: &Bound<'_, PyAny>) -> PyResult<()> {
+        let filler = &mut *self.filling()?;
+        filled(out, |samples| filler.fill(samples))
     }
 
     /// Blocks of `samples` samples without an end, each an array of its own: `for block in player.blocks(480)`.
@@ -278,8 +248,7 @@ impl Blocks {
 
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let mut block = vec![0.0; self.samples];
-        let mut filling = self.player.get().filling()?;
-        let filler = &mut filling.filler;
+        let filler = &mut *self.player.get().filling()?;
         py.detach(|| filler.fill(&mut block));
         Ok(PyArray1::from_vec(py, block))
     }
