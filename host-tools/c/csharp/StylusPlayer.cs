@@ -109,15 +109,15 @@ namespace Stylus
         }
 
         /// <summary>Plays the next samples into a part of an array. For the audio thread: it throws only for a part
-        /// that is not there, allocates nothing, and returns whether it played; else the part is silent.</summary>
+        /// that is not there, allocates nothing, and returns whether it played; else the part is silent, such as after
+        /// Dispose.</summary>
         public bool Fill(float[] samples, int offset, int count)
         {
             if (samples == null) throw new ArgumentNullException(nameof(samples));
             if (offset < 0 || count < 0 || offset > samples.Length - count)
                 throw new ArgumentOutOfRangeException(nameof(count));
             if (count == 0) return true;
-            // The first sample stays where it is during the call, and with it the array.
-            if (Native.stylus_player_fill(handle, ref samples[offset], (UIntPtr)count) == 0) return true;
+            if (Play(ref samples[offset], count)) return true;
             Array.Clear(samples, offset, count);
             return false;
         }
@@ -126,9 +126,7 @@ namespace Stylus
         /// <summary>The same into a span.</summary>
         public bool Fill(Span<float> samples)
         {
-            if (samples.IsEmpty) return true;
-            UIntPtr count = (UIntPtr)samples.Length;
-            if (Native.stylus_player_fill(handle, ref MemoryMarshal.GetReference(samples), count) == 0) return true;
+            if (samples.IsEmpty || Play(ref MemoryMarshal.GetReference(samples), samples.Length)) return true;
             samples.Clear();
             return false;
         }
@@ -142,6 +140,21 @@ namespace Stylus
         }
 
         public void Dispose() { handle.Dispose(); }
+
+        // The first sample stays where it is during the call, and with it all of them.
+        bool Play(ref float first, int count)
+        {
+            if (handle.IsClosed) return false;
+            try
+            {
+                return Native.stylus_player_fill(handle, ref first, (UIntPtr)count) == 0;
+            }
+            catch (ObjectDisposedException)
+            {
+                // Another thread has disposed of the player since the line above.
+                return false;
+            }
+        }
 
         void Choose(Library library, uint kind, UIntPtr index, ulong seed)
         {

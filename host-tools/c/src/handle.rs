@@ -58,8 +58,10 @@ impl Player {
 }
 
 /// Thing of which another language holds the address.
+#[repr(C)]
 pub struct Handle<T> {
-    /// Mark of an open handle of this kind. A closed one loses it, so that most mistakes are told.
+    /// Mark of an open handle of this kind. A closed one loses it, so that most mistakes are told. It comes first, so
+    /// that it is found in a handle of any kind, however small.
     mark: AtomicU64,
     it: T,
 }
@@ -90,15 +92,17 @@ impl<T: Marked> Handle<T> {
     /// Content of the handle at `address`.
     ///
     /// # Safety
-    /// `address` is NULL, or memory that can be read as a handle, which nobody closes while the result is used.
+    /// `address` is NULL, or memory of which 8 bytes can be read, and of an open handle all; which nobody closes while the result is used.
     pub unsafe fn of<'a>(address: *const Self) -> Result<&'a T, Failure> {
         check(address)?;
-        // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be read.
-        let handle = unsafe { &*address };
-        if handle.mark.load(Ordering::Acquire) != T::MARK {
+        // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be read. Nothing after the mark is
+        // touched: the handle may be of a smaller kind.
+        let mark = unsafe { &(*address).mark };
+        if mark.load(Ordering::Acquire) != T::MARK {
             return Err(Status::STYLUS_HANDLE.into());
         }
-        Ok(&handle.it)
+        // SAFETY: its mark says that `open` made it, of this kind.
+        Ok(unsafe { &(*address).it })
     }
 
     /// Closes the handle at `address`; NULL is none.
