@@ -13,6 +13,7 @@ static class Closed
             {
                 var player = new Player(48000);
                 player.Choose(library, library.Textures[0]);
+                player.SetCoil(8, 0.01f, 0.1f);
                 Exception thrown = null;
                 bool begun = false;
                 var samples = new float[64];

@@ -64,13 +64,17 @@ namespace Stylus
     {
         readonly PlayerHandle handle;
 
-        /// <summary>A player of 5000 or 10000 Hz, or a multiple of 25 Hz from 8000 to 192000 Hz.</summary>
-        public Player(int outputRateHz)
+        /// <summary>A player of 5000 or 10000 Hz, or a multiple of 25 Hz from 8000 to 192000 Hz. asRendered leaves the
+        /// DC blocker out, for the bits of `stylus render`.</summary>
+        public Player(int outputRateHz, bool asRendered = false)
         {
             if (Native.stylus_player_abi() != Native.Abi)
                 throw new InvalidOperationException("the library is of another version than StylusPlayer.cs");
             OutputRateHz = outputRateHz;
-            Native.Check(Native.stylus_player_open((uint)outputRateHz, out handle));
+            uint rateHz = (uint)outputRateHz;
+            Native.Check(asRendered
+                ? Native.stylus_player_open_as_rendered(rateHz, out handle)
+                : Native.stylus_player_open(rateHz, out handle));
         }
 
         public int OutputRateHz { get; }
@@ -106,6 +110,13 @@ namespace Stylus
         public void SetGain(float gain, float limit)
         {
             Native.Check(Native.stylus_player_set_gain(handle, gain, limit));
+        }
+
+        /// <summary>Protects a coil: its resistance, the volts for each m/s², its lasting power. The output is then the
+        /// coil's voltage, whose size, slew and power are limited for good.</summary>
+        public void SetCoil(float ohms, float voltsPerMS2, float watts)
+        {
+            Native.Check(Native.stylus_player_set_coil(handle, ohms, voltsPerMS2, watts));
         }
 
         /// <summary>Plays the next samples into a part of an array. For the audio thread: it throws only for a part
@@ -227,6 +238,8 @@ namespace Stylus
         internal static extern int stylus_library_find(
             LibraryHandle library, uint kind, byte[] name, out UIntPtr index);
         [DllImport(Name)] internal static extern int stylus_player_open(uint outputRateHz, out PlayerHandle player);
+        [DllImport(Name)]
+        internal static extern int stylus_player_open_as_rendered(uint outputRateHz, out PlayerHandle player);
         [DllImport(Name)] internal static extern int stylus_player_close(IntPtr player);
         [DllImport(Name)]
         internal static extern int stylus_player_choose(
@@ -239,6 +252,9 @@ namespace Stylus
             PlayerHandle player, double timeS, double positionMm, double forceN);
         [DllImport(Name)]
         internal static extern int stylus_player_set_gain(PlayerHandle player, float gain, float limit);
+        [DllImport(Name)]
+        internal static extern int stylus_player_set_coil(
+            PlayerHandle player, float ohms, float voltsPerMS2, float watts);
         [DllImport(Name)]
         internal static extern int stylus_player_fill(PlayerHandle player, ref float first, UIntPtr length);
         [DllImport(Name)]

@@ -38,11 +38,11 @@ typedef enum stylus_status {
   STYLUS_LIBRARY = 7,
   // The library has no such texture or scene, or it cannot be played.
   STYLUS_CHOICE = 8,
-  // A speed, force, position or time is not finite.
+  // A speed, force, position or time is not finite, or no hand has it.
   STYLUS_MOTION = 9,
   // The output rate is not played.
   STYLUS_RATE = 10,
-  // The gain or the limit cannot be.
+  // The gain, the limit or the coil cannot be.
   STYLUS_GAIN = 11,
   // Another thread fills from this player at this moment.
   STYLUS_BUSY = 12,
@@ -103,6 +103,10 @@ enum stylus_status stylus_library_find(const stylus_library *library, uint32_t k
 // Rates are 5000, 10000, and multiples of 25 Hz from 8000 to 192000 Hz.
 enum stylus_status stylus_player_open(uint32_t output_rate_hz, stylus_player **player);
 
+// The same without the DC blocker: at a texture's own rate, samples are those of `stylus render`, to the bit. Not for
+// an amplifier that passes a steady voltage on.
+enum stylus_status stylus_player_open_as_rendered(uint32_t output_rate_hz, stylus_player **player);
+
 // Closes a player. No thread may fill or move any more. NULL is none.
 enum stylus_status stylus_player_close(stylus_player *player);
 
@@ -130,6 +134,15 @@ enum stylus_status stylus_player_follow(const stylus_player *player, const struc
 // Multiplies what is played, m/s2, by `gain`, and clamps it to `limit` on either side. The gain changes over 2 ms,
 // the limit at once. From any thread, without waiting.
 enum stylus_status stylus_player_set_gain(const stylus_player *player, float gain, float limit);
+
+// Protects a coil, for as long as the player lives, by its resistance, the volts for each m/s2, and its lasting power.
+// The volts become the gain, and the output is the coil's voltage. It is then at most four times that at this power,
+// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an amplifier
+// of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
+enum stylus_status stylus_player_set_coil(const stylus_player *player,
+                                          float ohms,
+                                          float volts_per_m_s2,
+                                          float watts);
 
 // Plays the next `length` samples into `samples`. Only one thread at a time may call the function: another gets
 // `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.

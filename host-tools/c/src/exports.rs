@@ -52,7 +52,7 @@ impl From<Fault> for Failure {
         match fault {
             // The moving side allocates nothing.
             Fault::Motion(_) => Status::STYLUS_MOTION.into(),
-            Fault::Gain => Status::STYLUS_GAIN.into(),
+            Fault::Gain | Fault::Coil => Status::STYLUS_GAIN.into(),
             Fault::OutputRate(_) => Self::new(Status::STYLUS_RATE, &fault),
             Fault::Choice(_) | Fault::SampleRate(_) => Self::new(Status::STYLUS_CHOICE, &fault),
         }
@@ -207,6 +207,18 @@ pub unsafe extern "C" fn stylus_player_open(output_rate_hz: u32, player: *mut *m
     })
 }
 
+/// The same without the DC blocker: at a texture's own rate, samples are those of `stylus render`, to the bit. Not for
+/// an amplifier that passes a steady voltage on.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_open_as_rendered(output_rate_hz: u32, player: *mut *mut PlayerHandle) -> Status {
+    guarded(|| {
+        check(player)?;
+        let (mover, filler) = stylus_player::player_as_rendered(output_rate_hz)?;
+        // SAFETY: the caller says what the addresses are.
+        unsafe { put(player, Handle::open(Player::new(mover, filler))) }
+    })
+}
+
 /// Closes a player. No thread may fill or move any more. NULL is none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_close(player: *mut PlayerHandle) -> Status {
@@ -307,6 +319,24 @@ pub unsafe extern "C" fn stylus_player_set_gain(player: *const PlayerHandle, gai
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
         Ok(unsafe { Handle::of(player) }?.mover.set_gain(gain, limit)?)
+    })
+}
+
+/// Protects a coil, for as long as the player lives, by its resistance, the volts for each m/s2, and its lasting power.
+/// The volts become the gain, and the output is the coil's voltage. It is then at most four times that at this power,
+/// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an amplifier
+/// of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_set_coil(
+    player: *const PlayerHandle,
+    ohms: f32,
+    volts_per_m_s2: f32,
+    watts: f32,
+) -> Status {
+    guarded(|| {
+        // SAFETY: the caller says what the addresses are.
+        let player = unsafe { Handle::of(player) }?;
+        Ok(player.mover.set_coil(ohms, volts_per_m_s2, watts)?)
     })
 }
 

@@ -28,11 +28,11 @@ pub enum Status {
     STYLUS_LIBRARY = 7,
     /// The library has no such texture or scene, or it cannot be played.
     STYLUS_CHOICE = 8,
-    /// A speed, force, position or time is not finite.
+    /// A speed, force, position or time is not finite, or no hand has it.
     STYLUS_MOTION = 9,
     /// The output rate is not played.
     STYLUS_RATE = 10,
-    /// The gain or the limit cannot be.
+    /// The gain, the limit or the coil cannot be.
     STYLUS_GAIN = 11,
     /// Another thread fills from this player at this moment.
     STYLUS_BUSY = 12,
@@ -51,9 +51,9 @@ static TEXTS: [&CStr; 14] = [
     c"the file cannot be read",
     c"this is no library that can be played",
     c"the library has no such texture or scene, or it cannot be played",
-    c"a speed, force, position or time is not finite",
+    c"a speed, force, position or time is not finite, or no hand has it: give mm/s, N, mm and s",
     c"the output rate is not played: give 5000, 10000, or a multiple of 25 Hz from 8000 to 192000 Hz",
-    c"give a finite gain and a limit that is not negative",
+    c"give a finite gain, a limit that is not negative, and ohms and watts above zero",
     c"another thread fills from this player: fill from one at a time",
     c"a fault of the library itself: close the handle, and report it",
 ];

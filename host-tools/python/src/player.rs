@@ -9,7 +9,9 @@ use host_tools::evaluation::evaluate::texture_named;
 use host_tools::scene::scene_named;
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use stylus_player::{BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, latency_s};
+use stylus_player::{
+    BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, latency_s, player, player_as_rendered,
+};
 
 use crate::convert::filled;
 use crate::error::{raised, refused};
@@ -23,7 +25,8 @@ const MOST_SAMPLES: usize = 192_000;
 ///
 /// `library` is a `Library`, a `Fit`, or a path; `texture` or `scene` is the name of what plays first, or neither.
 /// `output_rate_hz` is 5000, 10000, or a multiple of 25 from 8000 to 192000. The same `seed` gives the same samples. At
-/// a texture's own rate they are those of `render` along the same motion, to the bit.
+/// a texture's own rate they are those of `render` along the same motion, to the bit, if `as_rendered` leaves the DC
+/// blocker out: not for an amplifier that passes a steady voltage on.
 ///
 /// `render` is no player: called per block it begins anew each time, which buzzes at the rate of the blocks.
 #[pyclass(frozen, module = "stylus_haptics")]
@@ -95,7 +98,9 @@ impl Player {
 #[pymethods]
 impl Player {
     #[new]
-    #[pyo3(signature = (library, texture = None, *, scene = None, output_rate_hz = 48_000, seed = 1))]
+    #[pyo3(signature = (
+        library, texture = None, *, scene = None, output_rate_hz = 48_000, seed = 1, as_rendered = false
+    ))]
     fn new(
         py: Python<'_>,
         library: LibraryLike<'_>,
@@ -103,10 +108,12 @@ impl Player {
         scene: Option<&str>,
         output_rate_hz: u32,
         seed: u64,
+        as_rendered: bool,
     ) -> PyResult<Self> {
         let library = library.library(py)?;
         let decoded = shared(library.get())?;
-        let (mover, filler) = stylus_player::player(output_rate_hz).map_err(fault)?;
+        let open = if as_rendered { player_as_rendered } else { player };
+        let (mover, filler) = open(output_rate_hz).map_err(fault)?;
         let player = Self {
             mover,
             filler: Mutex::new(filler),
@@ -190,6 +197,14 @@ impl Player {
     #[pyo3(signature = (gain, limit = f32::INFINITY))]
     fn set_gain(&self, gain: f32, limit: f32) -> PyResult<()> {
         self.mover.set_gain(gain, limit).map_err(fault)
+    }
+
+    /// Protects a coil of `ohms` that needs `volts_per_m_s2` and bears `watts`, for as long as the player lives. The
+    /// output is then the coil's voltage. It is at most four times that at this power, reaches it in 0.4 ms or more,
+    /// and is attenuated before its mean power over 10 s exceeds the limit. Behind an amplifier of gain a, give
+    /// `ohms` / a² and `volts_per_m_s2` / a.
+    fn set_coil(&self, ohms: f32, volts_per_m_s2: f32, watts: f32) -> PyResult<()> {
+        self.mover.set_coil(ohms, volts_per_m_s2, watts).map_err(fault)
     }
 
     /// Plays the next samples into `out`, a writable array of float32 of the shape (N,) or (N, 1), such as one channel

@@ -39,6 +39,7 @@ int main(int count, char **arguments)
     for (int time = 0; time < 3; time++) {
         EXPECT(STYLUS_OK, stylus_player_choose(player, library, STYLUS_TEXTURE, 0, 1));
         EXPECT(STYLUS_OK, stylus_player_set_gain(player, 0.1f, 1.0f));
+        EXPECT(STYLUS_OK, stylus_player_set_coil(player, 8.0f, 0.01f, 0.1f));
         EXPECT(STYLUS_OK, stylus_player_move(player, 120, 0.8));
         EXPECT(STYLUS_OK, stylus_player_fill(player, samples, FRAMES));
         EXPECT(STYLUS_OK, stylus_player_reach(player, 0.1 * time, time, 0.8));
@@ -57,6 +58,7 @@ int main(int count, char **arguments)
         EXPECT(STYLUS_HANDLE, stylus_player_follow(wrong[index], &motion));
         EXPECT(STYLUS_HANDLE, stylus_player_stop(wrong[index]));
         EXPECT(STYLUS_HANDLE, stylus_player_set_gain(wrong[index], 1, 1));
+        EXPECT(STYLUS_HANDLE, stylus_player_set_coil(wrong[index], 1, 1, 1));
         EXPECT(STYLUS_HANDLE, stylus_player_choose(wrong[index], library, STYLUS_TEXTURE, 0, 1));
         EXPECT(STYLUS_HANDLE, stylus_player_close(wrong[index]));
     }
