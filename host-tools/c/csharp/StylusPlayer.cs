@@ -220,8 +220,7 @@ namespace Stylus
             Marshal.Copy(address, said, 0, length);
             string text = Encoding.UTF8.GetString(said);
             var more = new byte[512];
-            // Of a file, a library or a choice there is more to say.
-            bool hasMore = status >= 6 && status <= 8 && stylus_last_text(more, (UIntPtr)more.Length) == 0;
+            bool hasMore = stylus_last_text(more, (UIntPtr)more.Length) == 0 && more[0] != 0;
             return hasMore ? text + ": " + FromUtf8(more) : text;
         }
 

@@ -20,7 +20,7 @@ static void check(stylus_status status)
     char text[256];
     if (status == STYLUS_OK)
         return;
-    if (stylus_last_text(text, sizeof text) != STYLUS_OK || text[0] == 0)
+    if (stylus_last_text(text, sizeof text) != STYLUS_OK)
         text[0] = 0;
     fprintf(stderr, "%s. %s\n", stylus_status_text(status), text);
     exit(1);

@@ -107,7 +107,8 @@ enum stylus_status stylus_player_open(uint32_t output_rate_hz, stylus_player **p
 // an amplifier that passes a steady voltage on.
 enum stylus_status stylus_player_open_as_rendered(uint32_t output_rate_hz, stylus_player **player);
 
-// Closes a player. No thread may fill or move any more. NULL is none.
+// Closes a player. No thread may move any more, or begin to fill; while one fills, `STYLUS_BUSY` is returned and the
+// player stays open. NULL is none.
 enum stylus_status stylus_player_close(stylus_player *player);
 
 // Plays a texture or scene with the noise of `seed`, as soon as what sounds has faded. From any thread; it allocates.
@@ -137,8 +138,8 @@ enum stylus_status stylus_player_set_gain(const stylus_player *player, float gai
 
 // Protects a coil, for as long as the player lives, by its resistance, the volts for each m/s2, and its lasting power.
 // The volts become the gain, and the output is the coil's voltage. It is then at most four times that at this power,
-// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an amplifier
-// of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
+// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an
+// amplifier of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
 enum stylus_status stylus_player_set_coil(const stylus_player *player,
                                           float ohms,
                                           float volts_per_m_s2,
@@ -152,8 +153,8 @@ enum stylus_status stylus_player_fill(const stylus_player *player, float *sample
 // `sample_rate_hz`, 5000 or 10000.
 enum stylus_status stylus_player_latency(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *seconds);
 
-// Writes the text of this thread's last fault that had more to say than its status, with a 0 at its end, to `length`
-// bytes at `buffer`.
+// Writes the text of this thread's last failure, with a 0 at its end, to `length` bytes at `buffer`. It is empty if
+// the status of that failure says all.
 enum stylus_status stylus_last_text(char *buffer, size_t length);
 
 // Meaning of a status: a text that stays. An unknown status has one too.

@@ -26,8 +26,7 @@ private:
     {
         std::string said = stylus_status_text(status);
         char more[512];
-        const bool has_more = status == STYLUS_FILE || status == STYLUS_LIBRARY || status == STYLUS_CHOICE;
-        if (has_more && stylus_last_text(more, sizeof more) == STYLUS_OK)
+        if (stylus_last_text(more, sizeof more) == STYLUS_OK && more[0] != 0)
             said += std::string(": ") + more;
         return said;
     }

@@ -219,7 +219,8 @@ pub unsafe extern "C" fn stylus_player_open_as_rendered(output_rate_hz: u32, pla
     })
 }
 
-/// Closes a player. No thread may fill or move any more. NULL is none.
+/// Closes a player. No thread may move any more, or begin to fill; while one fills, `STYLUS_BUSY` is returned and the
+/// player stays open. NULL is none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_close(player: *mut PlayerHandle) -> Status {
     guarded(|| {
@@ -324,8 +325,8 @@ pub unsafe extern "C" fn stylus_player_set_gain(player: *const PlayerHandle, gai
 
 /// Protects a coil, for as long as the player lives, by its resistance, the volts for each m/s2, and its lasting power.
 /// The volts become the gain, and the output is the coil's voltage. It is then at most four times that at this power,
-/// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an amplifier
-/// of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
+/// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an
+/// amplifier of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_set_coil(
     player: *const PlayerHandle,
@@ -367,13 +368,15 @@ pub unsafe extern "C" fn stylus_player_latency(sample_rate_hz: u32, output_rate_
     })
 }
 
-/// Writes the text of this thread's last fault that had more to say than its status, with a 0 at its end, to `length`
-/// bytes at `buffer`.
+/// Writes the text of this thread's last failure, with a 0 at its end, to `length` bytes at `buffer`. It is empty if
+/// the status of that failure says all.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_last_text(buffer: *mut c_char, length: usize) -> Status {
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
-        last(|said| unsafe { say(said, buffer, length) })
+        let told = last(|said| unsafe { say(said, buffer, length) });
+        // A buffer that is too short leaves the text for a longer one.
+        told.map_err(|Failure(status, _)| Failure::new(status, &last(str::to_owned)))
     })
 }
 

@@ -1,6 +1,6 @@
 //! Results of calls, and the text of the last that failed.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
 use std::fmt::Display;
 
@@ -66,10 +66,12 @@ pub fn text(status: i32) -> &'static CStr {
 
 thread_local! {
     static LAST: RefCell<String> = const { RefCell::new(String::new()) };
+    /// True if the last failure had a text. It is apart, because a call that may not allocate sets it.
+    static HAS_TEXT: Cell<bool> = const { Cell::new(false) };
 }
 
 /// A call that failed. Only calls that may allocate give more than their status.
-pub struct Failure(Status, Option<String>);
+pub struct Failure(pub Status, pub Option<String>);
 
 impl Failure {
     pub fn new(status: Status, detail: &dyn Display) -> Self {
@@ -79,6 +81,7 @@ impl Failure {
     /// The status, whose detail becomes the thread's text.
     pub fn tell(self) -> Status {
         let Self(status, detail) = self;
+        HAS_TEXT.set(detail.is_some());
         if let Some(detail) = detail {
             LAST.with_borrow_mut(|last| *last = detail);
         }
@@ -92,7 +95,11 @@ impl From<Status> for Failure {
     }
 }
 
-/// Text of the thread's last fault that had one.
+/// Text of the thread's last failure; empty if its status says all.
 pub fn last<R>(look: impl FnOnce(&str) -> R) -> R {
-    LAST.with_borrow(|last| look(last))
+    if HAS_TEXT.get() {
+        LAST.with_borrow(|last| look(last))
+    } else {
+        look("")
+    }
 }

@@ -146,11 +146,24 @@ fn what_cannot_be_is_refused_by_status_and_text() {
             Status::STYLUS_MOTION
         );
         assert_eq!(stylus_player_set_gain(player.handle(), 1.0, -1.0), Status::STYLUS_GAIN);
-        assert_eq!(stylus_player_set_coil(player.handle(), 8.0, 0.01, 0.0), Status::STYLUS_GAIN);
-        assert_eq!(stylus_player_set_coil(player.handle(), 8.0, 0.01, 0.1), Status::STYLUS_OK);
+        assert_eq!(
+            stylus_player_set_coil(player.handle(), 8.0, 0.01, 0.0),
+            Status::STYLUS_GAIN
+        );
+        assert_eq!(
+            stylus_player_set_coil(player.handle(), 8.0, 0.01, 0.1),
+            Status::STYLUS_OK
+        );
+        assert_eq!(last_text(), "", "the status says all, and the older text would mislead");
+        refused(
+            stylus_player_open(1, &raw mut other),
+            Status::STYLUS_RATE,
+            "rate of 1 Hz",
+        );
         let mut short = [1 as c_char; 4];
         assert_eq!(stylus_last_text(short.as_mut_ptr(), 4), Status::STYLUS_LENGTH);
         assert_eq!(short, [1; 4]);
+        assert!(last_text().contains("rate of 1 Hz"), "there is room now");
     }
 }
 

@@ -84,7 +84,12 @@ fn no_call_in_c_touches_memory_that_is_not_its_own_whatever_it_is_given() {
     let flags = ["-std=c11", "-g", archive, "-lm", "-lpthread", "-ldl"];
     let program = compiled(("CC", "cc"), "../tests/door/mistakes.c", &flags, folder.path());
     let library = written(folder.path(), "textures.lib", digest_library());
-    let valgrind = ["--quiet", "--error-exitcode=9", "--leak-check=full", "--show-leak-kinds=definite"];
+    let valgrind = [
+        "--quiet",
+        "--error-exitcode=9",
+        "--leak-check=full",
+        "--show-leak-kinds=definite",
+    ];
     run(Command::new("valgrind").args(valgrind).arg(program).arg(library));
 }
 
