@@ -1,4 +1,5 @@
-// A player that is disposed of while another thread fills is silent from then on, and throws nothing: Closed.exe LIBRARY
+// A player that is disposed of while another thread fills is silent from then on, and throws nothing.
+// Usage: Closed.exe LIBRARY
 using System;
 using System.Threading;
 using Stylus;
@@ -14,6 +15,7 @@ static class Closed
                 var player = new Player(48000);
                 player.Choose(library, library.Textures[0]);
                 player.SetCoil(8, 0.01f, 0.1f);
+                if (player.BandHz(5000) != 2000) throw new Exception("the band is another");
                 Exception thrown = null;
                 bool begun = false;
                 var samples = new float[64];

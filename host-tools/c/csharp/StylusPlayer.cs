@@ -64,8 +64,8 @@ namespace Stylus
     {
         readonly PlayerHandle handle;
 
-        /// <summary>A player of 5000 or 10000 Hz, or a multiple of 25 Hz from 8000 to 192000 Hz. asRendered leaves the
-        /// DC blocker out, for the bits of `stylus render`.</summary>
+        /// <summary>A player at a multiple of 25 Hz from 1000 to 192000 Hz. asRendered leaves the DC blocker out, for
+        /// the bits of `stylus render`.</summary>
         public Player(int outputRateHz, bool asRendered = false)
         {
             if (Native.stylus_player_abi() != Native.Abi)
@@ -143,11 +143,19 @@ namespace Stylus
         }
 #endif
 
-        /// <summary>Longest time from a move to the middle of its change, s, of a texture at 5000 or 10000 Hz.</summary>
+        /// <summary>Time from a move to the middle of its change, s, of a texture at 5000 or 10000 Hz: at most so much
+        /// in the mean, and 1 ms more for a move just after a block began.</summary>
         public double LatencyS(int sampleRateHz)
         {
             Native.Check(Native.stylus_player_latency((uint)sampleRateHz, (uint)OutputRateHz, out double seconds));
             return seconds;
+        }
+
+        /// <summary>Band, Hz, that the output rate has left of a texture at 5000 or 10000 Hz.</summary>
+        public double BandHz(int sampleRateHz)
+        {
+            Native.Check(Native.stylus_player_band((uint)sampleRateHz, (uint)OutputRateHz, out double hz));
+            return hz;
         }
 
         public void Dispose() { handle.Dispose(); }
@@ -258,6 +266,8 @@ namespace Stylus
         internal static extern int stylus_player_fill(PlayerHandle player, ref float first, UIntPtr length);
         [DllImport(Name)]
         internal static extern int stylus_player_latency(uint sampleRateHz, uint outputRateHz, out double seconds);
+        [DllImport(Name)]
+        internal static extern int stylus_player_band(uint sampleRateHz, uint outputRateHz, out double hz);
         [DllImport(Name)] internal static extern int stylus_last_text(byte[] buffer, UIntPtr length);
         [DllImport(Name)] internal static extern IntPtr stylus_status_text(int status);
         [DllImport(Name)] internal static extern uint stylus_player_abi();

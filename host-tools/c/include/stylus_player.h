@@ -100,7 +100,7 @@ enum stylus_status stylus_library_name(const stylus_library *library,
 enum stylus_status stylus_library_find(const stylus_library *library, uint32_t kind, const char *name, size_t *index);
 
 // Makes a player of an output rate, which plays nothing yet, and writes its handle to `player`.
-// Rates are 5000, 10000, and multiples of 25 Hz from 8000 to 192000 Hz.
+// Rates are multiples of 25 Hz from 1000 to 192000 Hz.
 enum stylus_status stylus_player_open(uint32_t output_rate_hz, stylus_player **player);
 
 // The same without the DC blocker: at a texture's own rate, samples are those of `stylus render`, to the bit. Not for
@@ -140,18 +140,19 @@ enum stylus_status stylus_player_set_gain(const stylus_player *player, float gai
 // The volts become the gain, and the output is the coil's voltage. It is then at most four times that at this power,
 // reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an
 // amplifier of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
-enum stylus_status stylus_player_set_coil(const stylus_player *player,
-                                          float ohms,
-                                          float volts_per_m_s2,
-                                          float watts);
+enum stylus_status stylus_player_set_coil(const stylus_player *player, float ohms, float volts_per_m_s2, float watts);
 
 // Plays the next `length` samples into `samples`. Only one thread at a time may call the function: another gets
 // `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 enum stylus_status stylus_player_fill(const stylus_player *player, float *samples, size_t length);
 
-// Writes the longest time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
-// `sample_rate_hz`, 5000 or 10000.
+// Writes the time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
+// `sample_rate_hz`, 5000 or 10000. It is at most so much in the mean, and 1 ms more for a move just after a block
+// began.
 enum stylus_status stylus_player_latency(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *seconds);
+
+// Writes the band, Hz, of a texture at `sample_rate_hz`, 5000 or 10000, that an output rate has left to `hz`.
+enum stylus_status stylus_player_band(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *hz);
 
 // Writes the text of this thread's last failure, with a 0 at its end, to `length` bytes at `buffer`. It is empty if
 // the status of that failure says all.

@@ -11,7 +11,7 @@ use std::io::Read;
 
 use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
-use stylus_player::{BlockMotion, Fault, Selection, SharedLibrary, Without, latency_s};
+use stylus_player::{BlockMotion, Fault, Selection, SharedLibrary, Without, band_hz, latency_s};
 
 use crate::handle::{Handle, LibraryHandle, Player, PlayerHandle, check, guarded, put, room, slice, text};
 use crate::status::{self, Failure, Status, last};
@@ -196,7 +196,7 @@ pub unsafe extern "C" fn stylus_library_find(
 }
 
 /// Makes a player of an output rate, which plays nothing yet, and writes its handle to `player`.
-/// Rates are 5000, 10000, and multiples of 25 Hz from 8000 to 192000 Hz.
+/// Rates are multiples of 25 Hz from 1000 to 192000 Hz.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_open(output_rate_hz: u32, player: *mut *mut PlayerHandle) -> Status {
     guarded(|| {
@@ -353,19 +353,33 @@ pub unsafe extern "C" fn stylus_player_fill(player: *const PlayerHandle, samples
     })
 }
 
-/// Writes the longest time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
-/// `sample_rate_hz`, 5000 or 10000.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_latency(sample_rate_hz: u32, output_rate_hz: u32, seconds: *mut f64) -> Status {
+/// Checks both rates, and writes what `of` says of them to `number`.
+unsafe fn told(of: fn(u32, u32) -> f64, rates_hz: (u32, u32), number: *mut f64) -> Status {
     guarded(|| {
         // A player is made only because it checks the rate.
-        stylus_player::player(output_rate_hz)?;
-        if ![5000, 10_000].contains(&sample_rate_hz) {
-            return Err(Fault::SampleRate(sample_rate_hz).into());
+        stylus_player::player(rates_hz.1)?;
+        if ![5000, 10_000].contains(&rates_hz.0) {
+            return Err(Fault::SampleRate(rates_hz.0).into());
         }
         // SAFETY: the caller says what the addresses are.
-        unsafe { put(seconds, latency_s(sample_rate_hz, output_rate_hz)) }
+        unsafe { put(number, of(rates_hz.0, rates_hz.1)) }
     })
+}
+
+/// Writes the time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
+/// `sample_rate_hz`, 5000 or 10000. It is at most so much in the mean, and 1 ms more for a move just after a block
+/// began.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_latency(sample_rate_hz: u32, output_rate_hz: u32, seconds: *mut f64) -> Status {
+    // SAFETY: the caller says what the addresses are.
+    unsafe { told(latency_s, (sample_rate_hz, output_rate_hz), seconds) }
+}
+
+/// Writes the band, Hz, of a texture at `sample_rate_hz`, 5000 or 10000, that an output rate has left to `hz`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_band(sample_rate_hz: u32, output_rate_hz: u32, hz: *mut f64) -> Status {
+    // SAFETY: the caller says what the addresses are.
+    unsafe { told(band_hz, (sample_rate_hz, output_rate_hz), hz) }
 }
 
 /// Writes the text of this thread's last failure, with a 0 at its end, to `length` bytes at `buffer`. It is empty if

@@ -52,7 +52,7 @@ static TEXTS: [&CStr; 14] = [
     c"this is no library that can be played",
     c"the library has no such texture or scene, or it cannot be played",
     c"a speed, force, position or time is not finite, or no hand has it: give mm/s, N, mm and s",
-    c"the output rate is not played: give 5000, 10000, or a multiple of 25 Hz from 8000 to 192000 Hz",
+    c"the output rate is not played: give a multiple of 25 Hz from 1000 to 192000 Hz",
     c"give a finite gain, a limit that is not negative, and ohms and watts above zero",
     c"another thread fills from this player: fill from one at a time",
     c"a fault of the library itself: close the handle, and report it",

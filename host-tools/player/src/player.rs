@@ -13,7 +13,7 @@ use crate::handover::{Given, Handover};
 use crate::library::SharedLibrary;
 use crate::motion::BlockMotion;
 use crate::playing::Playing;
-use crate::resampler::{Resampler, delay_s};
+use crate::resampler::{self, Resampler};
 use crate::stages::{Blocker, Output, Scale};
 
 /// Duration of a block, s.
@@ -27,9 +27,9 @@ pub const HELD_S: f64 = HELD_BLOCKS as f64 * BLOCK_S;
 /// Samples of the longest block.
 const MOST_SAMPLES: usize = 20;
 
-/// Output rates in addition to those of textures, Hz: the lowest, the highest, and a number that divides them all. The
-/// divisor bounds the number of phases.
-const OUTPUT_RATES_HZ: (u32, u32, u32) = (8000, 192_000, 25);
+/// Output rates, Hz: the lowest, the highest, and a number that divides them all. The divisor bounds the number of
+/// phases.
+const OUTPUT_RATES_HZ: (u32, u32, u32) = (1000, 192_000, 25);
 
 /// A call that was refused. What is playing continues.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,8 +54,7 @@ impl fmt::Display for Fault {
         match self {
             Self::OutputRate(rate) => write!(
                 f,
-                "an output rate of {rate} Hz is not played: give 5000, 10000, or a multiple of {step} Hz from {least} \
-                 to {most} Hz"
+                "an output rate of {rate} Hz is not played: give a multiple of {step} Hz from {least} to {most} Hz"
             ),
             Self::Choice(error) => error.fmt(f),
             Self::SampleRate(rate) => write!(
@@ -106,7 +105,7 @@ pub fn player_as_rendered(output_rate_hz: u32) -> Result<(Mover, Filler), Fault>
 fn with(output_rate_hz: u32, blocker: Option<Blocker>) -> Result<(Mover, Filler), Fault> {
     let (least, most, step) = OUTPUT_RATES_HZ;
     let is_played = (least..=most).contains(&output_rate_hz) && output_rate_hz.is_multiple_of(step);
-    if !is_played && PlayRate::of(output_rate_hz).is_none() {
+    if !is_played {
         return Err(Fault::OutputRate(output_rate_hz));
     }
     let shared = Arc::new(Shared {
@@ -121,15 +120,21 @@ fn with(output_rate_hz: u32, blocker: Option<Blocker>) -> Result<(Mover, Filler)
     Ok((mover, Filler::new(shared, output_rate_hz, blocker)))
 }
 
-/// Returns the longest time from a move to the middle of the change that it makes, s, for a texture at
-/// `sample_rate_hz`. It is the duration of a block plus the interpolator's delay, which is 0 between equal rates.
+/// Returns the time from a move to the middle of the change that it makes, s, for a texture at `sample_rate_hz`: at
+/// most so much in the mean, and 1 ms more for a move just after a block began. It is the duration of a block plus the
+/// interpolator's delay, which is 0 between equal rates.
 pub fn latency_s(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
-    let delay_s = if sample_rate_hz == output_rate_hz {
-        0.0
-    } else {
-        delay_s(sample_rate_hz, output_rate_hz)
-    };
-    BLOCK_S + delay_s
+    let is_resampled = sample_rate_hz != output_rate_hz;
+    let delay_s = is_resampled.then(|| resampler::delay_s(sample_rate_hz, output_rate_hz));
+    BLOCK_S + delay_s.unwrap_or(0.0)
+}
+
+/// Returns the band, Hz, of a texture at `sample_rate_hz` that an output of `output_rate_hz` has left.
+pub fn band_hz(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
+    if sample_rate_hz == output_rate_hz {
+        return f64::from(sample_rate_hz) / 2.0;
+    }
+    resampler::band_hz(sample_rate_hz, output_rate_hz)
 }
 
 /// The side that moves and chooses, from any thread. Moving never waits and never allocates.

@@ -10,7 +10,7 @@ use host_tools::scene::scene_named;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use stylus_player::{
-    BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, latency_s, player, player_as_rendered,
+    BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, band_hz, latency_s, player, player_as_rendered,
 };
 
 use crate::convert::filled;
@@ -24,7 +24,7 @@ const MOST_SAMPLES: usize = 192_000;
 /// A texture or a scene in real time: one thread moves, another fills the buffers of a sound card or a DAQ.
 ///
 /// `library` is a `Library`, a `Fit`, or a path; `texture` or `scene` is the name of what plays first, or neither.
-/// `output_rate_hz` is 5000, 10000, or a multiple of 25 from 8000 to 192000. The same `seed` gives the same samples. At
+/// `output_rate_hz` is a multiple of 25 from 1000 to 192000. The same `seed` gives the same samples. At
 /// a texture's own rate they are those of `render` along the same motion, to the bit, if `as_rendered` leaves the DC
 /// blocker out: not for an amplifier that passes a steady voltage on.
 ///
@@ -230,11 +230,17 @@ impl Player {
         self.output_rate_hz
     }
 
-    /// Longest time from a move to the middle of the change that it makes, s. The buffers of the sound card or DAQ come
-    /// on top of it.
+    /// Time from a move to the middle of the change that it makes, s: at most so much in the mean, and 1 ms more for a
+    /// move just after a block began. The buffers of the sound card or DAQ come on top of it.
     #[getter]
     fn latency_s(&self) -> f64 {
         latency_s(locked(&self.chosen).2, self.output_rate_hz)
+    }
+
+    /// Band of what was chosen that the output rate has left, Hz.
+    #[getter]
+    fn band_hz(&self) -> f64 {
+        band_hz(locked(&self.chosen).2, self.output_rate_hz)
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {

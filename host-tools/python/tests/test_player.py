@@ -102,7 +102,8 @@ def test_another_rate_has_the_same_spectrum_below_2_khz(fitted):
     assert np.array_equal(frequency[below], other[: below.sum()])
     assert abs(10 * np.log10(power[below].sum() / expected[: below.sum()].sum())) < 0.1
     assert power[frequency > 3100].sum() < 1e-7 * power.sum()
-    assert 0.002 < player.latency_s < 0.01 and player.output_rate_hz == 48_000
+    assert 0.002 < player.latency_s < 0.0026 and (player.output_rate_hz, player.band_hz) == (48_000, 2000)
+    assert sh.Player(fitted, "felt", output_rate_hz=1000).band_hz == 400
 
 
 def test_two_threads_move_and_fill_and_a_third_is_refused(fitted):

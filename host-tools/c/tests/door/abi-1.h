@@ -74,6 +74,8 @@ enum stylus_status stylus_player_fill(const stylus_player *player, float *sample
 
 enum stylus_status stylus_player_latency(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *seconds);
 
+enum stylus_status stylus_player_band(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *hz);
+
 enum stylus_status stylus_last_text(char *buffer, size_t length);
 
 const char *stylus_status_text(int32_t status);

@@ -168,12 +168,14 @@ fn what_cannot_be_is_refused_by_status_and_text() {
 }
 
 #[test]
-fn the_latency_is_the_players_own_and_of_a_librarys_rate() {
-    let mut seconds = 0.0;
+fn latency_and_band_are_the_players_own_and_of_a_librarys_rate() {
+    let (mut seconds, mut hz) = (0.0, 0.0);
     // SAFETY: the address is of this function.
     unsafe {
         assert_eq!(stylus_player_latency(5000, 48_000, &raw mut seconds), Status::STYLUS_OK);
         assert_eq!(seconds, stylus_player::latency_s(5000, 48_000));
+        assert_eq!(stylus_player_band(5000, 1000, &raw mut hz), Status::STYLUS_OK);
+        assert_eq!(hz, 400.0);
         assert_eq!(
             stylus_player_latency(2000, 48_000, &raw mut seconds),
             Status::STYLUS_CHOICE
