@@ -89,9 +89,8 @@ const WORKLET: [&str; 4] = [
 ];
 
 /// Scripts of the page, in the order in which they are loaded.
-const SCRIPTS: [&str; 17] = [
+const SCRIPTS: [&str; 16] = [
     include_str!("kernel.js"),
-    include_str!("resampler.js"),
     include_str!("voices.js"),
     include_str!("data.js"),
     include_str!("hash.js"),

@@ -38,6 +38,7 @@ class RubPage {
     this.silence = new Silence(this);
     this.recent = new Float32Array(0);
     this.rate = 5000;
+    this.filterMs = null;
     this.played = null;
     this.delays = [];
     this.clipped = 0;
@@ -130,9 +131,10 @@ class RubPage {
     return { texture, scene, seed: this.seed, without: kind.without ?? 0, recording: kind.recording ?? false };
   }
 
-  takeOver({ rate }) {
+  takeOver({ rate, filterMs }) {
     if (rate !== this.spectrum.rate) this.spectrum = new LiveSpectrum(rate, this.data.frequencies_hz);
     this.rate = rate;
+    this.filterMs = filterMs;
     this.spectrum.clear();
     this.recent = new Float32Array(0);
   }
@@ -702,7 +704,7 @@ class RubPage {
     return {
       pointerMs: this.delays.length > 0 ? median(this.delays) : null,
       longestMs: this.delays.length > 0 ? Math.max(...this.delays) : null,
-      filterMs: 1000 * Resampler.delay(this.rate),
+      filterMs: this.filterMs,
       baseMs: 1000 * ((context?.baseLatency ?? 0) + bufferS),
       outputMs: 1000 * (context?.outputLatency ?? 0),
     };

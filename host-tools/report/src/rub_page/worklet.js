@@ -99,10 +99,10 @@ class RubbingProcessor extends AudioWorkletProcessor {
     this.fault = null;
     this.port.onmessage = ({ data }) => this.guarded(() => this.obey(data));
     this.guarded(() => {
-      const module = new WebAssembly.Module(processorOptions.kernel);
+      this.module = new WebAssembly.Module(processorOptions.kernel);
       const library = new Uint8Array(processorOptions.library);
       // One plays while the other fades.
-      this.kernels = [new Kernel(module, library), new Kernel(module, library)];
+      this.kernels = [new Kernel(this.module, library), new Kernel(this.module, library)];
       this.take = new Take();
       this.resamplerFor(5000);
       this.port.postMessage({ type: "ready" });
@@ -139,14 +139,15 @@ class RubbingProcessor extends AudioWorkletProcessor {
       this.fading = this.active;
       this.fade = 0;
     }
-    this.active = { voice, resampler: this.resamplerFor(rate), source: new Tap(this, voice) };
+    const resampler = this.resamplerFor(rate);
+    this.active = { voice, resampler, source: new Tap(this, voice) };
     this.report.count = 0;
-    this.port.postMessage({ type: "chosen", rate, choice });
+    this.port.postMessage({ type: "chosen", rate, filterMs: 1000 * resampler.filter.delay, choice });
   }
 
   // A resampler from `rate`. Its filter is made once.
   resamplerFor(rate) {
-    if (!this.filters.has(rate)) this.filters.set(rate, new PolyphaseFilter(rate, sampleRate));
+    if (!this.filters.has(rate)) this.filters.set(rate, Kernel.filter(this.module, rate, sampleRate));
     return new Resampler(this.filters.get(rate));
   }
 
