@@ -33,7 +33,7 @@ const HIL: &str = include_str!("../../host-tools/tasks/src/hil.rs");
 const GROUPS: [&str; 2] = ["scene", "settings"];
 
 /// Options of other programs that the pages name.
-const OF_OTHERS: [&str; 4] = ["--port", "--version", "--range", "--warm"];
+const OF_OTHERS: [&str; 5] = ["--path", "--port", "--version", "--range", "--warm"];
 
 /// Options of `cargo tasks hil` that are named only in pages about boards.
 const OF_HIL: [&str; 2] = ["--flash", "--minutes"];

@@ -46,8 +46,7 @@ const EXIT_UNUSABLE: u8 = 2;
 /// Exit code of a command whose reader closed the output before the end.
 const EXIT_CLOSED: u8 = 1;
 
-/// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
-/// the stylus plays.
+/// Data-driven haptic textures: fit models to recordings, judge them, and play them on a stylus
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
 struct Arguments {
