@@ -209,6 +209,8 @@ pub struct Signal {
     /// Stretches of the samples that are not the surface's vibration: clipped peaks, joints, and what triage would have
     /// cut.
     pub flaws: Vec<Range<usize>>,
+    /// Direction on which the axes were projected; empty if they were not.
+    pub direction: Vec<f64>,
 }
 
 /// Reads `trial` like a fit does. Evaluations read with this function too, so that they use the same samples.
@@ -237,16 +239,17 @@ fn reduced(trial: &Trial, axes: &mut [Vec<f64>], reduction: Reduction) -> Result
 impl Triaged {
     fn into_signal(mut self, trial: &Trial, reduction: Reduction) -> Result<Signal> {
         let reduced = reduced(trial, &mut self.samples.axes, reduction)?;
-        Ok(self.with_samples(reduced.signal))
+        Ok(self.with_samples(reduced.signal, reduced.direction))
     }
 
-    /// Returns the trial's signal with these `samples`.
-    fn with_samples(self, samples: Vec<f64>) -> Signal {
+    /// Returns the trial's signal with these `samples`, projected on this `direction`.
+    fn with_samples(self, samples: Vec<f64>, direction: Vec<f64>) -> Signal {
         Signal {
             samples,
             source_rate_hz: self.samples.source_rate_hz,
             cut_hz: self.slow.cut_hz,
             flaws: self.flaws,
+            direction,
         }
     }
 }
@@ -281,6 +284,7 @@ pub(super) fn analyse_axes(trial: &Trial, options: &Options, part: Part) -> Resu
     let Reduced {
         signal: mut samples,
         energy_share,
+        direction,
     } = reduced(trial, &mut triaged.samples.axes, reduction)?;
     let mut axes = std::mem::take(&mut triaged.samples.axes);
     let sketch = Sketch::of(&samples);
@@ -329,5 +333,5 @@ pub(super) fn analyse_axes(trial: &Trial, options: &Options, part: Part) -> Resu
         lags,
         bands,
     };
-    Ok((analysis, triaged.with_samples(samples), axes))
+    Ok((analysis, triaged.with_samples(samples, direction), axes))
 }
