@@ -166,6 +166,10 @@ fn rest_below(levels: &[f64], loud: f64, steady_db: f64) -> Option<f64> {
             return None;
         }
         let noise = mean(&rest);
+        // What reaches up to the bound is the lower end of something livelier, which the bound has cut off.
+        if bound - noise < 3.0 * steady_db {
+            return None;
+        }
         let highest = noise + 3.0 * spread_db;
         let others: Vec<f64> = levels.iter().copied().filter(|level| *level > highest).collect();
         let middle = upper_median(&others)?;
