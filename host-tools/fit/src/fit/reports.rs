@@ -120,7 +120,8 @@ fn all_verdicts(recorded: &[&Recorded<'_>]) -> Vec<Vec<Verdict>> {
         bands_db,
         is_idle: !own.trial.is_in_motion_and_contact(),
         rms_m_s2: own.analysis.power.sqrt(),
-        mains_line_hz: own.analysis.mains_line_hz,
+        has_scale: own.analysis.account.integers.is_none(),
+        mains_lines: &own.analysis.mains_lines,
         sketch: &own.analysis.sketch,
         verdicts: &own.analysis.verdicts,
     });
