@@ -186,7 +186,7 @@ impl<'s> Recordings<'s> {
         }
         let work = self.trials.par_iter_mut().zip(shares);
         work.for_each(|(own, shares)| {
-            own.analysis.lines = TrialLines::of_stretches(shares);
+            own.analysis.lines = TrialLines::of_stretches(&shares);
             // Without a line in the trial nothing was subtracted, and its estimate still holds.
             if own.analysis.lines.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
                 own.estimate_again(options, part);

@@ -160,8 +160,8 @@ pub struct TrialLines {
 impl TrialLines {
     /// Returns what a trial has of its lines from what each of its stretches has, whose lengths are given: the RMS of
     /// the amplitudes, and the speed ratio of the longest stretch that gives one.
-    pub(crate) fn of_stretches(stretches: Vec<(usize, Self)>) -> Self {
-        if let [(_, whole)] = &stretches[..] {
+    pub(crate) fn of_stretches(stretches: &[(usize, Self)]) -> Self {
+        if let [(_, whole)] = stretches {
             return whole.clone();
         }
         let lines = stretches.iter().map(|(_, own)| own.amplitudes_m_s2.len()).max();
