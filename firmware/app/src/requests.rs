@@ -186,8 +186,8 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
 }
 
 /// Writes, from one line per request, the match that serves it or queues it, the [`Job`] in which it waits, and the
-/// match that does the job. A line is an endpoint, a pattern for its request and the expression of its answer. A request
-/// that borrows from its frame names the type in which it waits.
+/// match that does the job. A line is an endpoint, a pattern for its request and the expression of its answer. A
+/// request that borrows from its frame names the type in which it waits.
 macro_rules! requests {
     (
         at once, |$control:ident, $link:ident| { $($quick:ident($quick_request:pat) => $quick_answer:expr,)* }
