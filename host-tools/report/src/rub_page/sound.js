@@ -17,7 +17,7 @@ async function soundOf(context, kernel, library) {
   } else if (context.createScriptProcessor) {
     node = onThisThread(context, script, options);
   } else {
-    throw new Error("this browser plays none on a page that came by http: open it as a file, or by https");
+    throw new Error("this browser plays none on a page that came by http; open it as a file, or by https");
   }
   node.connect(context.destination);
   return node;

@@ -4,7 +4,7 @@
 //! exceed this by far are findings. The bounds come from 24 real takes, whole and in parts of 2 s.
 
 use super::verdict::{Kind, Span, Verdict};
-use crate::dsp::sums::{moments_inlined, upper_median};
+use crate::dsp::sums::moments_inlined;
 use crate::dsp::wide;
 use model_format::SAMPLE_RATE_HZ;
 
@@ -17,30 +17,15 @@ const SILENT_DB: f64 = 50.0;
 /// Least number of parts of a silence: 0.1 s.
 const SILENT_PARTS: usize = 5;
 
-/// Least number of the file's own samples in such a part.
-const SOURCE_SAMPLES: f64 = 20.0;
+/// How far below the loud parts a steady part must be to count as only the sensor's noise, dB.
+const QUIET_DB: f64 = 30.0;
 
-/// How far below the loud parts the sensor's noise must be, dB: twice the 3 dB by which a hand's own variation changes
-/// the mean of a second.
-const REST_DB: f64 = 6.0;
-
-/// How far below the loud parts steady noise is the sensor's, however steady the loud parts are, dB. Ten times the
-/// speed raises a level by about as much.
-const CLEAR_DB: f64 = 20.0;
-
-/// Least ratio of the standard deviation of the other parts' levels to that of the sensor's noise above [`CLEAR_DB`].
-/// Those of a rig's two steady speeds are about equal.
-const LIVELIER: f64 = 2.0;
-
-/// Least number of parts of the sensor's noise, in all rests of a trial: 0.4 s.
-const REST_PARTS: usize = 20;
+/// Least number of parts of only the sensor's noise: 0.4 s.
+const QUIET_PARTS: usize = 20;
 
 /// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
-/// 0.6 dB, and more for parts of fewer of the file's own samples.
-const STEADY_DB: f64 = 1.0;
-
-/// Standard deviation of white noise of one axis as a fraction of the largest.
-const WHITE_SHARE: f64 = 0.6;
+/// 0.6 dB.
+const QUIET_SPREAD_DB: f64 = 1.3;
 
 /// Number of samples of a part in the search for taps, 10 ms, and number of parts of an event.
 const TAP_PART: usize = 50;
@@ -73,9 +58,9 @@ const STEP_SHARE: f64 = 0.6;
 const STEP_DB: f64 = 6.0;
 
 /// Returns the verdicts on the level of all `axes` together.
-pub(super) fn verdicts(axes: &[Vec<f64>], source_rate_hz: f64) -> Vec<Verdict> {
+pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
     let samples = axes.first().map_or(0, Vec::len);
-    let silence = silent_spans(axes, samples, source_rate_hz);
+    let silence = silent_spans(axes, samples);
     let mut verdicts = Vec::new();
     let silent: usize = silence.iter().map(ExactSizeIterator::len).sum();
     // Next to silence, any event would outweigh the rest.
@@ -112,12 +97,9 @@ fn decibels(power: f64) -> f64 {
     10.0 * power.max(f64::MIN_POSITIVE).log10()
 }
 
-/// Returns the runs of parts that are far below the loudest parts, and those of only the sensor's noise.
-fn silent_spans(axes: &[Vec<f64>], samples: usize, source_rate_hz: f64) -> Vec<Span> {
-    let own = SILENCE_PART as f64 * (source_rate_hz / f64::from(SAMPLE_RATE_HZ)).min(1.0);
-    let part_samples = SILENCE_PART * (SOURCE_SAMPLES / own).ceil().max(1.0) as usize;
-    let steady_db = STEADY_DB * (SILENCE_PART as f64 / own.max(SOURCE_SAMPLES)).sqrt();
-    let levels: Vec<f64> = powers(axes, part_samples).into_iter().map(decibels).collect();
+/// Returns the runs of parts that are far below the loudest parts.
+fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
+    let levels: Vec<f64> = powers(axes, SILENCE_PART).into_iter().map(decibels).collect();
     if levels.len() < 2 * SILENT_PARTS {
         return Vec::new();
     }
@@ -126,8 +108,10 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize, source_rate_hz: f64) -> Vec<S
     // A tap of 40 ms in 2 s covers at most three of 100 parts, and does not change this level.
     let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
     let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
-    if let Some(bound) = rest_below(&levels, loud, steady_db) {
-        spans.extend(runs(&levels, bound, SILENT_PARTS));
+    for run in runs(&levels, loud - QUIET_DB, QUIET_PARTS) {
+        if spread(&levels[run.clone()]) < QUIET_SPREAD_DB {
+            spans.push(run);
+        }
     }
     // Both searches may find the same part.
     spans.sort_by_key(|span| span.start);
@@ -142,45 +126,13 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize, source_rate_hz: f64) -> Vec<S
         if part == levels.len() {
             samples
         } else {
-            part * part_samples
+            part * SILENCE_PART
         }
     };
     spans
         .into_iter()
-        .map(|span| span.start * part_samples..end_of(span.end))
+        .map(|span| span.start * SILENCE_PART..end_of(span.end))
         .collect()
-}
-
-/// Returns the level below which a part holds only the sensor's noise, dB; `None` if the trial has no rest.
-///
-/// The noise is the same in all rests of a trial, and steady. Bounds are tried from the highest down, and the parts at
-/// both ends of each run are left out, because the tool may still move in them.
-fn rest_below(levels: &[f64], loud: f64, steady_db: f64) -> Option<f64> {
-    let bounds = (REST_DB as u32..SILENT_DB as u32).map(|below_db| loud - f64::from(below_db));
-    let of_bound = |bound: f64| {
-        let runs = runs(levels, bound, SILENT_PARTS + 2);
-        let inner = runs.iter().flat_map(|run| &levels[run.start + 1..run.end - 1]);
-        let rest: Vec<f64> = inner.copied().collect();
-        let spread_db = spread(&rest);
-        if rest.len() < REST_PARTS || spread_db > steady_db {
-            return None;
-        }
-        let noise = mean(&rest);
-        // What reaches up to the bound is the lower end of something livelier, which the bound has cut off.
-        if bound - noise < 3.0 * steady_db {
-            return None;
-        }
-        let highest = noise + 3.0 * spread_db;
-        let others: Vec<f64> = levels.iter().copied().filter(|level| *level > highest).collect();
-        let middle = upper_median(&others)?;
-        let deviations: Vec<f64> = others.iter().map(|level| (level - middle).abs()).collect();
-        // 1.48 median absolute deviations are a standard deviation (Hampel, JASA 69, 1974, 383), but for the few parts
-        // in which the speed changes.
-        let lively_db = LIVELIER * spread_db.max(WHITE_SHARE * steady_db);
-        let is_lively = 1.48 * upper_median(&deviations)? >= lively_db;
-        (is_lively || loud - noise >= CLEAR_DB).then_some(highest)
-    };
-    bounds.into_iter().find_map(of_bound)
 }
 
 /// Returns the runs of at least `least` levels below `bound`.
@@ -204,13 +156,9 @@ fn spread(levels: &[f64]) -> f64 {
     (squares(levels) / levels.len() as f64).sqrt()
 }
 
-fn mean(levels: &[f64]) -> f64 {
-    levels.iter().sum::<f64>() / levels.len().max(1) as f64
-}
-
 /// Returns the sum of the squared deviations from the mean.
 fn squares(levels: &[f64]) -> f64 {
-    let mean = mean(levels);
+    let mean = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
     levels.iter().map(|level| (level - mean) * (level - mean)).sum()
 }
 
@@ -270,6 +218,7 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
     let all = squares(&values);
     let left = |at: &usize| squares(&values[..*at]) + squares(&values[*at..]);
     let best = (STEP_PARTS..=values.len() - STEP_PARTS).min_by(|a, b| left(a).total_cmp(&left(b)))?;
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let step_db = mean(&values[best..]) - mean(&values[..best]);
     let n = values.len() as f64;
     let moment: f64 = values
@@ -297,7 +246,7 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{RATE_HZ, bounded_noise, plus};
+    use super::super::test_signals::{bounded_noise, plus};
     use super::*;
     use test_helpers::holds;
 
@@ -310,7 +259,7 @@ mod tests {
     #[test]
     fn a_silent_part_is_found_with_its_ends_also_if_it_is_most_of_the_trial() {
         for silent in [0..1000, 4000..5000, 500..10_000] {
-            let found = verdicts(&[scaled(silent.clone(), 1e-4)], RATE_HZ);
+            let found = verdicts(&[scaled(silent.clone(), 1e-4)]);
             let [verdict] = &found[..] else {
                 panic!("{found:?}");
             };
@@ -324,7 +273,7 @@ mod tests {
         let burst = bounded_noise(3);
         let tap = (0..150).map(|n| 40.0 * burst[n] * (-(n as f64) / 40.0).exp());
         let late = std::iter::repeat_n(0.0, 6000).chain(tap).chain(std::iter::repeat(0.0));
-        let found = verdicts(&[plus(&bounded_noise(1), late)], RATE_HZ);
+        let found = verdicts(&[plus(&bounded_noise(1), late)]);
         let [verdict] = &found[..] else {
             panic!("{found:?}");
         };
@@ -334,7 +283,7 @@ mod tests {
 
     #[test]
     fn steps_and_ramps_of_the_level_are_told_apart() {
-        let found = verdicts(&[scaled(5000..10_000, 4.0)], RATE_HZ);
+        let found = verdicts(&[scaled(5000..10_000, 4.0)]);
         let words = found[0].to_string();
         assert!(words.starts_with("level change: +12 dB at 1.0"), "{words}");
         let ramp: Vec<f64> = bounded_noise(1)
@@ -342,47 +291,7 @@ mod tests {
             .enumerate()
             .map(|(n, x)| x * (n as f64 / 5000.0).exp())
             .collect();
-        let message = verdicts(&[ramp], RATE_HZ)[0].to_string();
+        let message = verdicts(&[ramp])[0].to_string();
         holds(&message, &["from beginning to end"]);
-    }
-
-    /// A texture with a resonance at 360 Hz and these gains, and the noise of a sensor.
-    fn rubbed(noise: f64, gain: impl Fn(usize) -> f64) -> Vec<f64> {
-        let (mut low, mut last) = (0.0, 0.0);
-        let (source, sensor) = (bounded_noise(5), bounded_noise(6));
-        let mut texture = |n: usize| {
-            (last, low) = (low, 1.7 * low - 0.9 * last + 0.3 * source[n]);
-            low
-        };
-        (0..10_000).map(|n| gain(n) * texture(n) + noise * sensor[n]).collect()
-    }
-
-    #[test]
-    fn rests_are_found_by_the_noise_of_a_sensor_and_two_steady_speeds_have_none() {
-        let moves = |n: usize| if (3000..6500).contains(&n) { 1.0 } else { 0.0 };
-        for noise in [0.2, 0.05, 0.01, 0.002] {
-            let found = verdicts(&[rubbed(noise, moves)], RATE_HZ);
-            let [first, last] = found.last().map_or(&[][..], Verdict::spans) else {
-                panic!("{noise}: {found:?}");
-            };
-            assert!(
-                first.start == 0 && first.end.abs_diff(3000) <= 200,
-                "{noise}: {first:?}"
-            );
-            assert!(
-                last.end == 10_000 && last.start.abs_diff(6500) <= 200,
-                "{noise}: {last:?}"
-            );
-        }
-        let is_rest = |verdict: &Verdict| verdict.kind() == Kind::PartlySilent;
-        for slower in [0.5, 0.3, 0.15] {
-            let two_speeds = |n: usize| if n < 5000 { 1.0 } else { slower };
-            let white = verdicts(&[scaled(0..5000, slower)], RATE_HZ);
-            let coloured = verdicts(&[rubbed(0.0, two_speeds)], RATE_HZ);
-            assert!(
-                !white.iter().chain(&coloured).any(is_rest),
-                "{slower}: {white:?} {coloured:?}"
-            );
-        }
     }
 }
