@@ -131,7 +131,8 @@ class RubPage {
     return { texture, scene, seed: this.seed, without: kind.without ?? 0, recording: kind.recording ?? false };
   }
 
-  takeOver({ rate, filterMs }) {
+  // A page without sound resamples nothing.
+  takeOver({ rate, filterMs = null }) {
     if (rate !== this.spectrum.rate) this.spectrum = new LiveSpectrum(rate, this.data.frequencies_hz);
     this.rate = rate;
     this.filterMs = filterMs;
