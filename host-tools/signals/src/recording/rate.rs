@@ -5,10 +5,9 @@ use std::ops::RangeInclusive;
 /// Range of sample rates that a recording may have, Hz.
 ///
 /// Below the range, a recording contains nothing of a texture, because skin feels up to about 1000 Hz; a sensor named
-/// after 100 Hz may be 5 % slower. Above it, no
-/// converter for accelerations is known. The limits prevent a wrong number in a file from determining the size of
-/// memory: conversion to the models' rate makes at most 53 samples from one, and works in blocks of at most two seconds
-/// or a few thousand samples of the lower rate.
+/// after 100 Hz may be 5 % slower. Above it, no converter for accelerations is known. The limits prevent a wrong number
+/// in a file from determining the size of memory: conversion to the models' rate makes at most 53 samples from one, and
+/// works in blocks of at most two seconds or a few thousand samples of the lower rate.
 pub const RATES_HZ: RangeInclusive<f64> = 95.0..=768_000.0;
 
 /// Largest number of channels of a recording: three axes.
