@@ -29,7 +29,7 @@ mod picture_tests;
 mod power;
 mod regions;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod texture;
 mod trace;
 

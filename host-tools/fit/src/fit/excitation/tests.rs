@@ -91,6 +91,7 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
         cut_hz: None,
         flaws: Vec::new(),
         direction: Vec::new(),
+        stretches: Vec::new(),
     };
     Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
@@ -269,7 +270,7 @@ fn waves_of_all_trials_point_to_the_same_side() {
 }
 
 /// Writes these axes to a folder and returns the trial.
-pub(super) fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_n: f64) -> Trial {
+pub(in crate::fit) fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_n: f64) -> Trial {
     let file = folder.join(format!("{name}.wav"));
     let samples = (0..axes[0].len()).flat_map(|n| axes.iter().map(move |axis| axis[n]));
     let bytes = float_wav(axes.len(), SAMPLE_RATE_HZ, samples).unwrap();
@@ -284,7 +285,7 @@ fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
 }
 
 /// Returns a fit to these trials, and its library.
-pub(super) fn fitted_to(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
+pub(in crate::fit) fn fitted_to(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
     let set = RecordingSet {
         trials,
         is_listed: true,
