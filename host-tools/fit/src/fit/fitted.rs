@@ -120,8 +120,8 @@ impl FittedTexture {
             return;
         };
         let text = format!(
-            "{} up to {most_db:.1} dB softer than recorded, because their loudest moments would be louder than any of \
-             their recordings: --excitation gaussian plays them at their level",
+            "{} up to {most_db:.1} dB softer than recorded, because their loudest moments, or a tone, would be louder \
+             than in any of their recordings: --excitation gaussian plays them at their level",
             counted(excess.len(), "node")
         );
         let note = Warning::of_texture("softer", &self.name, most_db, text);

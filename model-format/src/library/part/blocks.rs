@@ -17,7 +17,8 @@ pub const SHARE_FRACTION_BITS: u32 = 30;
 /// The second would be rounded to 4068. These four numbers, not the formula, are the format.
 pub const BLOCK_MAGNITUDES: [i32; 4] = [1059, 4069, 8835, 16_384];
 
-/// Values of the codes as fractions of the block's level, in steps of 2⁻¹⁴. A static, so that the image finds it by name.
+/// Values of the codes as fractions of the block's level, in steps of 2⁻¹⁴. A static, so that the image has a name
+/// for it.
 static VALUES: [i32; 8] = {
     let [a, b, c, d] = BLOCK_MAGNITUDES;
     [a, b, c, d, -a, -b, -c, -d]

@@ -54,7 +54,7 @@ impl CodebookSpec {
         let power = f64::from(codebook.mean_square());
         let mut root = power.max(1.0);
         for _ in 0..64 {
-            root = (root + power / root) / 2.0;
+            root = f64::midpoint(root, power / root);
         }
         codebook.peak = (1.0 / root) as f32;
         codebook
