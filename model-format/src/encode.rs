@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::part::{self, excitation, fine_theta, levels, lines, modulation, moments, tails, wander};
+use crate::library::part::{self, excitation, fine_theta, levels, lines, tails, wander};
 use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, TailSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
@@ -306,19 +306,14 @@ fn append_parts(texture: &TextureSpec, index: usize, bytes: &mut Vec<u8>) -> Res
     let wander = texture.parts.lines.as_ref().and_then(lines::wander_content);
     let malformed = |_| Problem::Malformed("an optional part").at(Place::Texture(index));
     let excitation = texture.parts.excitation.as_ref().map(excitation::part);
-    let modulation = texture.parts.modulation.as_ref().map(modulation::part);
-    let moments = texture.parts.excitation.as_ref();
-    let moments = moments.and_then(|spec| spec.moment_samples.map(moments::part));
     // By ascending kind, as every reader demands.
     let parts: Vec<_> = [
         levels::part(texture.laws),
         fine_theta,
         excitation.transpose().map_err(malformed)?,
-        modulation.transpose().map_err(malformed)?,
         lines,
         tails,
         wander.map(|content| (wander::KIND, content)),
-        moments.transpose().map_err(malformed)?,
     ]
     .into_iter()
     .flatten()

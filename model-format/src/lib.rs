@@ -20,12 +20,12 @@ mod wire;
 pub use encode::{CodeSpec, NodeSpec, TextureSpec, encode, encode_with_scenes};
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
-    Axis, BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, Codebook, Coefficients, Decoder, Excitation, FadeLaw,
-    LEVEL_FRACTION_BITS, Laws, LevelLaw, Library, Line, Lines, MU_LAW_FRACTION_BITS, Modulation, Node, NodeFlags,
-    Outline, PartKind, Tail, Texture, Wander, Workspace, block_scale, block_share, level_amplitude, mu_law,
+    Axis, BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, Codebook, Coefficients, Decoder, Excitation, FadeLaw, Laws,
+    LevelLaw, Library, Line, Lines, Node, NodeFlags, Outline, PartKind, SHARE_FRACTION_BITS, Tail, Texture, Wander,
+    Workspace, block_scale, block_share,
 };
 #[cfg(feature = "alloc")]
-pub use library::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec, PartsSpec, TailSpec};
+pub use library::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, PartsSpec, TailSpec};
 pub use units::{
     AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample, PlayRate, SAMPLE_RATE_HZ,
     Volt,

@@ -38,33 +38,19 @@ pub const MIN_CODEBOOK_SAMPLES: usize = 1000;
 /// Largest number of samples of a codebook: 64 for each 25-byte block that fits in [`MAX_EXCITATION_BYTES`].
 pub const MAX_CODEBOOK_SAMPLES: usize = MAX_EXCITATION_BYTES / 25 * 64;
 
-/// Smallest mean length of a texture's moments (recorded snippets), samples.
-pub const MIN_MOMENT_SAMPLES: u16 = 250;
-
-/// Largest mean length of a texture's moments (recorded snippets), samples: 1 s at 5 kHz.
-pub const MAX_MOMENT_SAMPLES: u16 = 5000;
-
 /// Highest peak of a codebook, standard deviations. The full scale of a fed excitation is 64 standard deviations.
 pub const MAX_CODEBOOK_PEAK: f32 = 40.0;
 
-/// Smallest number of samples from one entry of a level track to the next.
-pub const MIN_MODULATION_STEP_SAMPLES: u32 = 25;
+/// Lowest mean square of a codebook. The level of a node, and with it every limit on the output, assumes an excitation
+/// of variance 1.
+pub const MIN_CODEBOOK_POWER: f32 = 0.98;
 
-/// Largest number of samples from one entry of a level track to the next.
-pub const MAX_MODULATION_STEP_SAMPLES: u32 = 500;
+/// Highest mean square of a codebook; see [`MIN_CODEBOOK_POWER`].
+pub const MAX_CODEBOOK_POWER: f32 = 1.02;
 
-/// Smallest number of entries of a level track.
-pub const MIN_MODULATION_ENTRIES: usize = 20;
-
-/// Largest number of entries of a level track.
-pub const MAX_MODULATION_ENTRIES: usize = 4096;
-
-/// Lowest mean square of a codebook and of a level track. The level of a node, and with it every limit on the output,
-/// assumes an excitation of variance 1.
-pub const MIN_FED_POWER: f32 = 0.98;
-
-/// Highest mean square of a codebook and of a level track; see [`MIN_FED_POWER`].
-pub const MAX_FED_POWER: f32 = 1.02;
+/// Largest magnitude of the mean of a codebook, standard deviations: a thousandth of its power. A mean would be a
+/// steady force.
+pub const MAX_CODEBOOK_MEAN: f32 = 0.03;
 
 /// Largest number of lines of a texture.
 pub const MAX_LINES: usize = 8;

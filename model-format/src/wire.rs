@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The format's version. It changes when an older reader could misread newer bytes.
-pub const FORMAT_VERSION: u16 = 6;
+pub const FORMAT_VERSION: u16 = 7;
 
 /// First bytes of every library.
 pub(crate) const MAGIC: [u8; 4] = *b"HTXL";

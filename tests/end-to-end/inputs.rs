@@ -7,7 +7,7 @@ use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, noise, sca
 const HEADER: &str = "file,texture,speed_mm_s,force_n";
 
 /// Options that keep a fit of noise short.
-const QUICK: &str = "--order 10 --excitation gaussian --modulation none --lines none";
+const QUICK: &str = "--order 10 --excitation gaussian --lines none";
 
 /// Noise of 2 s, as WAV.
 fn recording(seed: u64) -> Vec<u8> {

@@ -128,7 +128,7 @@ fn errors(bench: &Bench, library: &str, speed: f64, truth: &[(f64, f64)]) -> Vec
 }
 
 /// Options of the paper's fit, because only spectra are compared.
-const PLAIN: &str = "--excitation gaussian --modulation none --lines none";
+const PLAIN: &str = "--excitation gaussian --lines none";
 
 fn is_the_texture_where_it_is_as_strong_as_the_motor(motor: f64, axes: usize) {
     let bench = recorded(motor, axes);
@@ -182,7 +182,7 @@ fn the_rigs_share_is_told_by_speed_and_band_and_changes_no_byte() {
 fn a_motors_tone_is_a_line_of_the_texture_only_while_it_is_not_taken_off() {
     let bench = recorded(1.0, 1);
     let lines = |options: &str| {
-        let fit = "fit set --out a.lib --excitation gaussian --modulation none --json";
+        let fit = "fit set --out a.lib --excitation gaussian --json";
         let report = json(&bench.succeed(&format!("{fit} {options}")));
         let lines = report["lines"][0]["findings"]["lines"].as_array();
         lines.map_or(0, Vec::len)

@@ -196,7 +196,7 @@ fn impulsive(signal: &[f64]) -> Vec<f64> {
 fn what_plays_is_hardly_ever_beyond_full_scale_whatever_excites_it() {
     let plain = fitted();
     let lively = two_textures(|signal| [impulsive(signal)]);
-    lively.succeed("fit set --out textures.lib --order 20 --excitation residual");
+    lively.succeed("fit set --out textures.lib --order 20 --excitation snippets");
     let mut scales = Vec::new();
     for bench in [plain, lively] {
         bench.succeed("page textures.lib --out page.html");

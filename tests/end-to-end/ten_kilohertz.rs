@@ -91,8 +91,7 @@ fn a_fit_at_ten_kilohertz_refuses_what_it_cannot_keep_by_name() {
     bench.refuse_each(
         "fit set --out fast.lib --model-rate 10000 | 0.wav | 5000 Hz
         fit set --out fast.lib --model-rate 8000 | 8000 Hz
-        fit set --out fast.lib --model-rate 10000 --excitation residual | --excitation
-        fit set --out fast.lib --model-rate 10000 --modulation track | --modulation",
+        fit set --out fast.lib --model-rate 10000 --excitation snippets | --excitation",
     );
     assert!(!bench.path("fast.lib").exists());
 }
@@ -100,7 +99,7 @@ fn a_fit_at_ten_kilohertz_refuses_what_it_cannot_keep_by_name() {
 #[test]
 fn the_check_of_a_scene_at_ten_kilohertz_shows_half_of_the_budget() {
     let bench = recorded(FAST_HZ);
-    let options = "--excitation gaussian --modulation none --lines none";
+    let options = "--excitation gaussian --lines none";
     bench.succeed(&format!("fit set --out slow.lib --order 40 {options}"));
     let options = format!("{options} --model-rate 10000");
     bench.succeed(&format!("fit set --out fast.lib --order 40 {options}"));

@@ -12,7 +12,7 @@ use host_tools::dsp::linear_prediction::{error_share, step_up};
 use host_tools::dsp::model::Model;
 use host_tools::dsp::sums::rms;
 use host_tools::fit::lines::Lines;
-use host_tools::fit::{self, ExcitationChoice, Fit, ModulationChoice, Options, Order};
+use host_tools::fit::{self, ExcitationChoice, Fit, Options, Order};
 use host_tools::recording::triage::Verdict;
 use host_tools::recording::{RecordingSet, resample};
 use rand::SeedableRng;
@@ -420,7 +420,6 @@ fn fitted(files: &Files) -> Result<Fit, String> {
     let options = Options {
         order: Order::Fixed(80),
         excitation: ExcitationChoice::Gaussian,
-        modulation: ModulationChoice::None,
         lines: Lines::None,
         ..Options::default()
     };

@@ -16,13 +16,11 @@
 //! signal has a higher variance than the excitation, whatever the texture, and one scale fits all: one standard
 //! deviation is 2²⁸, full scale is eight standard deviations. With any other excitation the variance is at most its
 //! highest spectral density, relative to white noise. `fit` whitens its codebooks ([`crate::feed`]), so that this
-//! density is nearly 1. Another program's codebook may be a tone on a resonance. Its pieces of at most 80 ms have
-//! random signs, which keeps the density below 280 at 5 kHz and 560 at 10 kHz: signals of 17 or 24 standard deviations.
-//! Snippets are played on, so that a tone in them lasts, and may reach more than a fed texture's full scale. Signals
-//! that reach full scale saturate, and `status` counts this.
+//! density is nearly 1. Another program's codebook may be a tone on a resonance, and then exceed a fed texture's full
+//! scale. Signals that reach full scale saturate, and `status` counts this.
 //!
-//! A codebook has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two pieces. The lattice
-//! of a fed texture therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations.
+//! A codebook has peaks of up to 40 standard deviations. The lattice of a fed texture therefore has steps of 2⁻²⁵
+//! standard deviations, and a full scale of 64 standard deviations.
 //! Round-off is 92 to 95 dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more
 //! with steps of 2⁻²⁸.
 

@@ -1,6 +1,6 @@
 //! Choice of what a texture plays: all of it, or without the parts that are stored in addition to its filter.
 
-use model_format::{ExcitationSpec, PartsSpec, Texture, TextureSpec, encode};
+use model_format::{PartsSpec, Texture, TextureSpec, encode};
 use serde::Serialize;
 
 use crate::scene::texture_spec;
@@ -67,18 +67,10 @@ pub fn parts(texture: &Texture<'_>) -> PartsSpec {
 
 /// Parts in words: `Gaussian` where no excitation is stored.
 pub fn in_words(parts: &PartsSpec) -> String {
-    let PartsSpec {
-        excitation,
-        modulation,
-        lines,
-    } = parts;
-    let has_moments = |spec: &ExcitationSpec| spec.moment_samples.is_some();
-    let moments = excitation.as_ref().is_some_and(has_moments);
+    let PartsSpec { excitation, lines } = parts;
     let names = [
-        ("recorded snippets", moments),
-        ("residual", excitation.is_some() && !moments),
+        ("recorded snippets", excitation.is_some()),
         ("Gaussian", excitation.is_none()),
-        ("modulation", modulation.is_some()),
         ("lines", lines.is_some()),
     ];
     let there = names.iter().filter(|(_, is_there)| *is_there);
@@ -101,21 +93,16 @@ pub fn with<T>(texture: &Texture<'_>, played: Played, work: impl FnOnce(Texture<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use model_format::{CodebookSpec, LineSpec, LinesSpec, ModulationSpec};
+    use model_format::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec};
 
     fn all() -> PartsSpec {
         PartsSpec {
             excitation: Some(ExcitationSpec {
                 codebooks: vec![CodebookSpec {
                     peak: 8.0,
-                    codes: vec![1; 1000],
+                    blocks: vec![0; 400],
                 }],
                 of_nodes: vec![1],
-                moment_samples: None,
-            }),
-            modulation: Some(ModulationSpec {
-                step_samples: 100,
-                entries: vec![0; 20],
             }),
             lines: Some(LinesSpec {
                 lines: vec![LineSpec {
@@ -147,8 +134,8 @@ mod tests {
     fn parts_are_named_as_they_are_played() {
         let stored = all();
         let words = |played: Played| in_words(&played.of(&stored));
-        assert_eq!(words(Played::Fitted), "residual + modulation + lines");
-        assert_eq!(words(Played::Residual), "residual + modulation");
+        assert_eq!(words(Played::Fitted), "recorded snippets + lines");
+        assert_eq!(words(Played::Residual), "recorded snippets");
         assert_eq!(words(Played::Gaussian), "Gaussian");
     }
 }

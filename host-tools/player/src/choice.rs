@@ -22,14 +22,12 @@ pub struct Without(u32);
 impl Without {
     /// Codebooks: Gaussian noise excites the filter instead.
     pub const CODEBOOKS: Self = Self(1);
-    /// The track of the level.
-    pub const TRACK: Self = Self(2);
     /// Lines that are tied to position.
     pub const LINES: Self = Self(4);
 
     /// Parts by their bits; others are ignored.
     pub const fn of_bits(bits: u32) -> Self {
-        Self(bits & 7)
+        Self(bits & (Self::CODEBOOKS.0 | Self::LINES.0))
     }
 
     const fn has(self, part: Self) -> bool {
@@ -39,9 +37,6 @@ impl Without {
     fn of(self, mut texture: Texture<'_>) -> Texture<'_> {
         if self.has(Self::CODEBOOKS) {
             texture = texture.without_codebooks();
-        }
-        if self.has(Self::TRACK) {
-            texture = texture.without_track();
         }
         if self.has(Self::LINES) {
             texture = texture.without_lines();

@@ -54,8 +54,8 @@ fn snap_of(snap: SnapLike) -> PyResult<Snap> {
 ///
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto',
 /// 'bic' or 0 to 400; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `high_pass` 'auto', 'none' or a
-/// frequency in Hz as text; `excitation` 'auto', 'residual' or 'gaussian';
-/// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `floor` tells ('note') or takes off ('subtract')
+/// frequency in Hz as text; `excitation` 'auto', 'snippets' or 'gaussian';
+/// `lines` 'auto' or 'none'. `floor` tells ('note') or takes off ('subtract')
 /// the rig's own noise, which trials in motion at 0 N have, or `floor_recording`, a file or list; or 'none'.
 /// `silence_floor_m_s2` is the RMS below which a recording is silent; `drop` names verdicts to leave out;
 /// `model_rate_hz` is 5000 or 10000; `snap` moves measured speeds and forces to nominal ones: by at most this share, by
@@ -66,11 +66,11 @@ fn snap_of(snap: SnapLike) -> PyResult<Snap> {
 #[pyfunction]
 #[pyo3(signature = (
     recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
-    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
+    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto",
     drop = Several(Vec::new()), lines = "auto", floor = "note", floor_recording = None,
     model_rate_hz = SAMPLE_RATE_HZ, snap = SnapLike::Named("clear".into()), strict = false, progress = None
 ), text_signature = "(recordings, *, order='auto', reduce='pca', high_pass='auto', \
-    silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', floor='note', \
+    silence_floor_m_s2=0.001, excitation='auto', drop=(), lines='auto', floor='note', \
     floor_recording=None, model_rate_hz=5000, snap='clear', strict=False, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn fit<'py>(
@@ -81,7 +81,6 @@ pub fn fit<'py>(
     high_pass: &str,
     silence_floor_m_s2: f64,
     excitation: &str,
-    modulation: &str,
     drop: Several<String>,
     lines: &str,
     floor: &str,
@@ -100,7 +99,7 @@ pub fn fit<'py>(
         strict,
         snap: snap_of(snap)?,
         sample_rate_hz: model_rate_hz,
-        ..options_of(order, conditioning, silence_floor_m_s2, excitation, modulation)?
+        ..options_of(order, conditioning, silence_floor_m_s2, excitation)?
     };
     options.check_rate().map_err(raised)?;
     // What was chosen by hand and exists only at 5 kHz was refused above. Automatic choices are left out.
@@ -136,10 +135,10 @@ pub fn fit<'py>(
 #[pyfunction]
 #[pyo3(signature = (
     files, texture, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
-    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto", sample_rate_hz = None,
+    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", sample_rate_hz = None,
     scale_m_s2 = None, progress = None
 ), text_signature = "(files, texture, *, order='auto', reduce='pca', high_pass='auto', silence_floor_m_s2=0.001, \
-    excitation='auto', modulation='auto', sample_rate_hz=None, scale_m_s2=None, progress=None)")]
+    excitation='auto', sample_rate_hz=None, scale_m_s2=None, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn fit_strokes<'py>(
     py: Python<'py>,
@@ -150,13 +149,12 @@ pub fn fit_strokes<'py>(
     high_pass: &str,
     silence_floor_m_s2: f64,
     excitation: &str,
-    modulation: &str,
     sample_rate_hz: Option<f64>,
     scale_m_s2: Option<f64>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let conditioning = conditioning(reduce, high_pass)?;
-    let options = options_of(order, conditioning, silence_floor_m_s2, excitation, modulation)?;
+    let options = options_of(order, conditioning, silence_floor_m_s2, excitation)?;
     for (name, value) in [("sample_rate_hz", sample_rate_hz), ("scale_m_s2", scale_m_s2)] {
         value.map(|value| positive(name, value)).transpose()?;
     }
@@ -223,14 +221,12 @@ fn options_of(
     conditioning: Conditioning,
     silence_floor_m_s2: f64,
     excitation: &str,
-    modulation: &str,
 ) -> PyResult<Options> {
     Ok(Options {
         order: order_of(order)?,
         conditioning,
         silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
         excitation: choice("excitation", excitation)?,
-        modulation: choice("modulation", modulation)?,
         ..Options::default()
     })
 }

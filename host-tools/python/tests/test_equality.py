@@ -50,10 +50,10 @@ def test_integers_in_memory_are_those_of_a_wav_file(signals, tmp_path):
         (["--order", "40"], {"order": 40}),
         (["--order", "bic", "--reduce", "dft321"], {"order": "bic", "reduce": "dft321"}),
         (
-            ["--excitation", "gaussian", "--modulation", "none", "--lines", "none"],
-            {"excitation": "gaussian", "modulation": "none", "lines": "none"},
+            ["--excitation", "gaussian", "--lines", "none"],
+            {"excitation": "gaussian", "lines": "none"},
         ),
-        (["--excitation", "residual", "--modulation", "track"], {"excitation": "residual", "modulation": "track"}),
+        (["--excitation", "snippets"], {"excitation": "snippets"}),
     ],
 )
 def test_options_mean_what_they_mean_on_the_command_line(command, folder, words, keywords):

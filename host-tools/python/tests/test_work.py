@@ -111,7 +111,7 @@ def test_grids_are_arrays_over_speeds_and_forces(fitted):
 
 
 def test_a_nodes_spectrum_is_that_of_what_is_played_there(arrays):
-    fit = sh.fit(arrays, order=12, excitation="gaussian", modulation="none", lines="none")
+    fit = sh.fit(arrays, order=12, excitation="gaussian", lines="none")
     played = sh.render(fit, "cork", speed_mm_s=160, force_n=1, seconds=60).samples[5000:].astype(float)
     length = 1000
     pieces = played[: len(played) // length * length].reshape(-1, length) * np.hanning(length)

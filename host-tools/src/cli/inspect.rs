@@ -7,7 +7,7 @@ use host_tools::support::decimal::{fixed, significant};
 use host_tools::support::error::Result;
 use host_tools::support::number::counted;
 use host_tools::texture::library::{decode_library, read_library};
-use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary, TrackSummary};
+use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary};
 use model_format::Wander;
 use serde::Serialize;
 
@@ -169,32 +169,20 @@ fn storage_table(textures: &[TextureSummary]) -> String {
     table(&header, &rows)
 }
 
-/// Returns a table of the excitation of textures with codebooks or a level track; `None` if no texture has either.
+/// Returns a table of the excitation of textures with codebooks; `None` if no texture has any.
 fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
     let row = |texture: &TextureSummary| {
         let each =
             |of: &dyn Fn(&CodebookSummary) -> String| joined(&texture.codebooks.iter().map(of).collect::<Vec<_>>());
-        let track = texture.level_track.as_ref();
-        let of_track = |of: &dyn Fn(&TrackSummary) -> String| track.map_or_else(|| "none".to_owned(), of);
-        let range = |[low, high]: [f64; 2]| format!("{low:+.1} to {high:+.1}");
         [
             ("texture", texture.name.clone()),
             ("codebooks", texture.codebooks.len().to_string()),
             ("seconds", each(&|codebook| format!("{:.1}", codebook.seconds))),
             ("peak", each(&|codebook| format!("{:.1}", codebook.peak))),
             ("nodes", each(&|codebook| codebook.nodes.to_string())),
-            (
-                "moment ms",
-                texture
-                    .moment_s
-                    .map_or_else(|| "none".to_owned(), |s| format!("{:.0}", 1000.0 * s)),
-            ),
-            ("level track s", of_track(&|track| format!("{:.1}", track.seconds))),
-            ("step ms", of_track(&|track| format!("{:.0}", 1000.0 * track.step_s))),
-            ("dB", of_track(&|track| range(track.range_db))),
         ]
     };
-    let fed = |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
+    let fed = |texture: &&TextureSummary| !texture.codebooks.is_empty();
     let (header, rows) = headed(textures.iter().filter(fed).map(row));
     (!rows.is_empty()).then(|| table(&header, &rows))
 }

@@ -1,18 +1,17 @@
 //! The checks that a texture of a library must pass, in bounded steps. The header takes one step. Each further step
-//! checks some nodes, some amplitudes of lines, or some bytes of codebooks or of a level track.
+//! checks some nodes, some amplitudes of lines, or some bytes of codebooks.
 
 use super::node::NodeFlags;
 use super::part::excitation::ExcitationCheck;
 use super::part::lines::{AMPLITUDE_BYTES, Lines};
-use super::part::modulation::ModulationCheck;
 use super::part::{levels, tails};
 use super::texture::{Axis, Texture};
 use crate::error::{DecodeError, Place, Problem};
 use crate::limits::{self, MAX_LINE_AMPLITUDE, STEP_BYTES};
 use crate::wire::{NodeRecord, Summary};
 
-/// Checks the header of texture number `index` of a library. Its nodes, its lines' amplitudes, its codebooks' codes and
-/// its level track's entries are checked by the types below.
+/// Checks the header of texture number `index` of a library. Its nodes, its lines' amplitudes and its codebooks are
+/// checked by the types below.
 ///
 /// # Errors
 /// The first fault found, with its place.
@@ -306,50 +305,39 @@ impl<'a> LinesCheck<'a> {
     }
 }
 
-/// The check of the codebooks and of the level track of a texture whose header was found valid, in steps.
+/// The check of the codebooks of a texture whose header was found valid, in steps.
 #[derive(Clone, Debug)]
 pub(super) struct FedCheck<'a> {
     texture: Texture<'a>,
     index: usize,
-    /// The check of the codebooks; none if there are none, or when it is complete.
-    excitation: Option<ExcitationCheck>,
-    modulation: ModulationCheck,
+    excitation: ExcitationCheck,
 }
 
 impl<'a> FedCheck<'a> {
-    /// The check of texture number `index`, if it has codebooks or a level track.
+    /// The check of texture number `index`, if it has codebooks.
     pub fn new(texture: Texture<'a>, index: usize) -> Option<Self> {
         texture.is_fed().then(|| Self {
             texture,
             index,
-            excitation: texture.excitation().map(|_| ExcitationCheck::default()),
-            modulation: ModulationCheck::default(),
+            excitation: ExcitationCheck::default(),
         })
     }
 
-    /// Runs one step of the check; returns true once codebooks and level track were found valid.
+    /// Runs one step of the check; returns true once all codebooks were found valid.
     pub fn step(&mut self) -> Result<bool, DecodeError> {
-        let here = Place::Texture(self.index);
-        if let (Some(check), Some(excitation)) = (&mut self.excitation, self.texture.excitation()) {
-            let taken = check.step(&excitation, STEP_BYTES);
-            let taken = taken.map_err(|(node, problem)| {
+        let Some(excitation) = self.texture.excitation() else {
+            return Ok(true);
+        };
+        self.excitation
+            .step(&excitation, STEP_BYTES)
+            .map_err(|(node, problem)| {
                 let forces = self.texture.force_axis.len();
-                problem.at(node.map_or(here, |number| Place::Node {
+                let of_node = |number| Place::Node {
                     texture: self.index,
                     speed: number / forces,
                     force: number % forces,
-                }))
-            })?;
-            if taken < STEP_BYTES {
-                self.excitation = None;
-            }
-            // A level track has steps of its own, so that no step does the work of two.
-            return Ok(self.excitation.is_none() && self.texture.modulation().is_none());
-        }
-        let Some(modulation) = self.texture.modulation() else {
-            return Ok(true);
-        };
-        let stepped = self.modulation.step(&modulation, STEP_BYTES);
-        stepped.map_err(|problem| problem.at(here))
+                };
+                problem.at(node.map_or(Place::Texture(self.index), of_node))
+            })
     }
 }

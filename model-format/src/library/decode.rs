@@ -98,7 +98,7 @@ enum Stage<'a> {
     Lines(LinesCheck<'a>),
     /// Nodes of a texture.
     Nodes(NodesCheck<'a>),
-    /// Codebooks and level track of a texture.
+    /// Codebooks of a texture.
     Fed(FedCheck<'a>),
     /// The next scene, or the end.
     Scene,

@@ -23,10 +23,9 @@ pub use decode::{Decoder, Workspace};
 #[cfg(feature = "alloc")]
 pub(crate) use node::theta;
 pub use node::{Coefficients, Node, NodeFlags, Tail};
-pub use part::PartKind;
 #[cfg(feature = "alloc")]
 pub use part::PartsSpec;
-pub use part::excitation::{Codebook, Excitation, MU_LAW_FRACTION_BITS, mu_law};
+pub use part::excitation::{Codebook, Excitation};
 #[cfg(feature = "alloc")]
 pub use part::excitation::{CodebookSpec, ExcitationSpec};
 pub use part::levels::{FadeLaw, Laws, LevelLaw};
@@ -34,11 +33,8 @@ pub use part::lines::{Line, Lines};
 #[cfg(feature = "alloc")]
 pub use part::lines::{LineSpec, LinesSpec};
 #[cfg(feature = "alloc")]
-pub use part::modulation::ModulationSpec;
-pub use part::modulation::{LEVEL_FRACTION_BITS, Modulation, level_amplitude};
-pub use part::moments::{BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, block_scale, block_share};
-#[cfg(feature = "alloc")]
 pub use part::tails::TailSpec;
 pub use part::wander::Wander;
+pub use part::{BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, PartKind, SHARE_FRACTION_BITS, block_scale, block_share};
 pub use texture::{Axis, Texture};
 pub use view::{Library, Outline};

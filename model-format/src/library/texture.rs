@@ -5,7 +5,6 @@ use super::part::excitation::{Excitation, ExcitationPart};
 use super::part::fine_theta::FineTheta;
 use super::part::levels::{FadeLaw, Laws, LevelLaw, LevelsPart};
 use super::part::lines::Lines;
-use super::part::modulation::{Modulation, ModulationPart};
 use super::part::tails::Tails;
 use super::part::{PartKind, Parts};
 use crate::error::{DecodeError, Place, Problem};
@@ -140,31 +139,19 @@ impl<'a> Texture<'a> {
     /// Codebooks of the excitation, if there are any. Otherwise the excitation is Gaussian noise.
     pub fn excitation(&self) -> Option<Excitation<'a>> {
         let (nodes, forces) = (self.nodes.len() / NodeRecord::BYTES, self.force_axis.len());
-        let view = |part: ExcitationPart<'a>| part.view(nodes, forces, self.parts.moments);
+        let view = |part: ExcitationPart<'a>| part.view(nodes, forces);
         self.parts.excitation.and_then(view)
     }
 
-    /// Level track of the excitation, if there is one. Otherwise the excitation's level is steady.
-    pub fn modulation(&self) -> Option<Modulation<'a>> {
-        self.parts.modulation.and_then(ModulationPart::view)
-    }
-
-    /// Returns whether the excitation has codebooks or a level track.
+    /// Returns whether the excitation has codebooks.
     pub fn is_fed(&self) -> bool {
-        self.parts.excitation.is_some() || self.parts.modulation.is_some()
+        self.parts.excitation.is_some()
     }
 
     /// The texture as it would be without its codebooks: Gaussian noise of the same power excites the filter.
     #[must_use]
     pub fn without_codebooks(mut self) -> Self {
-        (self.parts.excitation, self.parts.moments) = (None, None);
-        self
-    }
-
-    /// The texture as it would be without its level track: the excitation has a steady level of the same power.
-    #[must_use]
-    pub fn without_track(mut self) -> Self {
-        self.parts.modulation = None;
+        self.parts.excitation = None;
         self
     }
 

@@ -200,8 +200,7 @@ fn validate_stick_slip(stick_slip: &StickSlip) -> Result<(), SceneProblem> {
 /// highest RMS of a node, but at least 1 and at most [`limits::MAX_GAIN`].
 ///
 /// A power of two can be found without a square root. The level of a lattice in the kernel relies on this bound. A
-/// codebook and a level track change the power of a node's output by at most 2 % each; see
-/// [`crate::limits::MIN_FED_POWER`].
+/// codebook changes the power of a node's output by at most 2 %; see [`crate::limits::MIN_CODEBOOK_POWER`].
 fn highest_gain(texture: &Texture<'_>) -> f32 {
     let loudest = texture.max_output_power();
     let mut gain = 1.0;

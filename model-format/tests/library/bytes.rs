@@ -105,13 +105,10 @@ impl RawLibrary {
         // Fractions of two stages for each node. The first two nodes have none.
         let fractions = [0, 0, 0, 0, 127, 0x80, 1, 0xff, 0, 3, 200, 0];
         library.textures[0].parts = vec![(1, vec![1, 1]), (2, fractions.to_vec())];
-        library.textures[1].parts = vec![(1, vec![0, 1]), (3, two_codebooks(6)), (4, track())];
+        library.textures[1].parts = vec![(1, vec![0, 1]), (3, two_codebooks(6))];
         let lines = lines(&[(0.61, 1), (1000.0, 65_535)], 6);
-        library.textures[2].parts = vec![(4, track()), (5, lines), (7, two_wanders())];
+        library.textures[2].parts = vec![(3, two_codebooks(6)), (5, lines), (7, two_wanders())];
         library.textures.push(RawTexture::with_tails());
-        let mut moments = RawTexture::sound("cork", &[12_345, -6000]);
-        moments.parts = vec![(3, blocks(6)), (8, vec![250, 1])];
-        library.textures.push(moments);
         library.scenes = vec![plain_scene(), full_scene()];
         library
     }
@@ -259,43 +256,29 @@ impl RawNode {
     }
 }
 
-/// The content of a codebook of these codes.
-pub fn codebook(peak: f32, codes: &[i8]) -> Vec<u8> {
+/// The content of a codebook of these blocks.
+pub fn codebook(peak: f32, blocks: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    append_varint(codes.len() as u32, &mut bytes);
+    append_varint(blocks.len() as u32, &mut bytes);
     append_f32(peak, &mut bytes);
-    bytes.extend(codes.iter().map(|code| code.cast_unsigned()));
+    bytes.extend(blocks);
     bytes
 }
 
-/// The content of an excitation of two codebooks. The sources of the nodes are in turn Gaussian noise, the first and
-/// the second codebook.
+/// Blocks at these levels, whose samples all have the magnitude of the level and either sign in turn.
+pub fn blocks(levels: impl IntoIterator<Item = i8>) -> Vec<u8> {
+    let block = |level: i8| [[0xfb, 0xbe, 0xef].repeat(8), vec![level.cast_unsigned()]].concat();
+    levels.into_iter().flat_map(block).collect()
+}
+
+/// The content of an excitation of two codebooks with a mean square of 1. The sources of the nodes are in turn Gaussian
+/// noise, the first and the second codebook.
 pub fn two_codebooks(nodes: usize) -> Vec<u8> {
-    // Both codebooks have a mean square of 1. In the first, all samples are at a peak of 1; in the second, every fourth
-    // sample is at a peak of 2.
-    let even = (0..1000).map(|n| if n % 3 == 0 { 127 } else { -127 });
-    let even: Vec<i8> = even.collect();
-    let sparse = (0..1004).map(|n| if n % 4 == 0 { 127 } else { 0 });
-    let sparse: Vec<i8> = sparse.collect();
     let mut bytes = vec![2];
-    bytes.extend(codebook(1.0, &even));
-    bytes.extend(codebook(2.0, &sparse));
+    bytes.extend(codebook(1.0, &blocks([0; 16])));
+    // Every other block is 12 dB down. So the mean square is 1 if the square of the peak is 2 / (1 + 10^-1.2).
+    bytes.extend(codebook(1.3716, &blocks((0..18).map(|n| -24 * (n % 2)))));
     bytes.extend((0..nodes).map(|node| (node % 3) as u8));
-    bytes
-}
-
-/// The content of an excitation of one codebook in blocks, which every node has.
-fn blocks(nodes: usize) -> Vec<u8> {
-    // All codes have the highest magnitude, and every other block is 12 dB down. So the mean square is 1 if the square
-    // of the peak is 2 / (1 + 10^-1.2).
-    let block = |number: u8| {
-        let level = number % 2 * (-24i8).cast_unsigned();
-        [[0xdb, 0xb6, 0x6d].repeat(8), vec![level]].concat()
-    };
-    let codes: Vec<i8> = (0..16).flat_map(block).map(u8::cast_signed).collect();
-    let mut bytes = vec![1];
-    bytes.extend(codebook(1.3716, &codes));
-    bytes.extend(vec![1; nodes]);
     bytes
 }
 
@@ -303,13 +286,6 @@ fn blocks(nodes: usize) -> Vec<u8> {
 fn two_wanders() -> Vec<u8> {
     let wanders = floats(&[0.1, 2.0, 0.0, 0.0, 1.0, 80.0]);
     [vec![2], wanders, vec![2, 1]].concat()
-}
-
-/// The content of a level track that alternates between 0.25 and -0.25 dB.
-pub fn track() -> Vec<u8> {
-    let mut bytes = vec![100];
-    bytes.extend((0..20).map(|n| if n % 2 == 0 { 1 } else { 0xff }));
-    bytes
 }
 
 /// Appends seven bits per byte, the lowest first. The top bit is set if more bytes follow.

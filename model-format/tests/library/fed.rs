@@ -1,29 +1,25 @@
-//! Codebooks and level tracks: the laws of their codes, and what a texture returns about them.
+//! Codebooks: the laws of their codes, and what a texture returns about them.
 
 use model_format::{
-    BLOCK_BYTES, BLOCK_SAMPLES, CodebookSpec, LEVEL_FRACTION_BITS, Library, MU_LAW_FRACTION_BITS, ModulationSpec,
-    PartKind, block_share, level_amplitude, mu_law,
+    BLOCK_BYTES, BLOCK_SAMPLES, CodebookSpec, Library, PartKind, SHARE_FRACTION_BITS, block_scale, block_share,
 };
 use proptest::prelude::*;
 
 use crate::bytes::{RawLibrary, two_codebooks};
-use crate::walk::{mean_square, mean_square_as_played, share_of_block};
+use crate::walk::{mean_square, share_of_block};
 
 #[test]
-fn codes_follow_the_mu_law_and_levels_a_quarter_of_a_decibel() {
-    for code in -127..=127i8 {
-        let share = (256f64.powf(f64::from(code.unsigned_abs()) / 127.0) - 1.0) / 255.0;
-        let exact = f64::from(code.signum()) * share * 2f64.powi(MU_LAW_FRACTION_BITS as i32);
-        assert!((f64::from(mu_law(code)) - exact).abs() <= 0.51, "{code}");
+fn levels_are_half_decibels() {
+    for level in -128..=0i8 {
+        let exact = 10f64.powf(f64::from(level) / 40.0) * 65_536.0;
+        let found = f64::from(block_scale(level));
+        // The scale is the square of a rounded root.
+        assert!(
+            (found - exact).abs() <= 1.0 + 1.1 * exact.sqrt() / 256.0,
+            "{level}: {found} {exact}"
+        );
     }
-    assert_eq!(mu_law(0), 0);
-    assert_eq!(mu_law(127), 1 << MU_LAW_FRACTION_BITS);
-    assert_eq!(mu_law(i8::MIN), mu_law(-127));
-    for entry in i8::MIN..=i8::MAX {
-        let exact = 10f64.powf(f64::from(entry) * 0.25 / 20.0);
-        let found = f64::from(level_amplitude(entry)) / 2f64.powi(LEVEL_FRACTION_BITS as i32);
-        assert!((found - exact).abs() <= 0.51 / 65_536.0, "{entry}");
-    }
+    assert_eq!((block_scale(0), block_scale(127)), (65_536, 65_536));
 }
 
 proptest! {
@@ -35,55 +31,41 @@ proptest! {
         block[..24].copy_from_slice(&codes);
         block[24] = level.cast_unsigned();
         let (found, exact) = (f64::from(block_share(&block, index)), share_of_block(&block, index));
-        let exact = exact * 2f64.powi(MU_LAW_FRACTION_BITS as i32);
+        let exact = exact * 2f64.powi(SHARE_FRACTION_BITS as i32);
         // The lowest levels have two digits.
         prop_assert!((found - exact).abs() <= 1e-3 * exact.abs() + 17_000.0, "{found} {exact}");
+    }
+
+    #[test]
+    fn mean_squares_are_those_of_the_formula(
+        blocks in prop::collection::vec((prop::array::uniform24(any::<u8>()), -60..=0i8), 1..30), peak in 0.01f32..40.0,
+    ) {
+        let blocks = blocks.into_iter().flat_map(|(codes, level)| codes.into_iter().chain([level.cast_unsigned()]));
+        let codebook = CodebookSpec { peak, blocks: blocks.collect() };
+        let (found, exact) = (f64::from(codebook.mean_square()), mean_square(&codebook));
+        prop_assert!((found / exact - 1.0).abs() <= 1e-2, "{found} {exact}");
+        let unit = CodebookSpec::of_unit_power(codebook.blocks);
+        prop_assert!((unit.mean_square() - 1.0).abs() <= 1e-5);
     }
 }
 
 #[test]
-fn a_texture_lists_its_codebooks_and_its_track_with_their_bytes() {
+fn a_texture_lists_its_codebooks_with_their_bytes() {
     let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
     let parts = |index| -> Vec<(PartKind, usize)> {
         let texture = library.texture_at(index).expect("it is there");
         texture.parts().collect()
     };
-    let excitation = two_codebooks(6).len();
-    assert_eq!(
-        parts(1),
-        [
-            (PartKind::Levels, 2),
-            (PartKind::Excitation, excitation),
-            (PartKind::Modulation, 21),
-        ]
-    );
+    let excitation = (PartKind::Excitation, two_codebooks(6).len());
+    assert_eq!(parts(1), [(PartKind::Levels, 2), excitation]);
     // Two lines, each with a wavelength, a phase and six amplitudes.
     let lines = (PartKind::Lines, 1 + 2 * (4 + 2 + 6 * 4));
     let wander = (PartKind::Wander, 1 + 2 * 12 + 2);
-    assert_eq!(parts(2), [(PartKind::Modulation, 21), lines, wander]);
+    assert_eq!(parts(2), [excitation, lines, wander]);
     let fed: Vec<bool> = library.textures().map(|texture| texture.is_fed()).collect();
-    assert_eq!(fed, [false, true, true, false, true]);
+    assert_eq!(fed, [false, true, true, false]);
     assert_eq!(parts(3), [(PartKind::FineTheta, 6), (PartKind::Tails, 12)]);
-    // A count, a length of two bytes, a peak, 16 blocks and six sources.
-    let blocks = (PartKind::Excitation, 1 + 2 + 4 + 16 * 25 + 6);
-    assert_eq!(parts(4), [blocks, (PartKind::Moments, 2)]);
     assert_eq!(PartKind::Tails.to_string(), "tails");
     assert_eq!(PartKind::Excitation.to_string(), "excitation");
-    assert_eq!(PartKind::Modulation.to_string(), "modulation");
-}
-
-proptest! {
-    #[test]
-    fn mean_squares_are_those_of_the_formulas(
-        codes in prop::collection::vec(-127..=127i8, 1..3000), peak in 0.01f32..40.0,
-        entries in prop::collection::vec(any::<i8>(), 1..300),
-    ) {
-        let codebook = CodebookSpec { peak, codes };
-        let (found, exact) = (f64::from(codebook.mean_square()), mean_square(&codebook));
-        prop_assert!((found - exact).abs() <= 1e-5 * exact + 1e-9);
-        let track = ModulationSpec { step_samples: 100, entries };
-        let (found, exact) = (f64::from(track.mean_square()), mean_square_as_played(&track));
-        prop_assert!((found / exact - 1.0).abs() <= 2e-3, "{found} {exact}");
-    }
 }

@@ -2,7 +2,7 @@
 
 use model_format::{
     BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
-    MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, TailSpec, TextureSpec, Wander, encode,
+    MAX_FINE_THETA, NodeFlags, NodeSpec, PartsSpec, Provenance, TailSpec, TextureSpec, Wander, encode,
     encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
@@ -136,94 +136,39 @@ fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     nodes
 }
 
-/// Codebooks and level tracks with a mean square of 1 for `nodes` nodes. Some generated values have only one of them,
-/// or none.
+/// Codebooks for `nodes` nodes, or none.
 fn parts(nodes: usize) -> impl Strategy<Value = PartsSpec> {
     let count = 1..=limits::MAX_CODEBOOKS.min(nodes);
-    let means = limits::MIN_MOMENT_SAMPLES..=limits::MAX_MOMENT_SAMPLES;
-    let codebooks = prop_oneof![
-        (vec(codebook(), count.clone()), Just(None)),
-        (vec(blocks(), count), means.prop_map(Some)),
-    ];
-    let excitation = (codebooks, vec(0..=limits::MAX_CODEBOOKS as u8, nodes)).prop_map(
-        |((codebooks, moment_samples), mut of_nodes)| {
-            for source in &mut of_nodes {
-                *source %= codebooks.len() as u8 + 1;
-            }
-            for (number, source) in (1..=codebooks.len()).zip(&mut of_nodes) {
-                *source = number as u8;
-            }
-            ExcitationSpec {
-                codebooks,
-                of_nodes,
-                moment_samples,
-            }
-        },
-    );
-    let excitation = prop::option::weighted(0.3, excitation);
-    let modulation = prop::option::weighted(0.3, track());
-    (excitation, modulation).prop_map(|(excitation, modulation)| {
-        let has_moments = |spec: &ExcitationSpec| spec.moment_samples.is_some();
-        let moments = excitation.as_ref().is_some_and(has_moments);
-        PartsSpec {
-            excitation,
-            modulation: modulation.filter(|_| !moments),
-            lines: None,
+    let codebooks = vec(codebook(), count);
+    let excitation = (codebooks, vec(0..=limits::MAX_CODEBOOKS as u8, nodes)).prop_map(|(codebooks, mut of_nodes)| {
+        for source in &mut of_nodes {
+            *source %= codebooks.len() as u8 + 1;
         }
-    })
-}
-
-fn codebook() -> impl Strategy<Value = CodebookSpec> {
-    let lengths = prop_oneof![Just(limits::MIN_CODEBOOK_SAMPLES), 1000usize..3000];
-    let codes = lengths.prop_flat_map(|length| vec(-i8::MAX..=i8::MAX, length));
-    codes.prop_map(|codes| {
-        let mut codebook = CodebookSpec { peak: 1.0, codes };
-        codebook.peak = codebook.mean_square().sqrt().recip();
-        codebook
-    })
-}
-
-fn blocks() -> impl Strategy<Value = CodebookSpec> {
-    let block = (vec(any::<i8>(), BLOCK_BYTES - 1), -100..=0i8);
-    let blocks = vec(block, 16..60).prop_map(|blocks| {
-        let bytes = blocks.into_iter().flat_map(|(mut codes, level)| {
-            codes.push(level);
-            codes
-        });
-        let mut codes: Vec<i8> = bytes.collect();
-        // One block is at the peak, so that the peak that gives a mean square of 1 stays within its bound.
-        codes[BLOCK_BYTES - 1] = 0;
-        codes
+        for (number, source) in (1..=codebooks.len()).zip(&mut of_nodes) {
+            *source = number as u8;
+        }
+        ExcitationSpec { codebooks, of_nodes }
     });
-    blocks.prop_map(|codes| {
-        let mut codebook = CodebookSpec { peak: 1.0, codes };
-        codebook.peak = codebook.mean_square_of_blocks().sqrt().recip();
-        codebook
+    prop::option::weighted(0.3, excitation).prop_map(|excitation| PartsSpec {
+        excitation,
+        lines: None,
     })
 }
 
-fn track() -> impl Strategy<Value = ModulationSpec> {
-    let entries = prop_oneof![Just(20), Just(limits::MAX_MODULATION_ENTRIES), 20..300usize];
-    let steps = limits::MIN_MODULATION_STEP_SAMPLES..=limits::MAX_MODULATION_STEP_SAMPLES;
-    (entries, 0.0f32..12.0, steps).prop_flat_map(|(entries, spread, step)| {
-        vec(-spread..=spread, entries).prop_map(move |levels| {
-            let shifted = |shift: f32| ModulationSpec {
-                step_samples: step as u16,
-                entries: levels.iter().map(|l| (4.0 * (l + shift)).round() as i8).collect(),
-            };
-            // The shift of all levels with which the mean square is nearest to 1. If the levels hardly differ, no shift
-            // may bring it near enough. The track is then replaced by alternating entries.
-            let square = |shift: f32| shifted(shift).mean_square();
-            let shift = (0..400).map(|n| -6.0 + 0.02 * n as f32).min_by(|&a, &b| {
-                let off = |shift| (square(shift) - 1.0).abs();
-                off(a).total_cmp(&off(b))
-            });
-            let mut track = shifted(shift.unwrap_or(0.0));
-            if !(0.98..=1.02).contains(&track.mean_square()) || track.entries.iter().all(|&e| e == 0) {
-                track.entries = (0..20).map(|n| if n % 2 == 0 { 1 } else { -1 }).collect();
-            }
-            track
-        })
+/// A codebook with a mean square of 1. The second half of each block is the first half negated.
+fn codebook() -> impl Strategy<Value = CodebookSpec> {
+    let block = (vec(any::<u8>(), 12), -100..=0i8);
+    vec(block, 16..60).prop_map(|blocks| {
+        let bytes = blocks.into_iter().flat_map(|(half, level)| {
+            // The third bit of each code of three bits.
+            let minus = [0x24, 0x49, 0x92].into_iter().cycle();
+            let negated: Vec<u8> = half.iter().zip(minus).map(|(codes, minus)| codes ^ minus).collect();
+            [half, negated, vec![level.cast_unsigned()]].concat()
+        });
+        let mut bytes: Vec<u8> = bytes.collect();
+        // One block is at the peak, so that the peak that gives a mean square of 1 stays within its bound.
+        bytes[BLOCK_BYTES - 1] = 0;
+        CodebookSpec::of_unit_power(bytes)
     })
 }
 

@@ -144,7 +144,7 @@ fn each_fault_is_told_with_its_place_and_its_numbers() {
     tells(|s| s.sample_rate_hz = 48_001, "scene: a sample rate of 480");
     let told = "surface 0: its texture is for 5000 Hz and the scene for 4000 Hz";
     tells(|s| s.sample_rate_hz = 4000, told);
-    let told = "surface 0: texture 5 is not there: the library has 5";
+    let told = "surface 0: texture 5 is not there: the library has 4";
     tells(|s| s.surfaces[0].texture = Some(5), told);
     let told = "surface 0, stick-slip: stick-slip modulates a texture, and the surface has none";
     tells(|s| s.surfaces[0].texture = None, told);

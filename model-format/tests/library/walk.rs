@@ -5,7 +5,7 @@ use std::iter::repeat;
 use model_format::scene::Scene;
 use model_format::{
     BLOCK_BYTES, BLOCK_SAMPLES, CodeSpec, CodebookSpec, Coefficients, ExcitationSpec, Library, Lines, LinesSpec,
-    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture, TextureSpec, limits,
+    NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture, TextureSpec, limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -106,40 +106,22 @@ fn parts(texture: &Texture<'_>) -> PartsSpec {
         assert!(nodes.eq(spec.of_nodes.iter().copied()));
         spec
     });
-    let modulation = texture.modulation().map(ModulationSpec::from);
-    let level = 0.98..=1.02;
-    let moments = excitation.as_ref().and_then(|spec| spec.moment_samples);
-    assert!(moments.is_none_or(|mean| (250..=5000).contains(&mean)));
     for codebook in excitation.iter().flat_map(|spec| &spec.codebooks) {
-        if moments.is_some() {
-            let bytes: Vec<u8> = codebook.codes.iter().map(|c| c.cast_unsigned()).collect();
-            let blocks = bytes.chunks(BLOCK_BYTES);
-            let squares = blocks.flat_map(|block| (0..BLOCK_SAMPLES).map(|index| share_of_block(block, index).powi(2)));
-            let count = bytes.len() / BLOCK_BYTES * BLOCK_SAMPLES;
-            let power = squares.sum::<f64>() / count as f64 * f64::from(codebook.peak).powi(2);
-            assert!(level.contains(&power), "{power}");
-            continue;
-        }
-        assert!((1000..=16_384).contains(&codebook.codes.len()));
         assert!(codebook.peak > 0.0 && codebook.peak <= 40.0);
-        assert!(!codebook.codes.contains(&i8::MIN));
-        assert!(level.contains(&mean_square(codebook)), "{}", mean_square(codebook));
+        assert!((1000..=41_920).contains(&(codebook.blocks.len() / BLOCK_BYTES * BLOCK_SAMPLES)));
+        let power = mean_square(codebook);
+        assert!((0.975..=1.025).contains(&power), "{power}");
+        let mean = samples(codebook).sum::<f64>() / samples(codebook).count() as f64;
+        assert!(mean.abs() < 0.031, "{mean}");
     }
     if let Some(spec) = &excitation {
         let named = |number: &u8| usize::from(*number) <= spec.codebooks.len();
         assert!(spec.of_nodes.iter().all(named));
         assert!((1..=spec.codebooks.len()).all(|number| spec.of_nodes.contains(&(number as u8))));
     }
-    if let Some(spec) = &modulation {
-        assert!((25..=500).contains(&spec.step_samples));
-        assert!((20..=4096).contains(&spec.entries.len()));
-        assert!(level.contains(&mean_square_as_played(spec)));
-        assert!(spec.entries.iter().any(|&entry| entry != 0));
-    }
-    assert_eq!(texture.is_fed(), excitation.is_some() || modulation.is_some());
+    assert_eq!(texture.is_fed(), excitation.is_some());
     PartsSpec {
         excitation,
-        modulation,
         lines: texture.lines().map(|lines| lines_of(texture, lines)),
     }
 }
@@ -153,30 +135,16 @@ pub fn share_of_block(block: &[u8], index: usize) -> f64 {
     if bit(3 * index + 2) == 1 { -scale * m } else { scale * m }
 }
 
-/// Mean square of a codebook by the formula of the format, in floating point.
-pub fn mean_square(codebook: &CodebookSpec) -> f64 {
-    let value = |&code: &i8| {
-        let share = 256f64.powf(f64::from(code.unsigned_abs()) / 127.0) - 1.0;
-        f64::from(code.signum()) * f64::from(codebook.peak) * share / 255.0
-    };
-    let squares = codebook.codes.iter().map(|code| value(code).powi(2));
-    squares.sum::<f64>() / codebook.codes.len() as f64
+/// Samples of a codebook by the formula of the format, in floating point.
+fn samples(codebook: &CodebookSpec) -> impl Iterator<Item = f64> {
+    let blocks = codebook.blocks.chunks(BLOCK_BYTES);
+    let shares = blocks.flat_map(|block| (0..BLOCK_SAMPLES).map(|index| share_of_block(block, index)));
+    shares.map(|share| share * f64::from(codebook.peak))
 }
 
-/// Mean square of a level track in straight lines between its entries, sampled finely, in floating point.
-pub fn mean_square_as_played(track: &ModulationSpec) -> f64 {
-    const STEPS: usize = 64;
-    let amplitude = |entry: i8| 10f64.powf(f64::from(entry) * 0.25 / 20.0);
-    let next = track.entries.iter().cycle().skip(1);
-    let pairs = track.entries.iter().zip(next);
-    let squares = pairs.flat_map(|(&from, &to)| {
-        let (from, to) = (amplitude(from), amplitude(to));
-        (0..STEPS).map(move |step| {
-            let share = (step as f64 + 0.5) / STEPS as f64;
-            (from + (to - from) * share).powi(2)
-        })
-    });
-    squares.sum::<f64>() / (STEPS * track.entries.len()) as f64
+/// Mean square of a codebook.
+pub fn mean_square(codebook: &CodebookSpec) -> f64 {
+    samples(codebook).map(|x| x * x).sum::<f64>() / samples(codebook).count() as f64
 }
 
 /// The scenes of `library`, through its public interface.

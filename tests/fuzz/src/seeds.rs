@@ -7,7 +7,7 @@ use std::path::Path;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec, NodeFlags,
+    BLOCK_SAMPLES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags,
     NodeSpec, PartsSpec, TextureSpec, Wander, encode, encode_with_scenes, limits,
 };
 
@@ -67,11 +67,10 @@ fn textures() -> Vec<TextureSpec> {
         lined.parts.lines = Some(lines_of(lines));
         all.push(lined);
     }
-    all.extend([wandering_lines(), moments()]);
-    for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
-        let name = format!("{excitation} codebooks, track {modulation}");
-        let mut fed = texture(name, 5, 2);
-        fed.parts = parts(excitation, modulation, fed.nodes.len());
+    all.push(wandering_lines());
+    for codebooks in [1, 3] {
+        let mut fed = texture(format!("{codebooks} codebooks"), 5, 2);
+        fed.parts.excitation = Some(excitation(codebooks, fed.nodes.len()));
         all.push(fed);
     }
     all
@@ -92,22 +91,6 @@ fn wandering_lines() -> TextureSpec {
     wandering
 }
 
-/// A texture with recorded snippets.
-fn moments() -> TextureSpec {
-    let mut moments = texture("moments".into(), 5, 2);
-    moments.parts = parts(1, false, moments.nodes.len());
-    if let Some(excitation) = &mut moments.parts.excitation {
-        // Blocks of equal samples: each code of three bits is the highest magnitude, and the level of each block is 0.
-        let block = [&[0xdb, 0xb6, 0x6d].repeat(8)[..], &[0]].concat();
-        let codes: Vec<i8> = block.repeat(20).into_iter().map(u8::cast_signed).collect();
-        let mut codebook = CodebookSpec { peak: 1.0, codes };
-        codebook.peak = codebook.mean_square_of_blocks().sqrt().recip();
-        excitation.codebooks[0] = codebook;
-        excitation.moment_samples = Some(500);
-    }
-    moments
-}
-
 /// `lines` lines for a texture of 2 × 2 nodes. Only the last node is both in motion and in contact.
 fn lines_of(lines: usize) -> LinesSpec {
     let line = |at: usize| LineSpec {
@@ -120,30 +103,17 @@ fn lines_of(lines: usize) -> LinesSpec {
     LinesSpec::from(lines)
 }
 
-/// `codebooks` codebooks, all of the shortest length, and, if `modulation` is true, a level track of the shortest
-/// length.
-fn parts(codebooks: usize, modulation: bool, nodes: usize) -> PartsSpec {
-    let excitation = (codebooks > 0).then(|| ExcitationSpec {
-        codebooks: (0..codebooks)
-            .map(|number| CodebookSpec {
-                peak: 1.0 + number as f32,
-                // One of (1 + number)² samples is at the peak, 1 + number, so that the mean square is 1.
-                codes: (0..limits::MIN_CODEBOOK_SAMPLES)
-                    .map(|n| i8::from(n % (1 + number).pow(2) == 0) * 127)
-                    .collect(),
-            })
-            .collect(),
+/// `codebooks` codebooks, all of the shortest length.
+fn excitation(codebooks: usize, nodes: usize) -> ExcitationSpec {
+    // Samples of the highest magnitude and either sign in turn, in blocks of level 0.
+    let block = [[0xfb, 0xbe, 0xef].repeat(8), vec![0]].concat();
+    let codebook = CodebookSpec {
+        peak: 1.0,
+        blocks: block.repeat(limits::MIN_CODEBOOK_SAMPLES.div_ceil(BLOCK_SAMPLES)),
+    };
+    ExcitationSpec {
+        codebooks: vec![codebook; codebooks],
         of_nodes: (0..nodes).map(|node| (node % (codebooks + 1)) as u8).collect(),
-        moment_samples: None,
-    });
-    let modulation = modulation.then(|| ModulationSpec {
-        step_samples: 25,
-        entries: (0..20).map(|n| if n % 2 == 0 { 1 } else { -1 }).collect(),
-    });
-    PartsSpec {
-        excitation,
-        modulation,
-        ..PartsSpec::default()
     }
 }
 

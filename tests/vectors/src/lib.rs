@@ -3,7 +3,7 @@
 //! Host and target play the same library, [`library`] (feature `library`, for hosts), along the same path of the hand,
 //! [`motion`], and their output is compared sample by sample. The textures are made from a seed such that they reach
 //! every path of the kernel: one node and grids, orders that differ from node to node, steep resonances, silent nodes,
-//! full scale, fractions of θ, every law of the level, codebooks and level tracks, and two voices at a time.
+//! full scale, fractions of θ, every law of the level, codebooks, and two voices at a time.
 #![no_std]
 
 #[cfg(feature = "library")]

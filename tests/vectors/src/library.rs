@@ -6,8 +6,8 @@ use alloc::vec::Vec;
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec,
-    NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, Wander, encode,
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeSpec, PartsSpec,
+    THETA_STEP_RAD, TailSpec, TextureSpec, Wander, encode,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -52,7 +52,7 @@ pub fn library() -> Vec<u8> {
 }
 
 /// The textures of [`library`].
-pub fn specs() -> [TextureSpec; 15] {
+pub fn specs() -> [TextureSpec; 12] {
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(&Model::resonant(MAX_ORDER, 1), 9.0);
     [
@@ -68,16 +68,6 @@ pub fn specs() -> [TextureSpec; 15] {
         Grid::new(|index| Model::extreme(index).with_largest_fractions())
             .with_laws(LevelLaw::Amplitude, FadeLaw::Amplitude)
             .texture("fine lattice of largest angles, mean amplitude"),
-        Grid::new(|index| resonant(60 + index as u64))
-            .with_codebooks()
-            .texture("lattice, codebooks"),
-        Grid::new(|index| resonant(70 + index as u64))
-            .with_track()
-            .texture("lattice, track"),
-        Grid::new(|index| resonant(80 + index as u64))
-            .with_codebooks()
-            .with_track()
-            .texture("lattice, codebooks and track"),
         Grid::new(|index| resonant(index as u64))
             .with_lines(&FOUR_LINES)
             .texture("lattice, four lines"),
@@ -88,9 +78,8 @@ pub fn specs() -> [TextureSpec; 15] {
             .texture("lattice with rest, one line"),
         Grid::new(|index| resonant(110 + index as u64))
             .with_codebooks()
-            .with_track()
             .with_lines(&FOUR_LINES)
-            .texture("lattice, codebooks, track and four lines"),
+            .texture("lattice, snippets and four lines"),
         Grid::new(|index| {
             let model = resonant(130 + index as u64).with_fractions(40 + index as u64);
             model.compact()
@@ -102,17 +91,17 @@ pub fn specs() -> [TextureSpec; 15] {
             .with_wanders()
             .texture("lattice, four lines that wander"),
         Grid::new(|index| resonant(150 + index as u64))
-            .with_moments()
-            .texture("lattice, moments"),
+            .with_codebooks()
+            .texture("lattice, snippets"),
     ]
 }
 
 /// Digest of the words that the texture of [`digest_library`] plays along the fixed stroke of
 /// [`stylus_kernel::digest`]. It is the same on every platform: host, emulated processors, emulated board and browser.
-pub const DIGESTED: u32 = 0x104b_59ee;
+pub const DIGESTED: u32 = 0x05bc_f570;
 
-/// Returns the bytes of a library of one texture that has every part but tails and moments, which exclude a track, and
-/// whose order is low enough to play fast.
+/// Returns the bytes of a library of one texture that has every part but tails, and whose order is low enough to
+/// play fast.
 ///
 /// # Panics
 /// Never, because the texture is valid.
@@ -120,7 +109,6 @@ pub fn digest_library() -> Vec<u8> {
     let spec = Grid::new(|index| Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64))
         .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
         .with_codebooks()
-        .with_track()
         .with_lines(&FOUR_LINES[1..3])
         .with_wanders()
         .texture("digest");
@@ -329,27 +317,9 @@ impl Grid {
     fn with_codebooks(mut self) -> Self {
         let nodes = 0..self.models.len();
         self.parts.excitation = Some(ExcitationSpec {
-            codebooks: [codebook(1000, 1), codebook(1537, 2)].to_vec(),
+            codebooks: [codebook(30, 4), codebook(41, 5)].to_vec(),
             of_nodes: nodes.map(|node| [1, 2, 0][node % 3]).collect(),
-            moment_samples: None,
         });
-        self
-    }
-
-    /// The grid with two codebooks of recorded snippets (blocks). Some nodes have the first, some the second, some
-    /// none.
-    fn with_moments(mut self) -> Self {
-        self = self.with_codebooks();
-        if let Some(excitation) = &mut self.parts.excitation {
-            excitation.codebooks = [blocks(30, 4), blocks(41, 5)].to_vec();
-            excitation.moment_samples = Some(777);
-        }
-        self
-    }
-
-    /// The grid with a level track.
-    fn with_track(mut self) -> Self {
-        self.parts.modulation = Some(track());
         self
     }
 
@@ -375,46 +345,20 @@ impl Grid {
     }
 }
 
-/// A codebook of `samples` samples, most of which are small.
-fn codebook(samples: usize, seed: u64) -> CodebookSpec {
+/// A codebook of `count` blocks, whose levels are spread over 32 dB. The second half of each block is the first half
+/// negated, so that there is no mean.
+fn codebook(count: usize, seed: u64) -> CodebookSpec {
     let mut uniform = uniform(seed);
-    // The mu-law makes most codes small samples. The cube root makes large codes frequent, so that some are large.
-    let mut codebook = CodebookSpec {
-        peak: 1.0,
-        codes: (0..samples).map(|_| (127.0 * libm::cbrt(uniform())) as i8).collect(),
-    };
-    for code in codebook.codes.iter_mut().step_by(3) {
-        *code /= 2;
+    let mut blocks = Vec::new();
+    for _ in 0..count {
+        let half: Vec<u8> = (0..12).map(|_| (127.0 * uniform()) as i8 as u8).collect();
+        // The third bit of each code of three bits.
+        let minus = [0x24, 0x49, 0x92].into_iter().cycle();
+        blocks.extend(&half);
+        blocks.extend(half.iter().zip(minus).map(|(codes, minus)| codes ^ minus));
+        blocks.push((-32.0 + 32.0 * uniform()) as i8 as u8);
     }
-    codebook.peak = libm::sqrtf(codebook.mean_square()).recip();
-    codebook
-}
-
-/// A codebook of `count` blocks, whose levels are spread over 32 dB.
-fn blocks(count: usize, seed: u64) -> CodebookSpec {
-    let mut uniform = uniform(seed);
-    let codes = (0..count * BLOCK_BYTES).map(|_| (127.0 * uniform()) as i8);
-    let mut codes: Vec<i8> = codes.collect();
-    for block in codes.chunks_exact_mut(BLOCK_BYTES) {
-        block[BLOCK_BYTES - 1] = -(block[0].unsigned_abs() as i8 / 2);
-    }
-    let mut codebook = CodebookSpec { peak: 1.0, codes };
-    codebook.peak = libm::sqrtf(codebook.mean_square_of_blocks()).recip();
-    codebook
-}
-
-/// A level track whose amplitude is spread over 24 dB.
-fn track() -> ModulationSpec {
-    let mut uniform = uniform(3);
-    let levels: Vec<f64> = (0..90).map(|_| 48.0 * uniform()).collect();
-    let shifted = |shift: f64| ModulationSpec {
-        step_samples: 57,
-        entries: levels.iter().map(|level| libm::round(level + shift) as i8).collect(),
-    };
-    // One unit is a step of 0.25 dB.
-    let shift = |track: &ModulationSpec| -40.0 * libm::log10(f64::from(track.mean_square()));
-    let first = shift(&shifted(0.0));
-    shifted(first + shift(&shifted(first)))
+    CodebookSpec::of_unit_power(blocks)
 }
 
 /// Returns a generator of numbers that are uniform in ±1.

@@ -37,28 +37,25 @@ impl Vector {
 }
 
 /// All textures of the library, and pairs of them played at once.
-pub const VECTORS: [Vector; 17] = [
+pub const VECTORS: [Vector; 14] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
     Vector::new("lattice of unequal orders", 2),
     Vector::new("lattice of largest angles", 3),
     Vector::new("fine lattice, mean dB", 11),
     Vector::new("fine lattice of largest angles, mean amplitude", 12),
-    Vector::new("lattice, codebooks", 15),
-    Vector::new("lattice, track", 16),
-    Vector::new("lattice, codebooks and track", 17),
     Vector::beside(
-        "two voices with codebooks and tracks",
-        ["lattice, codebooks and track", "lattice, track"],
+        "two voices with snippets",
+        ["lattice, snippets", "lattice, snippets and four lines"],
         20,
     ),
-    Vector::beside("two voices, one plain", ["lattice, codebooks and track", "lattice"], 21),
+    Vector::beside("two voices, one plain", ["lattice, snippets", "lattice"], 21),
     Vector::new("lattice, four lines", 22),
     Vector::new("lattice with rest, one line", 23),
-    Vector::new("lattice, codebooks, track and four lines", 24),
+    Vector::new("lattice, snippets and four lines", 24),
     Vector::new("compact lattice, mean dB", 25),
     Vector::new("lattice, four lines that wander", 26),
-    Vector::new("lattice, moments", 26),
+    Vector::new("lattice, snippets", 26),
 ];
 
 /// A texture whose cost is measured.
@@ -74,7 +71,7 @@ pub struct Measured {
 
 /// One texture for each path through the kernel, with the largest costs of a sample and of an update on a Cortex-M4 or
 /// M7.
-pub const MEASURED: [Measured; 8] = [
+pub const MEASURED: [Measured; 6] = [
     Measured {
         texture: "lattice",
         budget_instructions: 4800,
@@ -101,17 +98,7 @@ pub const MEASURED: [Measured; 8] = [
         update_budget_instructions: 16_000,
     },
     Measured {
-        texture: "lattice, track",
-        budget_instructions: 5100,
-        update_budget_instructions: 11_500,
-    },
-    Measured {
-        texture: "lattice, codebooks and track",
-        budget_instructions: 5100,
-        update_budget_instructions: 13_500,
-    },
-    Measured {
-        texture: "lattice, moments",
+        texture: "lattice, snippets",
         budget_instructions: 5100,
         update_budget_instructions: 13_500,
     },

@@ -19,18 +19,8 @@ impl Draws {
         Self(Pcg32::new(hashed(seed ^ OTHER), STREAM))
     }
 
-    /// 32 uniform bits.
-    pub fn bits(&mut self) -> u32 {
-        self.0.next_u32()
-    }
-
     /// Returns a random number below `count`, uniform within a relative 2⁻³² · `count`; 0 if `count` is 0.
     pub fn below(&mut self, count: u32) -> u32 {
-        share(self.bits(), count)
+        ((u64::from(self.0.next_u32()) * u64::from(count)) >> 32) as u32
     }
-}
-
-/// Scales `bits`, as a fraction of 2³², to the range of `count`.
-pub(super) fn share(bits: u32, count: u32) -> u32 {
-    ((u64::from(bits) * u64::from(count)) >> 32) as u32
 }

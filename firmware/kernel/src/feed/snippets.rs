@@ -10,7 +10,7 @@
 //! filter's ringing makes the transition.
 
 use model_format::limits::MAX_CODEBOOKS;
-use model_format::{Codebook, Excitation as Codebooks, MU_LAW_FRACTION_BITS};
+use model_format::{Codebook, Excitation as Codebooks, SHARE_FRACTION_BITS};
 
 use super::draws::Draws;
 use super::scale::{FED_FRACTION_BITS, gaussian_sample};
@@ -95,16 +95,16 @@ impl Place {
 
 /// Value of sample number `at` in steps of 2⁻²⁵.
 #[inline]
-pub(super) fn value(codebook: &Codebook<'_>, at: u32) -> i32 {
+fn value(codebook: &Codebook<'_>, at: u32) -> i32 {
     // A power of two scales a float exactly.
     let peak = (codebook.peak() * (1u32 << FED_FRACTION_BITS) as f32) as i32;
     let product = i64::from(codebook.share(at as usize)) * i64::from(peak);
-    shift_toward_zero(product, MU_LAW_FRACTION_BITS) as i32
+    shift_toward_zero(product, SHARE_FRACTION_BITS) as i32
 }
 
 /// Returns the source of the node at `point` that `place`, below [`ONE`], falls on when the weights of the four nodes
 /// are lined up: 0 for Gaussian noise, k for codebook number k, from 1.
-pub(super) fn source_at(codebooks: &Codebooks<'_>, point: &GridPoint, place: u32) -> usize {
+fn source_at(codebooks: &Codebooks<'_>, point: &GridPoint, place: u32) -> usize {
     let mut end = 0;
     for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
         end += weight;

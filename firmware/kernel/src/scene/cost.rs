@@ -20,8 +20,8 @@ pub const LATTICE: StageCost = StageCost { base: 153, each: 11 };
 /// more saturation.
 pub const FED_LATTICE: StageCost = StageCost { base: 182, each: 11 };
 
-/// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade,
-/// the choice of a piece, and the level. A test counts updates in QEMU against it.
+/// Instructions of the update per sample of a fed voice: a sample of the noise or of a codebook, and the choice of a
+/// snippet. A test counts updates in QEMU against it.
 pub const FEED: u32 = 450;
 
 /// Stick-slip of a voice, in addition to the voice.

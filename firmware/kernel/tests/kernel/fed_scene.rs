@@ -9,7 +9,7 @@ use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 use stylus_kernel::{Frame, Levels, MAX_FED_SAMPLES, Playback, Synthesis};
 
-use crate::fed::{all_parts, bare, decibels, encoded, fed_h3, mean_square};
+use crate::fed::{all_parts, alternating, bare, bare_of, decibels, encoded, fed_h3, mean_square};
 use crate::models::{motion, texture};
 use crate::scenes::{at, block, lifted, moving, resonant, side_by_side};
 
@@ -57,7 +57,7 @@ fn a_scene_of_one_texture_plays_what_the_texture_does() {
 #[test]
 fn two_fed_voices_sound_on_a_transition_each_at_its_share() {
     let bytes = library();
-    for [one, other] in [[1, 2], [3, 1], [2, 3]] {
+    for [one, other] in [[1, 2], [2, 1]] {
         let scene = side_by_side(&[one, other], 40.0);
         let mut player: ScenePlayer<'_> = ScenePlayer::new(plan(&bytes, &scene), 5);
         block(&mut player, at(50.0, moving()));
@@ -90,7 +90,7 @@ fn plans_with_and_without_feeds_are_exchanged_without_a_click() {
         let mut player: ScenePlayer<'_> = ScenePlayer::new(plan(&bytes, &scene(0)), seed);
         let mut samples = Vec::new();
         for round in 0..60u16 {
-            player.switch(plan(&bytes, &scene((round * 7 % 4) as u8)));
+            player.switch(plan(&bytes, &scene((round * 7 % 3) as u8)));
             for n in 0..60 {
                 let interaction = if n == 30 { lifted() } else { at(50.0, moving()) };
                 samples.extend(block(&mut player, interaction));
@@ -111,14 +111,15 @@ fn plans_with_and_without_feeds_are_exchanged_without_a_click() {
 #[test]
 fn noise_goes_on_from_a_plain_texture_through_a_fed_one_to_a_plain_one() {
     let plain = encoded(bare(PartsSpec::default()));
-    let [_, track, _] = all_parts();
-    let fed = encoded(bare(track));
+    // The node of the motion has no codebook.
+    let fed = bare_of(vec![alternating([0; 16])], [0, 0, 0, 1]);
+    let slow = || motion(50.0, 0.5);
     let (plain, fed) = (texture(&plain), texture(&fed));
     let play = |playback: &mut Playback, texture, feed: Option<&mut Feed>| {
         let mut frame = Frame::silent(&texture);
-        frame.update::<Portable>(&texture, moving(), Levels::SILENT, 1);
+        frame.update::<Portable>(&texture, slow(), Levels::SILENT, 1);
         if let Some(feed) = feed {
-            frame.feed(feed, &texture, moving(), 10);
+            frame.feed(feed, &texture, slow(), 10);
         }
         playback.begin_frame(10);
         [(); 10].map(|()| playback.next_sample::<Portable>(&frame).0)
@@ -135,14 +136,13 @@ fn noise_goes_on_from_a_plain_texture_through_a_fed_one_to_a_plain_one() {
     assert_eq!([before, after], [expected[0], expected[2]]);
 }
 
-/// Sample rates at which a piece has only a few samples, and the highest rate.
+/// Sample rates at which a snippet has only a few samples, and the highest rate.
 #[test]
 fn a_feed_suits_every_sample_rate() {
     for rate in [1, 13, 199, 1000, 8000, 48_000] {
-        let [_, _, both] = all_parts();
         let bytes = encoded(TextureSpec {
             sample_rate_hz: rate,
-            ..bare(both)
+            ..bare(all_parts()[1].clone())
         });
         let texture = texture(&bytes);
         let (material, point) = (Material::of(&texture), GridPoint::locate(&texture, moving()));

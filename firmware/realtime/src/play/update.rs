@@ -82,8 +82,8 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 /// The update's interrupt, pended by the tick. **Deadline: 0.6 ms, until the next block.**
 ///
 /// The time of an update is bounded: at most two voices, the highest order of their textures, four nodes around the
-/// motion, twenty samples of excitation from codebooks and level tracks, and the ticks that interrupt it. If the update
-/// is late, the previous block continues with its ramps at their ends. A voice with codebooks or a track then has no
+/// motion, twenty samples of excitation from codebooks, and the ticks that interrupt it. If the update
+/// is late, the previous block continues with its ramps at their ends. A voice with codebooks then has no
 /// excitation, so that its filter rings out. `status` counts the late update.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]

@@ -19,7 +19,7 @@ use crate::dsp::sums::mean_square;
 pub enum Part {
     /// The level: the texture as fitted against the same, louder by so many decibels.
     Level,
-    /// The recording's own excitation with its level track: Gaussian noise through the filter against a mixture of both
+    /// The recording's own excitation: Gaussian noise through the filter against a mixture of both
     /// with that share of power. Lines are left out.
     Codebook,
     /// The lines that are tied to position: the texture without them against the texture with that share of their

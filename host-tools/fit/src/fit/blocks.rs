@@ -10,8 +10,6 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 
-use super::estimate::{KnownBand, estimate_of};
-
 /// Longest block, s. Blocks of 1 s resolve the lowest third octave; shorter ones alternate more often.
 const LONGEST_BLOCK_S: f64 = 1.0;
 
@@ -85,18 +83,18 @@ impl Part {
     }
 }
 
-/// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, weighted by
-/// their lengths.
-pub(crate) fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
-    estimate_of(SAMPLE_RATE_HZ, blocks, max_lag, KnownBand::default()).lags
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dsp::autocorrelation::PaddedSpectrum;
-    use crate::fit::estimate::estimate;
+    use crate::fit::estimate::{KnownBand, estimate, estimate_of};
     use proptest::prelude::*;
+
+    /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks,
+    /// weighted by their lengths.
+    fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
+        estimate_of(SAMPLE_RATE_HZ, blocks, max_lag, KnownBand::default()).lags
+    }
 
     proptest! {
         #[test]

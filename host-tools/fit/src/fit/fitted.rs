@@ -45,7 +45,7 @@ pub struct FittedTexture {
 }
 
 impl FittedTexture {
-    /// Fits the models of one texture to its recordings, with Gaussian excitation of steady level. `reports` says which
+    /// Fits the models of one texture to its recordings, with Gaussian excitation. `reports` says which
     /// recordings are used.
     pub(super) fn of(recordings: &Recordings<'_>, reports: &[TrialReport], options: &Options) -> Result<Self> {
         let all = &recordings.trials;
@@ -104,7 +104,6 @@ impl FittedTexture {
         } = excitation::of(choice, &self.nodes, takes, source.reports, source.part, progress);
         // The lines among the parts were found before, and stay.
         self.grid.parts.excitation = parts.excitation;
-        self.grid.parts.modulation = parts.modulation;
         self.excitation = Some(report);
         self.notes.extend(notes);
         self.lower(&excess);
@@ -121,8 +120,8 @@ impl FittedTexture {
             return;
         };
         let text = format!(
-            "{} up to {most_db:.1} dB softer than recorded, because their loudest moments would be louder than any of \
-             their recordings: --excitation gaussian --modulation none plays them at their level",
+            "{} up to {most_db:.1} dB softer than recorded, because their loudest moments, or a tone, would be louder \
+             than in any of their recordings: --excitation gaussian plays them at their level",
             counted(excess.len(), "node")
         );
         let note = Warning::of_texture("softer", &self.name, most_db, text);

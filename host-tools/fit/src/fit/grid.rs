@@ -27,7 +27,7 @@ const LOUD: f64 = 4.0;
 const FEWEST_FOR_MEDIAN: usize = 3;
 
 /// Least number of samples for each coefficient of a model.
-pub(super) const SAMPLES_PER_COEFFICIENT: usize = 4;
+const SAMPLES_PER_COEFFICIENT: usize = 4;
 
 /// A trial that a texture is fitted to.
 #[derive(Clone, Copy)]

@@ -19,9 +19,9 @@
 //! 4. **Room** (`fitted`). The bytes that the models and lines leave of a library are divided equally among the
 //!    textures, up to a bound for each.
 //! 5. **Excitation** ([`excitation`]), a texture at a time, from the residuals of its trials by the quantised models. A
-//!    texture gets what tests find that it needs: nothing more than Gaussian noise, a codebook, a level track, both, or
-//!    recorded snippets (moments). A node whose loudest moments would be more than half again as loud as those of its
-//!    recordings is made softer. Steps 4 and 5 are left out if the user asks for noise of steady level.
+//!    texture gets recorded snippets if a test finds that its output is not Gaussian noise. A node whose loudest
+//!    moments would be more than half again as loud as those of its recordings is made softer. Steps 4 and 5 are left
+//!    out if the user asks for Gaussian noise.
 //!
 //! **Memory.** Lags and bands of all trials are kept from step 1 to step 3, about 4 KB per trial. Step 1 needs the
 //! signals of one texture, several times over while lines are sought. For step 5 the signals of a texture are kept if
@@ -67,7 +67,7 @@ mod trial;
 pub use estimate::carried_hz;
 pub use fitted::{Fit, FittedTexture, encoded};
 pub use floor::{FloorAtSpeed, by_speed};
-pub use options::{ExcitationChoice, FloorChoice, ModulationChoice, Options, Order};
+pub use options::{ExcitationChoice, FloorChoice, Options, Order};
 pub use recordings::{Recorded, Recordings};
 pub use reports::TrialReport;
 pub use strokes::fit_strokes;
@@ -126,8 +126,8 @@ pub fn read<'s>(
     textures.collect()
 }
 
-/// Fits models to the `recordings` of all textures of `set`, with Gaussian excitation of steady level. The recordings
-/// were read with `options`, or with an order at least as high.
+/// Fits models to the `recordings` of all textures of `set`, with Gaussian excitation. The recordings were read with
+/// `options`, or with an order at least as high.
 pub fn models(set: &RecordingSet, recordings: &[Recordings<'_>], options: &Options) -> Result<Fit> {
     let trials = reports::reports(recordings, options)?;
     let textures = recordings.iter().map(|own| FittedTexture::of(own, &trials, options));

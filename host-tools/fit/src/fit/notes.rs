@@ -290,7 +290,7 @@ pub(super) fn of_set(set: &RecordingSet, reports: &[TrialReport], options: &Opti
     let mut notes = Vec::new();
     if options.sample_rate_hz != SAMPLE_RATE_HZ {
         let text = format!(
-            "at {} Hz nothing but noise of steady level is fitted: residual, level and lines are sought at \
+            "at {} Hz nothing but Gaussian noise is fitted: snippets and lines are sought at \
              {SAMPLE_RATE_HZ} Hz alone",
             options.sample_rate_hz
         );

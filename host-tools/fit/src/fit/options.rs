@@ -51,28 +51,15 @@ impl std::str::FromStr for Order {
     }
 }
 
-/// The choice of an excitation's source.
+/// The choice of an excitation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum ExcitationChoice {
     /// Gaussian noise.
     Gaussian,
-    /// Pieces of the recordings' own prediction residual, wherever there is enough of it.
-    Residual,
-    /// The residual where a test finds it to differ from Gaussian noise, Gaussian noise elsewhere.
-    #[default]
-    Auto,
-}
-
-/// The choice of an excitation's level.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum ModulationChoice {
-    /// Steady.
-    None,
-    /// Pieces of the recordings' own level.
-    Track,
-    /// The recordings' level where a test finds that it varies more than that of noise, a steady one elsewhere.
+    /// Recorded snippets of the prediction residual, wherever there is enough of it.
+    Snippets,
+    /// Recorded snippets where a test finds that they would not be Gaussian noise, Gaussian noise elsewhere.
     #[default]
     Auto,
 }
@@ -120,12 +107,9 @@ pub struct Options {
         default_value_t = SILENCE_FLOOR_M_S2
     )]
     pub silence_floor_m_s2: f64,
-    /// Source of the excitation: noise, pieces of the recordings' own residual, or what a test finds
+    /// Excitation: noise, recorded snippets of the residual, or what a test finds
     #[arg(long, value_enum, default_value = "auto")]
     pub excitation: ExcitationChoice,
-    /// Level of the excitation: steady, pieces of the recordings' own level, or what a test finds
-    #[arg(long, value_enum, default_value = "auto")]
-    pub modulation: ModulationChoice,
     /// Leave out trials with these verdicts; a node without another trial is filled from its neighbours
     #[arg(long, value_delimiter = ',', value_parser = PossibleValuesParser::new(Kind::NAMES))]
     pub drop: Vec<String>,
@@ -174,16 +158,12 @@ impl Options {
         }
         play_rate(rate_hz)?;
         // `auto` is not refused but gives way; see `at_their_rate`.
-        let asked = [
-            ("--excitation residual", self.excitation == ExcitationChoice::Residual),
-            ("--modulation track", self.modulation == ModulationChoice::Track),
-        ];
-        match asked.into_iter().find(|&(_, is_asked)| is_asked) {
-            None => Ok(()),
-            Some((option, _)) => Err(Error::Request(format!(
-                "{option} is fitted at {SAMPLE_RATE_HZ} Hz alone: leave it out, or fit at that rate"
-            ))),
+        if self.excitation == ExcitationChoice::Snippets {
+            return Err(Error::Request(format!(
+                "--excitation snippets is fitted at {SAMPLE_RATE_HZ} Hz alone: leave it out, or fit at that rate"
+            )));
         }
+        Ok(())
     }
 
     /// Returns the options without the automatic choices that exist only at 5 kHz, if the rate is another.
@@ -194,7 +174,6 @@ impl Options {
         }
         Self {
             excitation: ExcitationChoice::Gaussian,
-            modulation: ModulationChoice::None,
             lines: Lines::None,
             ..self.clone()
         }
@@ -208,7 +187,6 @@ impl Default for Options {
             conditioning: Conditioning::default(),
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,
             excitation: ExcitationChoice::Auto,
-            modulation: ModulationChoice::Auto,
             drop: Vec::new(),
             lines: Lines::Auto,
             floor: FloorChoice::Note,

@@ -85,7 +85,6 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
 pub fn parts(texture: &Texture<'_>) -> PartsSpec {
     PartsSpec {
         excitation: texture.excitation().map(Into::into),
-        modulation: texture.modulation().map(Into::into),
         lines: texture.lines().map(Into::into),
     }
 }

@@ -1,8 +1,7 @@
 //! Summary of a texture: its grid, its orders and its nodes.
 
 use model_format::{
-    CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, LEVEL_FRACTION_BITS, ModulationSpec, NodeFlags, PartKind, Tail,
-    TailSpec, Texture, Wander, level_amplitude,
+    CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, NodeFlags, PartKind, Tail, TailSpec, Texture, Wander,
 };
 use serde::Serialize;
 
@@ -46,12 +45,6 @@ pub struct TextureSummary {
     /// The codebooks of the residual.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub codebooks: Vec<CodebookSummary>,
-    /// Mean length of the recorded snippets that are played from the codebooks, s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub moment_s: Option<f64>,
-    /// The track of the level.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub level_track: Option<TrackSummary>,
     /// Lines that are tied to position.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lines: Vec<LineSummary>,
@@ -78,17 +71,6 @@ pub struct CodebookSummary {
     pub peak: f32,
     /// Number of nodes that use it.
     pub nodes: usize,
-}
-
-/// A track of the level.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TrackSummary {
-    /// Duration, s.
-    pub seconds: f64,
-    /// Time between two levels, s.
-    pub step_s: f64,
-    /// Lowest and highest level, dB.
-    pub range_db: [f64; 2],
 }
 
 /// A line that is tied to position.
@@ -177,11 +159,6 @@ impl TextureSummary {
                 })
                 .collect(),
             codebooks: codebook_summaries(texture),
-            moment_s: texture
-                .excitation()
-                .and_then(|own| own.moment_samples())
-                .map(|samples| f64::from(samples) / f64::from(texture.sample_rate_hz())),
-            level_track: track_summary(texture),
             lines: line_summaries(texture),
             nodes: nodes.unwrap_or_default(),
         }
@@ -218,23 +195,6 @@ fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
         codebooks.map(summary).collect()
     };
     excitation.as_ref().map(of).unwrap_or_default()
-}
-
-fn track_summary(texture: &Texture<'_>) -> Option<TrackSummary> {
-    let track: ModulationSpec = texture.modulation()?.into();
-    let step_s = f64::from(track.step_samples) / f64::from(texture.sample_rate_hz());
-    let level_db = |entry: Option<&i8>| {
-        let unit = f64::from(1u32 << LEVEL_FRACTION_BITS);
-        20.0 * (f64::from(level_amplitude(*entry.expect("no track is empty"))) / unit).log10()
-    };
-    Some(TrackSummary {
-        seconds: track.entries.len() as f64 * step_s,
-        step_s,
-        range_db: [
-            level_db(track.entries.iter().min()),
-            level_db(track.entries.iter().max()),
-        ],
-    })
 }
 
 fn line_summaries(texture: &Texture<'_>) -> Vec<LineSummary> {

@@ -100,10 +100,9 @@ class PageTexture {
 
   // What excites the models, in words.
   excitation() {
-    const { codebooks, track, lines } = this.data.can_leave_out;
-    const source = codebooks ? "pieces of the residual" : "Gaussian noise";
-    const parts = [track ? "track of the level" : "steady level", lines.length > 0 ? `${lines.length} lines` : null];
-    return [source, ...parts.filter((part) => part !== null)].join(", ");
+    const { codebooks, lines } = this.data.can_leave_out;
+    const source = codebooks ? "recorded snippets" : "Gaussian noise";
+    return lines.length > 0 ? `${source}, ${lines.length} lines` : source;
   }
 
   // Kinds of sound that can be compared: choices without texture, scene and seed.
@@ -111,8 +110,9 @@ class PageTexture {
     const can = this.data.can_leave_out;
     const kinds = [{ id: "synthesis", name: "Synthesis", look: "synthesis", without: 0 }];
     if (this.clips.length > 0) kinds.push({ id: "recording", name: "Recording", look: "recorded", recording: true });
-    const parts = (can.codebooks ? WITHOUT.codebooks : 0) + (can.track ? WITHOUT.track : 0);
-    if (parts > 0) kinds.push({ id: "gaussian", name: "Gaussian noise", look: "other", without: parts });
+    if (can.codebooks) {
+      kinds.push({ id: "gaussian", name: "Gaussian noise", look: "other", without: WITHOUT.codebooks });
+    }
     if (can.lines.length > 0) {
       kinds.push({ id: "no-lines", name: "Without lines", look: "other", without: WITHOUT.lines });
     }

@@ -31,7 +31,7 @@ const MOST_IN_TITLE: usize = 4;
 /// Crest factor (peak over RMS) that filtered Gaussian noise hardly exceeds.
 const NOISE_PEAK: f64 = 4.0;
 
-/// Crest factor of textures with codebooks or a level track. In 30 s of each of twelve real surfaces, at most 0.023 %
+/// Crest factor of textures with codebooks. In 30 s of each of twelve real surfaces, at most 0.023 %
 /// of the samples exceed it, and up to 0.97 % exceed [`NOISE_PEAK`].
 const LIVELY_PEAK: f64 = 10.0;
 
@@ -87,7 +87,6 @@ pub struct TextureData {
 #[derive(Serialize)]
 struct PartsData {
     codebooks: bool,
-    track: bool,
     lines: Vec<Value>,
 }
 
@@ -95,7 +94,6 @@ impl PartsData {
     fn of(texture: &Texture<'_>) -> Self {
         Self {
             codebooks: texture.excitation().is_some(),
-            track: texture.modulation().is_some(),
             lines: (texture.lines().iter())
                 .flat_map(|lines| lines.iter().map(|line| as_written(line.wavelength_mm())))
                 .map(|wavelength_mm| json!({ "wavelength_mm": wavelength_mm }))
@@ -197,8 +195,12 @@ struct Recorded {
 impl TextureData {
     /// Returns the acceleration that samples of the loudest node hardly exceed, m/s².
     fn peak_m_s2(&self) -> f64 {
-        let is_lively = self.can_leave_out.codebooks || self.can_leave_out.track;
-        self.highest_rms_m_s2 * if is_lively { LIVELY_PEAK } else { NOISE_PEAK }
+        self.highest_rms_m_s2
+            * if self.can_leave_out.codebooks {
+                LIVELY_PEAK
+            } else {
+                NOISE_PEAK
+            }
     }
 
     fn of(

@@ -8,7 +8,7 @@ const BLOCK_S = 0.002;
 const STATE = { voices: 3, first: 4, perVoice: 14 };
 
 // What is left out of a texture, as a sum.
-const WITHOUT = { codebooks: 1, track: 2, lines: 4 };
+const WITHOUT = { codebooks: 1, lines: 4 };
 
 class Kernel {
   // An instance of `module`, a WebAssembly.Module, that has decoded `library`, a Uint8Array. Throws the module's words.

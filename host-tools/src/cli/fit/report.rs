@@ -33,29 +33,13 @@ pub fn excitations(reports: &[ExcitationReport]) -> String {
 fn excitation(report: &ExcitationReport) -> String {
     let mut lines = vec![
         format!("excitation of '{}'", report.texture),
-        format!("  source: {}", report.source),
+        format!("  {}", report.source),
     ];
     lines.extend(report.codebooks.iter().map(codebook));
-    lines.push(format!("  level: {}", report.level));
-    lines.extend(report.moments.as_ref().map(|judged| {
-        format!(
-            "    octaves' levels off the blocks that were left out: recorded snippets {:.2} dB, level apart {:.2} dB",
-            judged.moments_db, judged.apart_db
-        )
-    }));
     lines.extend(report.lowered_db.map(|lowered_db| {
         format!(
             "    loudest moments limited by {:.1} dB, because they were louder than the recordings'; the RMS is kept",
             -lowered_db
-        )
-    }));
-    lines.extend(report.track.as_ref().map(|track| {
-        let [low, high] = track.range_db;
-        format!(
-            "    track of {:.1} s in steps of {:.0} ms, {low:+.1} to {high:+.1} dB, of {}",
-            track.entries as f64 * track.step_s,
-            1000.0 * track.step_s,
-            counted(track.trials, "trial")
         )
     }));
     lines.join("\n")
@@ -70,9 +54,8 @@ fn codebook(codebook: &CodebookReport) -> String {
         }
     };
     format!(
-        "    codebook for {} mm/s, {} N: {:.1} s of {}, peak {:.1} standard deviations, {} cut, SNR {:.0} dB",
+        "    codebook for {} mm/s: {:.1} s of {}, peak {:.1} standard deviations, {} cut, SNR {:.0} dB",
         range(codebook.speeds_mm_s),
-        range(codebook.forces_n),
         codebook.seconds,
         counted(codebook.trials, "trial"),
         codebook.peak,

@@ -37,11 +37,7 @@ pub fn scene_stages() -> String {
     let rows = [
         ("list of stages and mix", cost::MIX, ""),
         ("voice, normalised lattice", cost::LATTICE, "stage"),
-        (
-            "voice, normalised lattice with codebooks or a track",
-            cost::FED_LATTICE,
-            "stage",
-        ),
+        ("voice, normalised lattice with codebooks", cost::FED_LATTICE, "stage"),
         ("stick-slip", cost::STICK_SLIP, ""),
         ("lines tied to position", cost::LINES, "line"),
         ("tap, while it rings", cost::TAP, ""),

@@ -5,11 +5,11 @@
 //! | 1 | [`levels`] | laws of the level between nodes and below the grid |
 //! | 2 | [`fine_theta`] | 8 more binary digits of θ for the first stages of a lattice |
 //! | 3 | [`excitation`] | codebooks of the prediction residual |
-//! | 4 | [`modulation`] | a track of the excitation's level |
 //! | 5 | [`lines`] | lines that are tied to position |
 //! | 6 | [`tails`] | θ in one byte for the last stages of a lattice, with a step per node |
 //! | 7 | [`wander`] | irregular displacement of lines |
-//! | 8 | [`moments`] | codebooks in blocks with their level, played in longer snippets (moments) |
+//!
+//! Kinds 4 and 8 belonged to earlier versions of the format.
 //!
 //! A texture ends with the number of its parts, a varint, and the parts. Each part is its kind, a varint, and its
 //! content, a string. Kinds ascend, so that no kind comes twice. An unknown kind is refused, because a reader that
@@ -19,12 +19,11 @@
 //! A new kind needs a file here with its `KIND`, its reader, its check and its writer; a field of [`Parts`], and a line
 //! for this field wherever the code below lists all fields; and a row in the package's README.
 
+mod blocks;
 pub(crate) mod excitation;
 pub(crate) mod fine_theta;
 pub(crate) mod levels;
 pub(crate) mod lines;
-pub(crate) mod modulation;
-pub(crate) mod moments;
 pub(crate) mod tails;
 pub(crate) mod wander;
 
@@ -35,10 +34,10 @@ use excitation::ExcitationPart;
 use fine_theta::FineTheta;
 use levels::LevelsPart;
 use lines::LinesPart;
-use modulation::ModulationPart;
-use moments::MomentsPart;
 use tails::Tails;
 use wander::WanderPart;
+
+pub use blocks::{BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, SHARE_FRACTION_BITS, block_scale, block_share};
 
 /// Kind and content of a part to be written.
 #[cfg(feature = "alloc")]
@@ -46,28 +45,14 @@ pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
 
 /// Optional parts of a texture to be written, in addition to those that follow from its laws and nodes.
 ///
-/// By default there are none: a Gaussian excitation of steady level, and nothing that is tied to position.
+/// By default there are none: a Gaussian excitation, and nothing that is tied to position.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PartsSpec {
     /// Codebooks of the residual.
     pub excitation: Option<excitation::ExcitationSpec>,
-    /// Track of the level.
-    pub modulation: Option<modulation::ModulationSpec>,
     /// Lines that are tied to position.
     pub lines: Option<lines::LinesSpec>,
-}
-
-/// Returns eˣ for |x| below 0.1, by a series whose remainder is below 10⁻¹⁸. It computes tables of codes at compile
-/// time.
-const fn exp(x: f64) -> f64 {
-    let (mut term, mut sum, mut n) = (1.0, 1.0, 1.0);
-    while n < 13.0 {
-        term *= x / n;
-        sum += term;
-        n += 1.0;
-    }
-    sum
 }
 
 /// A kind of optional part.
@@ -79,16 +64,12 @@ pub enum PartKind {
     FineTheta,
     /// Codebooks of the prediction residual.
     Excitation,
-    /// A track of the excitation's level.
-    Modulation,
     /// Lines that are tied to position.
     Lines,
     /// θ of a lattice's last stages in one byte.
     Tails,
     /// Irregular displacement of lines.
     Wander,
-    /// Codebooks in blocks with their level, played in longer snippets (moments).
-    Moments,
 }
 
 impl core::fmt::Display for PartKind {
@@ -97,11 +78,9 @@ impl core::fmt::Display for PartKind {
             Self::Levels => "levels",
             Self::FineTheta => "fine theta",
             Self::Excitation => "excitation",
-            Self::Modulation => "modulation",
             Self::Lines => "lines",
             Self::Tails => "tails",
             Self::Wander => "wander",
-            Self::Moments => "moments",
         })
     }
 }
@@ -112,11 +91,9 @@ pub(super) struct Parts<'a> {
     pub levels: Option<LevelsPart<'a>>,
     pub fine_theta: Option<FineTheta<'a>>,
     pub excitation: Option<ExcitationPart<'a>>,
-    pub modulation: Option<ModulationPart<'a>>,
     pub lines: Option<LinesPart<'a>>,
     pub tails: Option<Tails<'a>>,
     pub wander: Option<WanderPart<'a>>,
-    pub moments: Option<MomentsPart<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -135,11 +112,9 @@ impl<'a> Parts<'a> {
                 levels::KIND => parts.levels = Some(LevelsPart(content)),
                 fine_theta::KIND => parts.fine_theta = Some(FineTheta(content)),
                 excitation::KIND => parts.excitation = Some(ExcitationPart(content)),
-                modulation::KIND => parts.modulation = Some(ModulationPart(content)),
                 lines::KIND => parts.lines = Some(LinesPart(content)),
                 tails::KIND => parts.tails = Some(Tails(content)),
                 wander::KIND => parts.wander = Some(WanderPart(content)),
-                moments::KIND => parts.moments = Some(MomentsPart(content)),
                 code => {
                     let what = "an optional part";
                     return Err(Problem::Unknown { what, code });
@@ -154,7 +129,7 @@ impl<'a> Parts<'a> {
         Ok(parts)
     }
 
-    /// Checks the parts of a texture with `nodes` nodes, and the rules between parts. Codes, entries of tracks,
+    /// Checks the parts of a texture with `nodes` nodes, and the rules between parts. Blocks,
     /// amplitudes of lines and values per node are checked later, in steps.
     pub fn check(&self, nodes: usize) -> Result<(), Problem> {
         if let Some(levels) = self.levels {
@@ -164,15 +139,7 @@ impl<'a> Parts<'a> {
             fine_theta.check(nodes)?;
         }
         if let Some(excitation) = self.excitation {
-            excitation.check(nodes, self.moments)?;
-        } else if self.moments.is_some() {
-            return Err(Problem::Needless("the length of moments without codebooks"));
-        }
-        if let Some(modulation) = self.modulation {
-            if self.moments.is_some() {
-                return Err(Problem::Rule("a level track beside moments, which have theirs"));
-            }
-            modulation.check()?;
+            excitation.check(nodes)?;
         }
         if let Some(lines) = self.lines {
             lines.check(nodes)?;
@@ -193,11 +160,9 @@ impl<'a> Parts<'a> {
             of(PartKind::Levels, self.levels.map(|part| part.0)),
             of(PartKind::FineTheta, self.fine_theta.map(|part| part.0)),
             of(PartKind::Excitation, self.excitation.map(|part| part.0)),
-            of(PartKind::Modulation, self.modulation.map(|part| part.0)),
             of(PartKind::Lines, self.lines.map(|part| part.0)),
             of(PartKind::Tails, self.tails.map(|part| part.0)),
             of(PartKind::Wander, self.wander.map(|part| part.0)),
-            of(PartKind::Moments, self.moments.map(|part| part.0)),
         ];
         parts.into_iter().flatten()
     }

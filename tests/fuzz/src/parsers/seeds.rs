@@ -87,7 +87,7 @@ const SCENES: [&str; 2] = [
 
 const RECORD: &str = r#"{"library":"0123456789abcdef","options":{"order":"auto",
 "reduction":"pca","silence_floor_m_s2":0.001,"excitation":"auto",
-"modulation":"auto","drop":["hum"],"lines":"auto","strict":false,"snap":0.03,"sample_rate_hz":5000},
+"drop":["hum"],"lines":"auto","strict":false,"snap":0.03,"sample_rate_hz":5000},
 "excitations":[],"trials":[{"file":"a.wav","content":"00ff","start_s":0.5,"duration_s":null}],"lines":[]}"#;
 
 const LABVIEW: &str = "LabVIEW Measurement\t\nReader_Version\t2\nSeparator\tTab\nMulti_Headings\tNo\nX_Columns\tOne\n\

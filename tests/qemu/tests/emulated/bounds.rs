@@ -8,15 +8,14 @@ use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{Libraries, report};
 use model_format::limits::{
     DECODE_INSTRUCTIONS, DECODE_INSTRUCTIONS_PER_BYTE, DECODE_INSTRUCTIONS_PER_SCENE, DECODE_INSTRUCTIONS_PER_TEXTURE,
-    MAX_AXIS_LEN, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES,
-    MAX_MODULATION_ENTRIES, MAX_MOMENT_SAMPLES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES, MAX_WANDERS,
-    MIN_MODULATION_ENTRIES, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
+    MAX_AXIS_LEN, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FINE_STAGES, MAX_LIBRARY_BYTES, MAX_LINES, MAX_NAME_BYTES,
+    MAX_ORDER, MAX_TEXTURES, MAX_WANDERS, PLAN_INSTRUCTIONS, STEP_INSTRUCTIONS,
 };
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
-    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec,
-    NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec, TextureSpec, Wander, encode_with_scenes,
+    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeSpec,
+    PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec, TextureSpec, Wander, encode_with_scenes,
 };
 use tasks::guest::Processor;
 use tasks::qemu;
@@ -37,32 +36,30 @@ const DRAWN_BYTES: usize = 48 * 1024;
 const CODEBOOK_BYTES: usize = (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
 
 /// Number of properties of a recipe.
-const PROPERTIES: usize = 22;
+const PROPERTIES: usize = 20;
 
 /// Lowest and highest value of each property.
 const RANGES: [(u32, u32); PROPERTIES] = [
-    (1, MAX_TEXTURES as u32),           // Textures.
-    (1, MAX_TEXTURES as u32),           // Textures with a grid.
-    (1, MAX_AXIS_LEN as u32),           // Speeds.
-    (1, MAX_AXIS_LEN as u32),           // Forces.
-    (0, MAX_ORDER as u32),              // Order.
-    (0, 1),                             // Whether there are tails.
-    (0, MAX_FINE_STAGES as u32),        // Stages with a fine byte.
-    (0, 2),                             // Index of the level's law.
-    (2, MAX_NAME_BYTES as u32),         // Bytes per name.
-    (0, 1),                             // Whether names have characters of several bytes.
-    (0, MAX_SCENES as u32),             // Scenes.
-    (1, MAX_SURFACES as u32),           // Surfaces.
-    (1, MAX_SURFACES as u32),           // Textures of surfaces.
-    (0, MAX_SURFACES as u32),           // Taps.
-    (0, MAX_SURFACES as u32),           // Stick-slips.
-    (0, MAX_SECTIONS as u32),           // Sections.
-    (0, MAX_REGIONS as u32),            // Regions.
-    (0, MAX_CODEBOOKS as u32),          // Codebooks of the first texture.
-    (0, MAX_MODULATION_ENTRIES as u32), // Entries of its level track.
-    (0, MAX_LINES as u32),              // Lines.
-    (0, MAX_WANDERS as u32),            // Wanders, at most as many as lines.
-    (0, 1),                             // Whether codebooks are of moments (no level track).
+    (1, MAX_TEXTURES as u32),    // Textures.
+    (1, MAX_TEXTURES as u32),    // Textures with a grid.
+    (1, MAX_AXIS_LEN as u32),    // Speeds.
+    (1, MAX_AXIS_LEN as u32),    // Forces.
+    (0, MAX_ORDER as u32),       // Order.
+    (0, 1),                      // Whether there are tails.
+    (0, MAX_FINE_STAGES as u32), // Stages with a fine byte.
+    (0, 2),                      // Index of the level's law.
+    (2, MAX_NAME_BYTES as u32),  // Bytes per name.
+    (0, 1),                      // Whether names have characters of several bytes.
+    (0, MAX_SCENES as u32),      // Scenes.
+    (1, MAX_SURFACES as u32),    // Surfaces.
+    (1, MAX_SURFACES as u32),    // Textures of surfaces.
+    (0, MAX_SURFACES as u32),    // Taps.
+    (0, MAX_SURFACES as u32),    // Stick-slips.
+    (0, MAX_SECTIONS as u32),    // Sections.
+    (0, MAX_REGIONS as u32),     // Regions.
+    (0, MAX_CODEBOOKS as u32),   // Codebooks of the first texture.
+    (0, MAX_LINES as u32),       // Lines.
+    (0, MAX_WANDERS as u32),     // Wanders, at most as many as lines.
 ];
 
 /// The properties of a hostile library.
@@ -127,11 +124,11 @@ impl Recipe {
     /// Smallest number of bytes that the textures can have.
     fn texture_bytes(&self) -> usize {
         let [textures, with_grid, speeds, forces, order, tails, ..] = self.0.map(|n| n as usize);
-        let lines = self.0[19] as usize;
+        let lines = self.0[18] as usize;
         let coefficients = order + if tails == 1 { order.min(MAX_FINE_STAGES) } else { order };
         let node = 16 + coefficients + 4 * lines;
         let with_grid = with_grid.min(textures);
-        let parts = self.0[17] as usize * CODEBOOK_BYTES + self.0[18] as usize;
+        let parts = self.0[17] as usize * CODEBOOK_BYTES;
         with_grid * speeds * forces * node + (textures - with_grid) * node + parts
     }
 
@@ -187,7 +184,7 @@ impl Recipe {
     }
 
     fn lines(&self, nodes: usize) -> Option<LinesSpec> {
-        let [.., lines, wanders, _] = self.0;
+        let [.., lines, wanders] = self.0;
         let wanders = wanders.min(lines);
         let line = |at: u32| LineSpec {
             wavelength_mm: 1.0 + at as f32,
@@ -207,38 +204,20 @@ impl Recipe {
         })
     }
 
-    /// Codebooks and level track of a texture with `nodes` nodes. There are at most as many codebooks as nodes.
+    /// Codebooks of a texture with `nodes` nodes. There are at most as many codebooks as nodes.
     fn parts(&self, nodes: u32) -> PartsSpec {
         let codebooks = self.0[17].min(nodes);
-        let has_moments = self.0[21] == 1 && codebooks > 0;
-        let codes = if has_moments {
-            // Each code is the highest magnitude, and the level of each block is 0.
-            let block = [&[-1; BLOCK_BYTES - 1][..], &[0]].concat();
-            block.repeat(CODEBOOK_BYTES / BLOCK_BYTES)
-        } else {
-            vec![-127; CODEBOOK_BYTES]
+        // Each code has the highest magnitude and either sign in turn, and the level of each block is 0.
+        let block = [[0xfb, 0xbe, 0xef].repeat(8), vec![0]].concat();
+        let codebook = CodebookSpec {
+            peak: 1.0,
+            blocks: block.repeat(CODEBOOK_BYTES / BLOCK_BYTES),
         };
-        let excitation = (codebooks > 0).then(|| ExcitationSpec {
-            codebooks: (0..codebooks)
-                .map(|_| CodebookSpec {
-                    peak: 1.0,
-                    codes: codes.clone(),
-                })
-                .collect(),
-            of_nodes: (0..nodes).map(|node| (node % codebooks) as u8 + 1).collect(),
-            moment_samples: has_moments.then_some(MAX_MOMENT_SAMPLES),
-        });
-        let entries = self.0[18];
-        let has_track = !has_moments && entries as usize >= MIN_MODULATION_ENTRIES;
-        let modulation = has_track.then(|| ModulationSpec {
-            step_samples: 100,
-            entries: (0..entries)
-                .map(|at| if at.is_multiple_of(2) { 1 } else { -1 })
-                .collect(),
-        });
         PartsSpec {
-            excitation,
-            modulation,
+            excitation: (codebooks > 0).then(|| ExcitationSpec {
+                codebooks: vec![codebook; codebooks as usize],
+                of_nodes: (0..nodes).map(|node| (node % codebooks) as u8 + 1).collect(),
+            }),
             ..PartsSpec::default()
         }
     }
@@ -253,8 +232,6 @@ impl Recipe {
             stick_slips,
             sections,
             regions,
-            _,
-            _,
             _,
             _,
             _,

@@ -4,8 +4,8 @@ use kernel_vectors::scenes::{self, of_surface, side_by_side, sticky, tapped};
 use model_format::link::{Activity, MotionSource};
 use model_format::scene::{MotionOfScene, Scene, Surface};
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, ModulationSpec, NodeFlags, NodeSpec,
-    PartsSpec, TextureSpec, Wander, encode_with_scenes,
+    CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec,
+    Wander, encode_with_scenes,
 };
 use stylus_kernel::scene::Plan;
 
@@ -65,27 +65,18 @@ fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     spec
 }
 
-/// Returns the texture of `spec` with codebooks and a level track. Half of its nodes use a codebook, and half use
-/// noise.
+/// Returns the texture of `spec` with a codebook. Half of its nodes use it, and half use noise.
 fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
-    let codebook = CodebookSpec {
-        peak: 2.0,
-        codes: [127, 0, -127, 0, 0, 0, 0, 0].repeat(125),
-    };
-    let entries = (0..40).map(|n| if n % 2 == 0 { 1 } else { -1 });
-    let modulation = ModulationSpec {
-        step_samples: 25,
-        entries: entries.collect(),
+    // All eight codes in turn, in blocks of two levels.
+    let block = |n: i8| [[0x88, 0xc6, 0xfa].repeat(8), vec![(-12 * (n % 2)).cast_unsigned()]].concat();
+    let excitation = ExcitationSpec {
+        codebooks: vec![CodebookSpec::of_unit_power((0..16).flat_map(block).collect())],
+        of_nodes: vec![1, 0, 0, 1],
     };
     TextureSpec {
         name: name.to_owned(),
         parts: PartsSpec {
-            excitation: Some(ExcitationSpec {
-                codebooks: vec![codebook],
-                of_nodes: vec![1, 0, 0, 1],
-                moment_samples: None,
-            }),
-            modulation: Some(modulation),
+            excitation: Some(excitation),
             ..spec.parts.clone()
         },
         ..spec.clone()

@@ -1,19 +1,24 @@
-//! Bound on the loudness that trials pass on to the nodes of other trials: a track comes from all trials of a texture,
-//! and a codebook from those of a region. Neither may make a node's output louder, in its loudest windows of 1, 5 and
-//! 50 ms, than the recordings of the node by more than the bound.
+//! Bound on the loudness that trials pass on to the nodes of other trials, because a codebook comes from all trials of
+//! nearby speeds. It may not make a node's output louder, in its loudest windows of 1, 5 and 50 ms, than the recordings
+//! of the node by more than the bound.
 //!
-//! The bound is held in three steps. First by construction: the residuals from which a track or a codebook is made are
-//! limited ([`Ringing::limit`]) to what the recordings of the calmest nodes reach. Then by a check: [`excess`] plays
-//! the parts with the device's own feed through the filters of a few nodes, because independently drawn levels and
-//! pieces may coincide. Last, the level of each node that is still too loud is lowered by the [`remaining_excess`].
+//! The bound is held in three steps. First by construction: the residuals from which a codebook is made are limited
+//! ([`Ringing::limit`]) to what the recordings of the calmest nodes reach. Then by a check: [`excess`] plays the parts
+//! with the device's own feed through the filters of a few nodes. Last, the level of each node that is still too loud
+//! is lowered by the [`remaining_excess`].
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use model_format::{PartsSpec, limits};
+use model_format::{
+    CodeSpec, CodebookSpec, ExcitationSpec, Library, MillimetresPerSecond, Newton, NodeSpec, PartsSpec, TextureSpec,
+    encode, limits,
+};
 use rayon::prelude::*;
+use stylus_kernel::Motion;
+use stylus_kernel::feed::{FED_FRACTION_BITS, Feed, Material};
+use stylus_kernel::grid::GridPoint;
 
-use super::choice::{played, source};
 use super::loudness::{Loudest, Ringing, product};
 use super::trace::Trace;
 use crate::dsp::linear_prediction::error_share;
@@ -22,10 +27,8 @@ use crate::dsp::sums::mean_square;
 /// The loudest windows of a few seconds of steady white noise. No noise-like signal has calmer ones.
 const STEADY: Loudest = Loudest([2.1, 1.5, 1.15]);
 
-/// Numbers of samples that are played for a check: 26 s of a codebook at a steady level, whose pieces repeat, and 105 s
-/// if noise or pieces are combined with the levels of a track.
+/// Number of samples that are played for a check: 26 s, in which each codebook is played several times.
 const PLAYED: usize = 1 << 17;
-const PLAYED_AT_LEVELS: usize = 1 << 19;
 
 /// Ratio of a node's loudness to that of its recordings that no node may exceed.
 const BOUND: f64 = 1.5;
@@ -34,43 +37,32 @@ const BOUND: f64 = 1.5;
 /// louder.
 const AIM: f64 = 1.25;
 
+/// Ratio of a node's RMS to its recordings' above which its level is corrected: 1 dB. A minute of bursts scatters by
+/// less.
+const HIGHER: f64 = 1.12;
+
 /// Number of the calmest nodes of a source that are checked.
 const CALMEST: usize = 2;
 
-/// Expected loudness with which parts are made, relative to the recordings of the calmest nodes.
+/// Expected loudness with which each codebook is made, relative to the recordings of the calmest nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Reach {
-    /// Expected loudness of the track.
-    pub track: f64,
-    /// Expected loudness of each region's codebook.
-    pub codebooks: [f64; limits::MAX_CODEBOOKS],
-}
+pub(super) struct Reach(pub [f64; limits::MAX_CODEBOOKS]);
 
 impl Reach {
     /// The reach with which parts are first made. A larger one makes no audible difference at any node; a smaller one
     /// may be needed.
-    pub const FIRST: Self = Self {
-        track: 1.5,
-        codebooks: [1.5; limits::MAX_CODEBOOKS],
-    };
+    pub const FIRST: Self = Self([1.5; limits::MAX_CODEBOOKS]);
 
-    /// Reduces the reach by the `excess` of each source, where number 0 is Gaussian noise: each codebook by its own
-    /// excess, and the track by the excess that all sources share, or by that of noise.
+    /// Reduces the reach of each codebook by its `excess`.
     pub fn lower(&mut self, excess: &BTreeMap<u8, f64>) {
-        let common = excess.values().copied().fold(f64::INFINITY, f64::min);
-        let noise = excess.get(&0).copied().unwrap_or(0.0);
-        // An excess that all sources share is the track's, because they are all played at its level. For noise, nothing
-        // but the track could be reduced.
-        self.track /= common.max(noise).max(1.0);
-        for (reach, number) in self.codebooks.iter_mut().zip(1..) {
+        for (reach, number) in self.0.iter_mut().zip(1..) {
             *reach /= excess.get(&number).copied().unwrap_or(0.0).max(1.0);
         }
     }
 
     /// Returns the largest reduction from the first reach, dB, as a negative number; `None` if nothing was reduced.
     pub fn lowered_db(&self) -> Option<f64> {
-        let pairs = self.codebooks.into_iter().zip(Self::FIRST.codebooks);
-        let pairs = pairs.chain([(self.track, Self::FIRST.track)]);
+        let pairs = self.0.into_iter().zip(Self::FIRST.0);
         let least = pairs.map(|(own, first)| own / first).fold(1.0, f64::min);
         (least < 1.0).then(|| 20.0 * least.log10())
     }
@@ -97,16 +89,47 @@ pub(super) fn most<'t>(traces: impl IntoIterator<Item = &'t Trace>, reach: f64) 
     least.times(reach).with(STEADY, f64::max)
 }
 
-/// Returns the `samples` of a residual of `trace`, limited so that nothing is louder than `most` behind the filter of
-/// the trace's node, and then scaled to a mean square of 1.
-pub(super) fn limited<'t>(trace: &'t Trace, samples: Cow<'t, [f64]>, most: Loudest) -> Cow<'t, [f64]> {
-    let Some(gains) = Ringing::of(&trace.reflection).limit(&samples, &trace.flaws, most) else {
-        return samples;
+/// Returns the residual of `trace`, limited so that nothing is louder than `most` behind the filter of the trace's
+/// node, and then scaled to a mean square of 1.
+pub(super) fn limited(trace: &Trace, most: Loudest) -> Cow<'_, [f64]> {
+    let Some(gains) = Ringing::of(&trace.reflection).limit(&trace.residual, &trace.flaws, most) else {
+        return trace.residual.as_slice().into();
     };
-    let mut limited = product(&samples, &gains);
+    let mut limited = product(&trace.residual, &gains);
     let scale = 1.0 / mean_square(&limited).sqrt();
     limited.iter_mut().for_each(|x| *x *= scale);
     limited.into()
+}
+
+/// Returns the number of the codebook of `parts` at the node of `trace`; 0 is Gaussian noise.
+fn source(trace: &Trace, forces: usize, parts: &PartsSpec) -> u8 {
+    let node = trace.at.0 * forces + trace.at.1;
+    (parts.excitation.as_ref()).map_or(0, |spec| spec.of_nodes[node])
+}
+
+/// Returns what the device's feed plays of a codebook, standard deviations.
+fn played(codebook: CodebookSpec) -> Vec<f64> {
+    // Alone in a texture of one node, the codebook is all that the feed draws from.
+    let node = NodeSpec::new(1.0, CodeSpec::lattice(Vec::new()));
+    let spec = TextureSpec {
+        parts: PartsSpec {
+            excitation: Some(ExcitationSpec {
+                codebooks: vec![codebook],
+                of_nodes: vec![1],
+            }),
+            ..PartsSpec::default()
+        },
+        ..TextureSpec::new("excitation", &[1.0], &[1.0], vec![node])
+    };
+    let bytes = encode(&[spec]).expect("codebooks that were made are valid");
+    let library = Library::decode(&bytes).expect("it was just encoded");
+    let texture = library.textures().next().expect("it has one");
+    let motion = Motion::new(MillimetresPerSecond(1.0), Newton(1.0)).expect("both are finite");
+    let (material, point) = (Material::of(&texture), GridPoint::locate(&texture, motion));
+    let mut feed = Feed::new(1);
+    let unit = f64::from(1u32 << FED_FRACTION_BITS);
+    let sample = || f64::from(feed.next_sample(&material, &point)) / unit;
+    std::iter::repeat_with(sample).take(PLAYED).collect()
 }
 
 /// The nodes at which a source of parts is played.
@@ -121,31 +144,29 @@ struct SourceNodes<'t> {
 
 impl SourceNodes<'_> {
     /// Returns the loudness of the source at a node, relative to that of the node's recordings or, for calmer ones, to
-    /// `least`.
-    fn over(&self, (own, trace): &(Loudest, &Trace)) -> f64 {
-        let heard = Loudest::behind(&self.played, &trace.reflection);
-        heard.over(own.with(self.least, f64::max))
+    /// `least`; and its RMS, relative to the node's.
+    fn over(&self, (own, trace): &(Loudest, &Trace)) -> (f64, f64) {
+        let (heard, rms) = Loudest::behind(&self.played, &trace.reflection);
+        (heard.over(own.with(self.least, f64::max)), rms)
     }
 }
 
-/// Returns the nodes of each source of `parts`, where number 0 is Gaussian noise, for a grid with `forces` forces.
-/// Nodes with noise of steady level are left out.
+/// Returns the nodes of each codebook of `parts`, by its number, for a grid with `forces` forces.
 fn sources<'t>(traces: &'t [Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, SourceNodes<'t>> {
-    let samples = match parts.modulation {
-        Some(_) => PLAYED_AT_LEVELS,
-        None => PLAYED,
+    let Some(excitation) = &parts.excitation else {
+        return BTreeMap::new();
     };
     let mut sources: BTreeMap<u8, Vec<(Loudest, &Trace)>> = BTreeMap::new();
     for node in nodes(traces) {
         let number = source(node.1, forces, parts);
-        if number > 0 || parts.modulation.is_some() {
+        if number > 0 {
             sources.entry(number).or_default().push(node);
         }
     }
     let of_source = |(number, mut nodes): (u8, Vec<(Loudest, &'t Trace)>)| {
         nodes.sort_by(|a, b| a.0.over(STEADY).total_cmp(&b.0.over(STEADY)));
         let source = SourceNodes {
-            played: played(number, parts, samples).expect("parts that were made can be played"),
+            played: played(excitation.codebooks[usize::from(number) - 1].clone()),
             least: most(nodes.iter().map(|(_, trace)| *trace), 1.0),
             nodes,
         };
@@ -154,16 +175,16 @@ fn sources<'t>(traces: &'t [Trace], forces: usize, parts: &PartsSpec) -> BTreeMa
     sources.into_par_iter().map(of_source).collect()
 }
 
-/// Returns the loudness of each source of `parts`, where number 0 is Gaussian noise, relative to the one that it is
-/// made for, for a grid of `forces` forces. It is the largest at up to three nodes: the two with the calmest recordings
-/// and the one that rings longest. Noise of steady level has no entry.
+/// Returns the loudness of each codebook of `parts`, by its number, relative to the one that it is made for, for a grid
+/// of `forces` forces. It is the largest at up to three nodes: the two with the calmest recordings and the one that
+/// rings longest.
 pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, f64> {
     let of_source = |(number, source): (u8, SourceNodes<'_>)| {
         let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
         let nodes = &source.nodes;
         let longest = nodes.iter().min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
         let heard = nodes.iter().take(CALMEST).chain(longest);
-        let most = heard.map(|node| source.over(node)).fold(0.0, f64::max);
+        let most = heard.map(|node| source.over(node).0).fold(0.0, f64::max);
         (number, most / AIM)
     };
     let sources = sources(traces, forces, parts);
@@ -171,12 +192,16 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
 }
 
 /// Returns the excess that is left once `parts` are made: each node at which they are louder than [`BOUND`] times its
-/// recordings, with the factor of the excess.
+/// recordings, or at which a tone on a resonance raises the level by [`HIGHER`], with the factor of the excess.
 pub(super) fn remaining_excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Vec<((usize, usize), f64)> {
     let sources = sources(traces, forces, parts);
     let of_source = |source: &SourceNodes<'_>| {
         let nodes = source.nodes.par_iter();
-        let ratios = nodes.map(|node| (node.1.at, source.over(node) / BOUND));
+        let ratios = nodes.map(|node| {
+            let (loudness, rms) = source.over(node);
+            let level = if rms > HIGHER { rms } else { 1.0 };
+            (node.1.at, level.max(loudness / BOUND))
+        });
         ratios.filter(|(_, excess)| *excess > 1.0).collect::<Vec<_>>()
     };
     sources.values().flat_map(of_source).collect()

@@ -2,7 +2,7 @@
 //!
 //! A moment of a residual may be far louder than the signal at that moment. A click, a slip of a sensor or a step has
 //! much power where the filter passes little, and in the original signal the filter cancels it sample by sample. But a
-//! level track, or a piece that is played elsewhere, keeps only the power and would sound at its full level. So the
+//! snippet that is played elsewhere keeps only the power and would sound at its full level. So the
 //! residual is judged by the power that the filter is expected to make of it if its samples have independent signs: the
 //! power of each millisecond decays like the square of the filter's impulse response. A residual is limited until its
 //! loudest windows are no louder than those of the recordings.
@@ -60,11 +60,12 @@ impl Loudest {
         }))
     }
 
-    /// Returns the loudest windows of an `excitation` behind a filter with these reflection coefficients, relative to
-    /// the expected RMS there of noise with a mean square of 1. The excitation is treated as circular.
-    pub fn behind(excitation: &[f64], reflection: &[f64]) -> Self {
-        let heard = filtered(excitation, &step_up(reflection));
-        Self::of_powers(&powers(&heard), 1.0 / error_share(reflection))
+    /// Returns the loudest windows and the RMS of an `excitation` behind a filter with these reflection coefficients,
+    /// relative to the expected RMS there of noise with a mean square of 1. The excitation is treated as circular.
+    pub fn behind(excitation: &[f64], reflection: &[f64]) -> (Self, f64) {
+        let heard = powers(&filtered(excitation, &step_up(reflection)));
+        let expected = 1.0 / error_share(reflection);
+        (Self::of_powers(&heard, expected), (mean(&heard) / expected).sqrt())
     }
 
     /// Returns the loudness that seven eighths of `signals` do not exceed (of two to eight signals, all but one), so
@@ -267,7 +268,8 @@ mod tests {
             heard.push(x - a[0] * heard[n + 1] - a[1] * heard[n]);
         }
         let expected = Loudest::of(&heard[2..], &[]);
-        let found = Loudest::behind(&excitation, &REFLECTION);
+        let (found, rms) = Loudest::behind(&excitation, &REFLECTION);
+        near(rms, 1.0, 0.05);
         for (found, expected) in found.0.into_iter().zip(expected.0) {
             assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
         }

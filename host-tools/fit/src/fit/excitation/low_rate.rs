@@ -9,27 +9,10 @@ use rand_pcg::Pcg64;
 
 use model_format::SAMPLE_RATE_HZ;
 
-use super::evidence::LEVEL_SAMPLES;
 use crate::dsp::fourier::{self, Complex};
 
 /// Samples at both ends in which the conversion's filter rings: 20 ms.
 pub(super) const ENDS: usize = 100;
-
-/// Returns the part of `residual` below `carried_hz`, sampled just fast enough to hold it and without its ends; and the
-/// number of its samples over which a level is measured, which last as long as at the models' rate. The band above says
-/// nothing about the surface, and would hide impulses in the band below from the tests.
-pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
-    let length = residual.len();
-    let half = (carried_hz / f64::from(SAMPLE_RATE_HZ) * length as f64) as usize;
-    let half = half.clamp(1, length / 2);
-    let mut spectrum = fourier::forward(&mut residual.to_vec());
-    let mut signal = fourier::inverse(&mut spectrum[..=half], 2 * half);
-    let ratio = signal.len() as f64 / length as f64;
-    signal.iter_mut().for_each(|x| *x /= length as f64);
-    let ends = (ENDS as f64 * ratio).ceil() as usize;
-    let inner = signal.get(ends..signal.len() - ends).unwrap_or_default();
-    (inner.to_vec(), (LEVEL_SAMPLES as f64 * ratio).round() as usize)
-}
 
 /// Returns `residual` with Gaussian noise above `carried_hz`. The noise is the same for each call.
 pub(super) fn filled(residual: &[f64], carried_hz: f64) -> Vec<f64> {

@@ -1,40 +1,24 @@
-//! The excitation of a texture's models, as in the recordings: the shape of the prediction residual, and the slow
-//! changes of its level. Each is kept only if a test on data that was not fitted finds it, and otherwise takes no
-//! bytes.
+//! The excitation of a texture's models: recorded snippets of the prediction residual, unless what would be played of
+//! them is Gaussian noise, which takes no bytes.
 //!
-//! A trial's residual is computed with the coefficients that are played at the trial's own node. Two properties of it
-//! are tested in every other block of each trial, with models of the blocks between (`evidence`):
-//! - its local kurtosis, in windows of 10 ms, which changes of level hardly touch;
-//! - the spread of its levels, in windows of 50 ms.
+//! A trial's residual is computed with the coefficients that are played at the trial's own node (`trace`), and tested
+//! by what a hand would feel of it behind the node's filter (`evidence`).
 //!
-//! **The codebook** (`codebook`) is 0.8 to 2 s of the residual. It is divided by its level over 100 ms if a level track
-//! is stored too. It is whitened, so that pieces of 20 to 80 ms from it have a flat spectrum on average. Without that,
-//! the spectrum of the chosen material would be added to the model's. The material is taken at equal ranks of the local
-//! kurtosis, so that the codebook has the distribution of the whole (`material`). If regions of the grid differ, each
-//! has its own codebook (`regions`).
+//! **A codebook** (`codebook`) is up to 5 s of the residual with its level, whitened, and coded in 3 bits whose noise
+//! is moved above the felt band. Whitening keeps the spectrum of the chosen material from being added to the model's.
+//! The material is taken at equal ranks of the power, so that the codebook has the distribution of the whole
+//! (`material`). Each octave of speed has its own codebook if there is enough material (`regions`).
 //!
-//! **The level track** (`level`) has 100 ms of smoothing and steps of 20 ms next to a codebook, which holds the faster
-//! changes, and 20 ms and 5 ms next to Gaussian noise. It is joined from all trials, because a single one may differ
-//! from the others. Each trial is divided by its own RMS, because the nodes hold the differences between trials.
-//!
-//! **Recorded snippets** (`choice`; called moments in the code) replace both if levels vary and blocks that were not
-//! fitted are nearer to them. They are up to 5 s of the residual with its level, whitened in the same way, coded in 3
-//! bits and played in pieces of up to 1 s on average. More material helps more than longer pieces or finer codes: 2 s
-//! of it are no better than a codebook with a track. Regions of nearby speeds have their own snippets if the output is
-//! then nearer to the recordings.
+//! Waves are neither turned nor cut into pieces: those of a real surface are not symmetric in time or sign, and
+//! listeners and classifiers tell both. Where several axes were projected on one, all trials point to the same side.
 //!
 //! **The bound** (`loudness`, `bound`): at the output, no residual is louder than its signal, and no part of a texture
 //! is louder than the recordings of the nodes at which it is played, up to stated factors. A trial with far louder
 //! moments than the others is not used for the excitation.
-//!
-//! The choices above come from twelve pairs of recorded takes, one of each pair fitted and the other judged. None of
-//! the takes is in the repository.
 
 mod bound;
-mod choice;
 mod codebook;
 mod evidence;
-mod level;
 mod loudness;
 #[cfg(test)]
 mod loudness_tests;
@@ -54,26 +38,25 @@ use rayon::prelude::*;
 
 use super::blocks::Part;
 use super::grid::place;
-use super::options::{ExcitationChoice, ModulationChoice, Options};
+use super::options::{ExcitationChoice, Options};
 use super::recordings::Take;
 use super::reports::TrialReport;
 use crate::dsp::sums::dot;
 use crate::support::warning::Warning;
 
-pub use choice::Distances;
 pub use evidence::Evidence;
 use loudness::Loudest;
 pub(super) use texture::{Axes, Choice, Chosen};
-pub use texture::{CodebookReport, ExcitationReport, TrackReport};
+pub use texture::{CodebookReport, ExcitationReport};
 use trace::Trace;
 
 /// Ratio of a trial's loudness to the limit that most trials of its texture keep above which the trial is not used for
 /// the excitation.
 const LOUDER: f64 = 1.5;
 
-/// Returns whether `options` ask for anything to be added. Gaussian noise of steady level needs nothing.
+/// Returns whether `options` ask for anything to be added. Gaussian noise needs nothing.
 pub(super) fn is_wanted(options: &Options) -> bool {
-    options.excitation != ExcitationChoice::Gaussian || options.modulation != ModulationChoice::None
+    options.excitation != ExcitationChoice::Gaussian
 }
 
 /// Makes the excitation of a texture with the stored `nodes` from those of its `takes` that the fit used. `reports` are
@@ -125,7 +108,7 @@ pub(super) fn of(
     }
     let chosen = match part {
         Part::Whole => choice.made(&alike),
-        Part::Blocks => choice.made(&choice::fitted(&alike)),
+        Part::Blocks => choice.made(&alike.iter().filter_map(Trace::fitted).collect::<Vec<_>>()),
     };
     Chosen { notes, ..chosen }
 }

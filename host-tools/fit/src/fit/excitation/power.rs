@@ -6,7 +6,7 @@ use crate::dsp::sums::{mean_square, sliding};
 const LEAST_POWER: f64 = 1e-5;
 
 /// Returns the weights of a Hann window of `smoothing` samples.
-pub(super) fn hann(smoothing: usize) -> Vec<f64> {
+fn hann(smoothing: usize) -> Vec<f64> {
     let reach = smoothing / 2;
     let weight = |offset: usize| {
         // The window is 0 at the first offset beyond its reach.
@@ -17,17 +17,8 @@ pub(super) fn hann(smoothing: usize) -> Vec<f64> {
 }
 
 /// Returns the least power of a level of `residual`.
-pub(super) fn least_power(residual: &[f64]) -> f64 {
+fn least_power(residual: &[f64]) -> f64 {
     (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE)
-}
-
-/// Like [`local_rms`], but only around the sample `at`.
-pub(super) fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: usize) -> f64 {
-    let reach = weights.len() / 2;
-    let first = at.saturating_sub(reach);
-    let near = residual[first..].iter().zip(&weights[first + reach - at..]);
-    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), (x, w)| (sum + x * x * w, weight + w));
-    (sum / weight).max(least).sqrt()
 }
 
 /// Returns the RMS of `residual` around each of its samples, weighted by a Hann window of `smoothing` samples. At the

@@ -1,22 +1,25 @@
-//! The residual of one trial: computed with the model of its node, and tested in data that was not fitted.
+//! The residual of one trial: computed with the model of its node, and tested.
 
 use std::fmt;
 use std::ops::Range;
 
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
-use super::evidence::{self, Judged, LEVEL_SAMPLES, ROUND_OFF, residual};
+use super::evidence::Evidence;
 use super::loudness::{Loudest, Ringing, product};
-use super::low_rate::{ENDS, filled, known};
+use super::low_rate::{ENDS, filled};
 use crate::dsp::linear_prediction::step_up;
-use crate::dsp::sums::mean_square;
+use crate::dsp::sums::{mean_square, sliding};
 use crate::fit::blocks::Blocks;
 use crate::fit::estimate::carried_hz;
 use crate::fit::trial::Signal;
 use crate::recording::triage::{Kind, Verdict};
 use crate::texture::quantise::stored_reflection;
 
-/// Longest part of a trial that is used, samples: a minute, thirty times the length of a codebook of 2 s.
+/// Power of a residual relative to the signal's below which the residual is round-off.
+const ROUND_OFF: f64 = 1e-12;
+
+/// Longest part of a trial that is used, samples: a minute, twelve times the length of a codebook.
 const LONGEST: usize = 60 * SAMPLE_RATE_HZ as usize;
 
 /// Samples after a flaw in which the residual is not the surface's: 20 ms. The predictor's memory is longer, but weak.
@@ -49,7 +52,7 @@ impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{:.0} dB of its residual at {:.2} s of what is fitted are in no level or codebook: they would sound \
+            "{:.0} dB of its residual at {:.2} s of what is fitted are in no codebook: they would sound \
              louder than the recording does there, as a click's or a slipped axis's would; look there, and record it \
              again if they are none of the surface's",
             self.limited_db(),
@@ -58,7 +61,7 @@ impl fmt::Display for Event {
     }
 }
 
-/// A trial's residual, and the results of tests on it.
+/// A trial's residual, and the result of the test on it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     /// Indices of its speed and force on the grid.
@@ -78,8 +81,8 @@ pub(super) struct Trace {
     pub samples: usize,
     /// Order of the predictor: the residual begins at the signal's sample with this index.
     pub order: usize,
-    /// Statistics in data that was not fitted.
-    pub judged: Judged,
+    /// Deviations of the output from Gaussian noise.
+    pub evidence: Evidence,
 }
 
 impl Trace {
@@ -112,20 +115,13 @@ impl Trace {
         if let Some(gains) = &gains {
             residual = product(&residual, gains);
         }
-        let judged = match carried_hz {
-            Some(carried_hz) => {
-                let (known, level_samples) = known(&residual, carried_hz);
-                // The residual was limited above, so no limit is given.
-                evidence::held_out(&known, order, None, level_samples)
-            }
-            None => evidence::held_out(samples, order, Some(most), LEVEL_SAMPLES),
-        };
         let power = mean_square(&residual);
         if power.is_nan() || power <= ROUND_OFF * mean_square(samples) {
             return None;
         }
         let scale = 1.0 / power.sqrt();
         residual.iter_mut().for_each(|x| *x *= scale);
+        let evidence = Evidence::of(&residual, &flaws, &reflection);
         Some(Self {
             at,
             reflection,
@@ -136,28 +132,42 @@ impl Trace {
             // Of the whole signal, because the fit divides that into blocks.
             samples: signal.samples.len(),
             order,
-            judged,
+            evidence,
         })
     }
 
-    /// Returns the division of the signal into blocks.
-    pub fn blocks(&self) -> Blocks {
-        Blocks::of(self.samples)
+    /// Returns the trace of the fitted blocks alone, with the findings on the whole; `None` if it has no power.
+    pub fn fitted(&self) -> Option<Self> {
+        let (mut residual, mut flaws) = (Vec::new(), Vec::new());
+        // Of each block, the part of the residual that depends only on samples of the block.
+        let inside = |block: Range<usize>| block.start..block.end.saturating_sub(self.order).min(self.residual.len());
+        let blocks = Blocks::of(self.samples).fitted().map(inside);
+        for block in blocks.filter(|block| !block.is_empty()) {
+            // A flaw that reaches beyond the block ends with it.
+            let moved = |at: usize| residual.len() + at.clamp(block.start, block.end) - block.start;
+            let own = self.flaws.iter().map(|flaw| moved(flaw.start)..moved(flaw.end));
+            flaws.extend(own.filter(|flaw| !flaw.is_empty()));
+            residual.extend_from_slice(&self.residual[block]);
+        }
+        // All that is made of traces expects a mean square of 1.
+        let scale = 1.0 / mean_square(&residual).sqrt();
+        residual.iter_mut().for_each(|x| *x *= scale);
+        scale.is_normal().then(|| Self {
+            residual,
+            flaws,
+            ..self.clone()
+        })
     }
+}
 
-    /// Returns, for each of the signal's `blocks` that has one, the part of the residual that depends only on samples
-    /// of the block.
-    pub fn inside(&self, blocks: impl Iterator<Item = Range<usize>>) -> impl Iterator<Item = Range<usize>> {
-        let of =
-            move |block: Range<usize>| block.start..(block.end.saturating_sub(self.order)).min(self.residual.len());
-        blocks.map(of).filter(|block| !block.is_empty())
-    }
-
-    /// Returns whether none of `samples` is in a flaw.
-    pub fn is_clean(&self, samples: &Range<usize>) -> bool {
-        let apart = |flaw: &Range<usize>| flaw.end <= samples.start || samples.end <= flaw.start;
-        self.flaws.iter().all(apart)
-    }
+/// Returns the residual of `signal`, from the first sample that has enough samples before it for the predictor. It is
+/// empty if the signal is not longer than the predictor.
+fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
+    let predicted_from = signal.get(..signal.len().max(1) - 1).unwrap_or_default();
+    let newest_last: Vec<f64> = predictor.iter().rev().copied().collect();
+    let predicted = sliding(predicted_from, &newest_last);
+    let present = signal.iter().skip(predictor.len());
+    present.zip(predicted).map(|(now, sum)| now + sum).collect()
 }
 
 /// Returns the moment outside `flaws` at which `gains` limit the residual most; `order` is that of its predictor.
@@ -202,5 +212,28 @@ mod tests {
         }
         assert_eq!(residual(&[1.0, 2.0], &[0.5, 0.5]), Vec::<f64>::new());
         assert_eq!(residual(&[1.0, 2.0], &[]), [1.0, 2.0]);
+    }
+
+    /// The value of each sample encodes its position.
+    #[test]
+    fn the_fitted_blocks_hold_no_sample_that_judges() {
+        let signal: Vec<f64> = (0..20_000).map(|n| 1.0 + f64::from(n) / 1e5).collect();
+        let whole = Trace {
+            residual: signal[40..].to_vec(),
+            flaws: vec![100..300, 3000..6000],
+            samples: signal.len(),
+            order: 40,
+            ..Trace::default()
+        };
+        let made = whole.fitted().unwrap();
+        let scale = whole.residual[0] / made.residual[0];
+        for x in &made.residual {
+            let n = ((x * scale - 1.0) * 1e5).round() as usize;
+            // The predictor looks back 40 samples.
+            let is_within = |block: Range<usize>| block.start + 40 <= n && n < block.end;
+            assert!(Blocks::of(20_000).fitted().any(is_within), "{n}");
+        }
+        assert_eq!(made.residual.len(), 2 * (5000 - 40));
+        assert_eq!(made.flaws, [100..300, 3000..4960]);
     }
 }

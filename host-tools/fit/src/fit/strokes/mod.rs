@@ -187,7 +187,7 @@ mod tests {
 
     use test_helpers::noise;
 
-    use super::super::options::{ExcitationChoice, ModulationChoice, Order};
+    use super::super::options::{ExcitationChoice, Order};
     use super::*;
 
     const RATE_HZ: f64 = 5000.0;
@@ -243,7 +243,6 @@ mod tests {
         let options = Options {
             order: Order::Fixed(4),
             excitation: ExcitationChoice::Gaussian,
-            modulation: ModulationChoice::None,
             ..Options::default()
         };
         let file = |seed: u64| PathBuf::from(format!("{seed}.csv"));
