@@ -171,7 +171,7 @@ impl PaddedSpectrum {
         let samples = signal.len();
         let max_lag = max_lag.min(samples.saturating_sub(1));
         // The zeros after the signal keep the transform's circular correlation from wrapping around up to `max_lag`.
-        let transform_length = quick_length(samples + max_lag + 1);
+        let transform_length = fourier::quick_length(samples + max_lag + 1);
         signal.resize(transform_length, 0.0);
         let bins = fourier::forward(&mut signal);
         Self {
@@ -233,25 +233,6 @@ fn taper(length: usize) -> Rc<[f64]> {
     })
 }
 
-/// Returns the smallest even length of at least `least` with no prime factors other than 2, 3 and 5, because transforms
-/// of such lengths are fast.
-fn quick_length(least: usize) -> usize {
-    let quick = |length: &usize| {
-        let mut rest = *length;
-        for factor in [2, 3, 5] {
-            while rest.is_multiple_of(factor) {
-                rest /= factor;
-            }
-        }
-        // A real transform of even length is computed as a complex transform of half the length.
-        rest == 1 && length.is_multiple_of(2)
-    };
-    let least = least.max(2);
-    (least..=least.next_power_of_two())
-        .find(quick)
-        .expect("a power of two is quick")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -283,12 +264,5 @@ mod tests {
             let of_spectrum = of_spectrum / (whole.transform_length * signal.len()) as f64;
             prop_assert!((of_spectrum - mean_square).abs() <= 1e-9 * mean_square);
         }
-    }
-
-    #[test]
-    fn quick_lengths_are_the_least_that_hold_the_signal() {
-        assert_eq!(quick_length(10_401), 10_800);
-        assert_eq!(quick_length(1), 2);
-        assert_eq!(quick_length(16), 16);
     }
 }

@@ -79,6 +79,25 @@ pub fn of_power(power: &[f64], length: usize) -> Vec<f64> {
     inverse(&mut spectrum, length)
 }
 
+/// Returns the smallest even length of at least `least` with no prime factors other than 2, 3 and 5, because transforms
+/// of such lengths are fast.
+pub fn quick_length(least: usize) -> usize {
+    let quick = |length: &usize| {
+        let mut rest = *length;
+        for factor in [2, 3, 5] {
+            while rest.is_multiple_of(factor) {
+                rest /= factor;
+            }
+        }
+        // A real transform of even length is computed as a complex transform of half the length.
+        rest == 1 && length.is_multiple_of(2)
+    };
+    let least = least.max(2);
+    (least..=least.next_power_of_two())
+        .find(quick)
+        .expect("a power of two is quick")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -100,5 +119,12 @@ mod tests {
                 test_helpers::near(as_complex.im, 0.0, 1e-9);
             }
         }
+    }
+
+    #[test]
+    fn quick_lengths_are_the_least_that_hold_the_signal() {
+        assert_eq!(quick_length(10_401), 10_800);
+        assert_eq!(quick_length(1), 2);
+        assert_eq!(quick_length(16), 16);
     }
 }

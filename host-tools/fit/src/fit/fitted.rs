@@ -10,6 +10,7 @@ use super::notes;
 use super::options::{FloorChoice, Options};
 use super::recordings::{Recordings, Take};
 use super::reports::TrialReport;
+use super::room;
 use super::trial::signal_of_judged;
 use crate::recording::RecordingSet;
 use crate::recording::triage::Kind;
@@ -295,8 +296,7 @@ impl Fit {
 
 /// Encodes a library of `specs`.
 pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
-    model_format::encode(specs)
-        .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))
+    model_format::encode(specs).map_err(|failure| room::refused(&failure, specs))
 }
 
 #[cfg(test)]

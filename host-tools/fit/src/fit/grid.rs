@@ -139,7 +139,7 @@ fn laws_of(models: &[Model]) -> Laws {
     Laws { level, fade }
 }
 
-fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec<f32>> {
+pub(super) fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec<f32>> {
     // A library stores axes in 32 bits. Values that are equal there are one node.
     let mut axis: Vec<f32> = values.map(|value| value as f32).collect();
     axis.sort_by(f32::total_cmp);

@@ -61,6 +61,7 @@ pub mod parts;
 pub mod record;
 mod recordings;
 mod reports;
+mod room;
 mod strokes;
 mod trial;
 
@@ -90,6 +91,7 @@ const HELD_SIGNALS: usize = 128 << 20;
 /// holds; options that [`Options::check_rate`] refuses.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn(usize) + Sync) -> Result<Fit> {
     options.check_rate()?;
+    room::check(set, options)?;
     let options = &options.at_their_rate();
     let most_held = match set.textures().len() {
         _ if !excitation::is_wanted(options) => 0,

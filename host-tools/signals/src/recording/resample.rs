@@ -1,6 +1,8 @@
 //! Band-limited conversion of the sample rate.
 
 use core::f64::consts::TAU;
+use std::cell::RefCell;
+use std::rc::Rc;
 
 use crate::dsp::fourier::{self, Complex};
 
@@ -25,12 +27,12 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
     let (from, to) = (from_hz as usize, to_hz as usize);
     let divisor = gcd(from, to);
     let (step_in, step_out) = (from / divisor, to / divisor);
-    // With an even number of steps, the filter's delay of half a block is a whole number of samples.
-    let steps = 2 * (BLOCK * from.max(to) / to).div_ceil(2 * step_in);
-    let (block_in, block_out) = (steps * step_in, steps * step_out);
+    // A quick length is even, so that the filter's delay of half a block is a whole number of samples.
+    let steps = fourier::quick_length((BLOCK * from.max(to) / to).div_ceil(step_in));
+    let blocks = [steps * step_in, steps * step_out];
+    let [block_in, block_out] = blocks;
     let mut input = vec![0.0; 2 * block_in];
-    input[..block_in].copy_from_slice(&low_pass(block_in, block_out));
-    let response = fourier::forward(&mut input);
+    let response = response(blocks);
     let resampled = channels.iter().map(|channel| {
         let mean = mean(channel);
         let mut output = vec![mean; (frames * to).div_ceil(from)];
@@ -39,7 +41,7 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
             for (centred, sample) in input.iter_mut().zip(samples) {
                 *centred = sample - mean;
             }
-            let bins = fourier::forward(&mut input).into_iter().zip(&response);
+            let bins = fourier::forward(&mut input).into_iter().zip(&*response);
             // The bin at half the output's rate stays zero, because the filter has removed it.
             let kept = bins.take(block_out).map(|(bin, response)| bin * response);
             let mut kept: Vec<Complex<f64>> = kept.collect();
@@ -56,6 +58,23 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
         output
     });
     resampled.collect()
+}
+
+thread_local! {
+    /// The last filter's response and its blocks, because a set's recordings usually have one rate.
+    static RESPONSE: RefCell<([usize; 2], Rc<[Complex<f64>]>)> = RefCell::new(([0; 2], Rc::new([])));
+}
+
+/// Returns the bins of [`low_pass`], followed by as many zeros.
+fn response([block_in, block_out]: [usize; 2]) -> Rc<[Complex<f64>]> {
+    RESPONSE.with_borrow_mut(|(blocks, kept)| {
+        if *blocks != [block_in, block_out] {
+            let mut padded = low_pass(block_in, block_out);
+            padded.resize(2 * block_in, 0.0);
+            (*blocks, *kept) = ([block_in, block_out], fourier::forward(&mut padded).into());
+        }
+        Rc::clone(kept)
+    })
 }
 
 /// Returns the impulse response of a low-pass filter of `block_in` samples, around its middle: a sinc function

@@ -64,6 +64,8 @@ impl Band {
 pub(super) struct WholeSpectrum {
     bins: Vec<Complex<f64>>,
     samples: usize,
+    /// Number of samples with the zeros that follow, because a transform of their number alone may be slow.
+    length: usize,
 }
 
 /// Envelope of a band: its complex amplitude relative to the band's lowest frequency, at even times.
@@ -72,6 +74,8 @@ pub(super) struct Envelope {
     lowest_hz: f64,
     /// Number of the recording's samples between two values.
     step: f64,
+    /// Number of the recording's samples.
+    samples: f64,
 }
 
 impl WholeSpectrum {
@@ -80,14 +84,18 @@ impl WholeSpectrum {
         if !tells_lines(signal) {
             return None;
         }
+        let (samples, length) = (signal.len(), fourier::quick_length(signal.len()));
+        let mut padded = signal.to_vec();
+        padded.resize(length, 0.0);
         Some(Self {
-            bins: fourier::forward(&mut signal.to_vec()),
-            samples: signal.len(),
+            bins: fourier::forward(&mut padded),
+            samples,
+            length,
         })
     }
 
     fn step_hz(&self) -> f64 {
-        f64::from(SAMPLE_RATE_HZ) / self.samples as f64
+        f64::from(SAMPLE_RATE_HZ) / self.length as f64
     }
 
     /// Returns the bands around the peaks at each width of smoothing, each with the probability of its envelope in
@@ -129,12 +137,13 @@ impl WholeSpectrum {
         values[..count].copy_from_slice(&self.bins[low..=high]);
         fourier::inverse_complex(&mut values);
         // Scaled so that a sine of amplitude 1 has an envelope of amplitude 1.
-        let scale = 2.0 / self.samples as f64;
+        let scale = 2.0 / self.length as f64;
         values.iter_mut().for_each(|value| *value *= scale);
         Envelope {
             values,
             lowest_hz: low as f64 * self.step_hz(),
-            step: self.samples as f64 / length as f64,
+            step: self.length as f64 / length as f64,
+            samples: self.samples as f64,
         }
     }
 
@@ -144,9 +153,10 @@ impl WholeSpectrum {
         let powers = || self.bins[low..=high].iter().map(Complex::norm_sqr);
         let (sum, squares) = powers().fold((0.0, 0.0), |(a, b), p| (a + p, b + p * p));
         // The equivalent number of independent intensities is bandwidth times duration; the mean square of a
-        // periodogram's values is twice the square of their expectation. One is subtracted, because few values give too
-        // high a number.
-        let count = (2.0 * sum * sum / squares.max(f64::MIN_POSITIVE) - 1.0).max(1.0);
+        // periodogram's values is twice the square of their expectation. Zeros after the samples make more values of the
+        // same number. One is subtracted, because few values give too high a number.
+        let share = self.samples as f64 / self.length as f64;
+        let count = (2.0 * share * sum * sum / squares.max(f64::MIN_POSITIVE) - 1.0).max(1.0);
         let envelope = self.envelope_of([low, high]);
         let intensities = || envelope.middle().map(|(_, value)| value.norm_sqr());
         let number = intensities().count() as f64;
@@ -164,9 +174,10 @@ impl WholeSpectrum {
 impl Envelope {
     /// Returns the values without those at the ends, each with its time in samples.
     pub(super) fn middle(&self) -> impl Iterator<Item = (f64, Complex<f64>)> {
-        let ends = (ENDS * self.values.len() as f64).ceil() as usize;
-        let values = self.values.iter().enumerate();
-        let kept = values.skip(ends).take(self.values.len() - 2 * ends);
+        let inside = (self.samples / self.step).ceil() as usize;
+        let ends = (ENDS * inside as f64).ceil() as usize;
+        let values = self.values[..inside].iter().enumerate();
+        let kept = values.skip(ends).take(inside - 2 * ends);
         kept.map(|(index, value)| (index as f64 * self.step, *value))
     }
 

@@ -73,7 +73,7 @@ impl LineSpectrum {
         }
         // Steps of at most half a cell: between bins a cell apart, a Hann window loses up to 1.4 dB of a peak (Harris,
         // Proc. IEEE 66, 1978, 51, table 1).
-        let length = (2 * signal.len()).next_power_of_two();
+        let length = fourier::quick_length(2 * signal.len());
         let mut padded = vec![0.0; length];
         let mut window_energy = 0.0;
         let window = hann_window(signal.len());
