@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use regex_lite::Regex;
+
 /// Extensions of tables, in lower case. LabVIEW's measurement files may have any of them.
-const TABLES: [&str; 5] = ["csv", "tsv", "txt", "dat", "lvm"];
+const TABLES: [&str; 7] = ["csv", "tsv", "txt", "dat", "log", "asc", "lvm"];
 
 /// Extensions of WAV files, in lower case.
 const WAVES: [&str; 2] = ["wav", "wave"];
@@ -35,52 +37,102 @@ pub(super) fn ending(path: &Path) -> String {
     ending.to_string_lossy().to_lowercase()
 }
 
-/// Returns how to convert a file with this extension, which cannot be read, to one that can be read.
-pub(super) fn conversion(ending: &str) -> String {
-    let python = |lines: &str| format!("Python makes a .csv of it, for which --sample-rate gives the rate: `{lines}`");
-    // The commands first print the names in the file. Rows of the array become samples; an array with few rows is
-    // transposed, because its rows are axes.
-    let array = |opened: &str, names: &str, array: &str| {
-        let lines = python(&format!(
-            "import numpy; {opened}; print({names}); x = {array}.squeeze(); \
-             numpy.savetxt('FILE.csv', x if len(x) > 3 else x.T, delimiter=',')"
-        ));
-        format!("{lines}, where NAME is one of the names that it prints")
-    };
-    match ending {
-        "mat" => {
-            array(
-                "import scipy.io; m = scipy.io.loadmat('FILE.mat')",
-                "[k for k in m]",
-                "numpy.array(m['NAME'])",
-            ) + "; for MATLAB 7.3 with `import h5py; m = h5py.File('FILE.mat')` instead"
-        }
-        "h5" | "hdf5" | "hdf" => array(
-            &format!("import h5py; f = h5py.File('FILE.{ending}')"),
-            "f.visit(print)",
-            "f['NAME'][()]",
-        ),
-        "npz" => array("z = numpy.load('FILE.npz')", "z.files", "z['NAME']"),
-        "npy" => python(
-            "import numpy; x = numpy.load('FILE.npy').squeeze(); \
-             numpy.savetxt('FILE.csv', x if len(x) > 3 else x.T, delimiter=',')",
-        ),
-        "parquet" | "feather" => python(&format!(
-            "import pandas; pandas.read_{ending}('FILE.{ending}').to_csv('FILE.csv', index=False)"
-        )),
-        "bag" => "`rostopic echo -b FILE.bag -p /TOPIC > FILE.csv` makes a .csv of a topic".to_owned(),
-        "db3" | "mcap" => "export the topic as .csv, as PlotJuggler does".to_owned(),
-        "tdms" => python(
-            "from nptdms import TdmsFile; TdmsFile.read('FILE.tdms').as_dataframe().to_csv('FILE.csv', index=False)",
-        ),
-        "xlsx" | "xls" | "ods" => {
-            let lines = format!("import pandas; pandas.read_excel('FILE.{ending}').to_csv('FILE.csv', index=False)");
-            format!("save the sheet as .csv; or {}", python(&lines))
-        }
-        "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
-            format!("give .wav or .csv; `ffmpeg -i FILE.{ending} FILE.wav` converts sound")
-        }
-        "lib" => "it is a texture library; `stylus join` makes one of several".to_owned(),
-        _ => "export the samples as .csv, or as .wav".to_owned(),
-    }
+/// Files that cannot be read, by their extensions, and what makes one that can be read of them.
+const CONVERSIONS: [(&[&str], &str); 7] = [
+    (
+        &["mat", "h5", "hdf5", "hdf", "npz", "npy", "parquet", "tdms", "xlsx"],
+        "`stylus-convert FILE --out FOLDER` of the Python package stylus_haptics makes .wav or .csv of it",
+    ),
+    (
+        &["xls", "ods", "feather", "pkl", "json"],
+        "save its samples as a table, .csv",
+    ),
+    (
+        &["bag"],
+        "`rostopic echo -b FILE -p /TOPIC > TOPIC.csv` makes a .csv of a topic",
+    ),
+    (&["db3", "mcap"], "export the topic as .csv, as PlotJuggler does"),
+    (
+        &[
+            "aac", "aif", "aiff", "caf", "flac", "m4a", "mp3", "mp4", "ogg", "opus", "w64", "wma",
+        ],
+        "give .wav or .csv; `ffmpeg -i FILE OUT.wav` converts sound",
+    ),
+    (&["lib"], "it is a texture library; `stylus join` makes one of several"),
+    (&[], "export the samples as .csv, or as .wav"),
+];
+
+/// Returns how to convert the file at `path`, which cannot be read, to one that can be read.
+pub(super) fn conversion(path: &Path) -> String {
+    let ending = ending(path);
+    let known = CONVERSIONS
+        .iter()
+        .find(|(endings, _)| endings.contains(&ending.as_str()) || endings.is_empty());
+    let name = path.display().to_string();
+    let name = if name.contains(' ') { format!("'{name}'") } else { name };
+    known.map_or_else(String::new, |(_, words)| words.replace("FILE", &name))
+}
+
+/// Files and names that are refused, by a sign in the refusal, the line that it names, or the first lines, which follow
+/// one another; and what they are, with the remedy.
+const SIGNS: [(&str, &str); 15] = [
+    (
+        "[ -~]\0[ -~]\0[ -~]\0",
+        "it is UTF-16 without a mark at its beginning: save it as UTF-8",
+    ),
+    (
+        "(?m)^\"?Interval\\b.*Interval",
+        "it has settings above its names, and times for each channel: remove the lines above the samples but one of \
+         names, and all columns of times but one",
+    ),
+    (
+        "Record Length",
+        "an oscilloscope wrote its settings beside the samples: remove the columns of the settings",
+    ),
+    (
+        "(?m)^.*,Increment",
+        "an oscilloscope wrote the sample interval beside the names: remove the lines above the samples, and give \
+         1/interval by --sample-rate",
+    ),
+    (
+        "∞",
+        "values out of range are written as ∞, so it is clipped: record with a larger range",
+    ),
+    (
+        " -> ",
+        "a serial monitor wrote its own times and an arrow before each row: switch them off, or remove them",
+    ),
+    (
+        "(?m)\\w: +[-+.0-9].*\\w: +[-+.0-9]",
+        "its labels have a space after the colon: write them without it, as x:0.1, and no unit behind the numbers",
+    ),
+    (
+        "^line [0-9]+: .*\n.*[A-Za-z]{3}.*[(:]",
+        "text stands between the rows, as of a board that started again: remove this line",
+    ),
+    (
+        "^line 2: [0-9]+ fields.*\n.*\n[-+.,;\t 0-9]+\n",
+        "the first line is cut: remove that line",
+    ),
+    (
+        "^line [0-9]{2,}: [0-9]+ fields.*\n[-+.,;\t 0-9eE]+\n",
+        "a row was not ended, or was cut, and the next stands behind it: remove this line",
+    ),
+    (
+        "(?i)mulaw|alaw|adpcm",
+        "`ffmpeg -i FILE -c:a pcm_s16le OUT.wav` converts its coding",
+    ),
+    ("[0-9]p[0-9]+.*'$", "a number has a point: rename 0p5 to 0.5"),
+    ("(?s)^line 1: .*\0", "it is no text: export its samples as .csv"),
+    (
+        "(?i)^line 1: .*\n *[{\\[]",
+        "it is JSON, and no table: save its samples as .csv",
+    ),
+    ("(?i)not UTF-8", "if it is no text, export its samples as .csv"),
+];
+
+/// Returns what a refused file or name is, and the remedy, by the first of the known signs in `text`.
+pub(super) fn remedy(text: &str) -> Option<&'static str> {
+    let is_found = |sign: &str| Regex::new(sign).is_ok_and(|sign| sign.is_match(text));
+    SIGNS.iter().find(|(sign, _)| is_found(sign)).map(|(_, words)| *words)
 }
