@@ -193,7 +193,7 @@ fn what_is_not_read_is_refused_with_the_way_to_what_is() {
         ("a.csv", "", "is empty: give a row for each sample"),
         ("b.csv", "time_s\n0\n1\n", "has times alone"),
         ("b.csv", "t,x\n0,1\n1,2\nBrownout (reset)\n2,3\n", "remove this line"),
-        ("b.csv", ",0.3\n0,1,2,3\n1,2,3,4\n", "the first line is cut"),
+        ("b.csv", "9,0.3\n0,1,2,3\n1,2,3,4\n", "the first line is cut"),
         (
             "b.csv",
             "t,x\n0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n6,7\n7,8\n8,99,1\n10,2\n",
@@ -672,7 +672,7 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
         (
             hand,
             "time_s,speed_mm_s,x,force_n\n0,100,1,1\n0.0002,100,2,1\n0.0001,100,3,1\n0.0003,100,1,1\n0.0001,100,1,1\n",
-            &["line 4", "falls as often as it rises"],
+            &["line 4", "falls often"],
         ),
     ] {
         bench.write("a.csv", text);

@@ -102,11 +102,7 @@ pub fn held_table(rate_hz: f64, text: String) -> Result<HeldSamples> {
         sample_rate_hz: Some(rate_hz),
         ..Trial::of("samples", "", 0.0, 0.0)
     };
-    let whole = Cut {
-        start_s: 0.0,
-        duration_s: f64::INFINITY,
-    };
-    let source = csv_file::read_table(&CsvTable::of(&trial.file, text)?, &trial, None, &whole)?;
+    let source = csv_file::read_table(&CsvTable::of(&trial.file, text)?, &trial, None, &Cut::WHOLE)?;
     Ok(HeldSamples::new(rate_hz, source.channels.clone(), false)?.stated(&source))
 }
 

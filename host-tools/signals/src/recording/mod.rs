@@ -15,6 +15,7 @@ mod kind;
 mod load;
 mod lvm;
 mod numbers;
+mod order;
 pub mod pattern;
 mod polled;
 mod rate;

@@ -234,10 +234,10 @@ fn refuse_single_axes(trials: &[Trial]) -> Result<()> {
         if let [first, .., last] = axes[..]
             && axes.len() == MAX_CHANNELS
         {
+            let (to, last) = (rest.trim_end_matches(['_', '-', ' ', '.']), last.display());
             let problem = format!(
-                "and {} are axes of one recording by their names, and no takes: join the three, such as by `paste -d , \
-                 X Y Z > {rest}.csv`, or `sox -M X Y Z {rest}.wav` for sound; or rename them",
-                last.display()
+                "and {last} are axes of one recording by their names, and no takes: join the three, such as by \
+                 `paste -d , X Y Z > {to}.csv`, or `sox -M X Y Z {to}.wav` for sound; or rename them"
             );
             return Err(Error::file(first, problem));
         }

@@ -65,6 +65,21 @@ impl Steps {
     }
 }
 
+/// Number of the longest steps that are left out of a mean, because they may be pauses.
+const PAUSES: usize = 8;
+
+/// Returns the mean of the steps between `times`, without the few longest.
+pub(super) fn mean_step(times: &[f64]) -> f64 {
+    mean_of_most(times.windows(2).map(|pair| pair[1] - pair[0]).collect())
+}
+
+/// Returns the mean of `steps`, of which there is at least one, without the few longest.
+pub(super) fn mean_of_most(mut steps: Vec<f64>) -> f64 {
+    let kept = steps.len() - PAUSES.min(steps.len() / 16);
+    steps.select_nth_unstable_by(kept - 1, f64::total_cmp);
+    steps[..kept].iter().sum::<f64>() / kept as f64
+}
+
 /// Interpolates samples of `channels`, taken at ascending `times`, at every 1/`rate_hz` from the first time on. It is
 /// exact for polynomials of the fifth degree (Lagrange's interpolation through the six nearest samples).
 pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<Vec<f64>> {

@@ -152,11 +152,6 @@ mod tests {
     use crate::support::float_wav::float_wav;
     use test_helpers::holds;
 
-    const WHOLE: Cut = Cut {
-        start_s: 0.0,
-        duration_s: f64::INFINITY,
-    };
-
     /// A file with two channels.
     fn right() -> Vec<u8> {
         let samples = (0..4000).map(|n| (f64::from(n) * 0.37).sin());
@@ -180,7 +175,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.wav");
         std::fs::write(&path, file).unwrap();
-        read(&path, None, &WHOLE)
+        read(&path, None, &Cut::WHOLE)
     }
 
     #[test]
@@ -227,7 +222,7 @@ mod tests {
                 // Zeros that take no space on the disk.
                 let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
                 file.set_len(header.len() as u64 + u64::from(bytes)).unwrap();
-                match read(&path, None, &WHOLE) {
+                match read(&path, None, &Cut::WHOLE) {
                     Ok(found) => assert_eq!((found.channels[0].len(), longest), (frames, frames)),
                     Err(fault) => {
                         assert!(frames > longest, "{fault}");

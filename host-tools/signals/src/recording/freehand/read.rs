@@ -276,10 +276,6 @@ fn source(
     let path = table.path();
     let rate = given_hz.map(|rate_hz| SampleRate::new(rate_hz, "give another --sample-rate"));
     let rate = rate.transpose().map_err(|fault| Error::file(path, fault))?;
-    let cut = Cut {
-        start_s: 0.0,
-        duration_s: f64::INFINITY,
-    };
     let source = match (time, rate) {
         (Some(time), rate) => {
             let told = Told {
@@ -288,9 +284,9 @@ fn source(
                 is_even: false,
                 rate,
             };
-            clock::source(table, &told, times, channels, &cut)?
+            clock::source(table, &told, times, channels, &Cut::WHOLE)?
         }
-        (None, Some(rate)) => clock::even(rate, channels, &cut),
+        (None, Some(rate)) => clock::even(rate, channels, &Cut::WHOLE),
         (None, None) => {
             let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
             return Err(Error::file(path, problem));
