@@ -264,7 +264,7 @@ pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
     };
     let of_bracket = |text: &String| of_text(text).or_else(|| text.split([',', ';', '@']).find_map(of_text));
     let of_bracket = |text: &String| of_bracket(text).or_else(|| of_range(text));
-    let is_g_force = ["gfx", "gfy", "gfz"].contains(&name.to_lowercase().as_str());
+    let is_g_force = ["gfx", "gfy", "gfz"].contains(&outside.trim().to_lowercase().as_str());
     let g_force = || is_g_force.then(|| of_text("g"))?;
     inside.iter().find_map(of_bracket).or_else(g_force).or_else(|| {
         let outside = Sensitivity::cut_from(&outside);
@@ -409,6 +409,7 @@ mod tests {
             ("X (40g)", G),
             ("Z [±8 g]", G),
             ("gFx", G),
+            ("gFx []", G),
             ("AccX[mg]", 1e-3 * G),
             ("x_mg", 1e-3 * G),
             ("x (µg)", 1e-6 * G),
