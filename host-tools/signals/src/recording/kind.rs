@@ -37,40 +37,21 @@ pub(super) fn ending(path: &Path) -> String {
     ending.to_string_lossy().to_lowercase()
 }
 
-/// Files that cannot be read, by their extensions, and what makes one that can be read of them.
-const CONVERSIONS: [(&[&str], &str); 7] = [
-    (
-        &["mat", "h5", "hdf5", "hdf", "npz", "npy", "parquet", "tdms", "xlsx"],
-        "`stylus-convert FILE --out FOLDER` of the Python package stylus_haptics makes .wav or .csv of it",
-    ),
-    (
-        &["xls", "ods", "feather", "pkl", "json"],
-        "save its samples as a table, .csv",
-    ),
-    (
-        &["bag"],
-        "`rostopic echo -b FILE -p /TOPIC > TOPIC.csv` makes a .csv of a topic",
-    ),
-    (&["db3", "mcap"], "export the topic as .csv, as PlotJuggler does"),
-    (
-        &[
-            "aac", "aif", "aiff", "caf", "flac", "m4a", "mp3", "mp4", "ogg", "opus", "w64", "wma",
-        ],
-        "give .wav or .csv; `ffmpeg -i FILE OUT.wav` converts sound",
-    ),
-    (&["lib"], "it is a texture library; `stylus join` makes one of several"),
-    (&[], "export the samples as .csv, or as .wav"),
-];
-
-/// Returns how to convert the file at `path`, which cannot be read, to one that can be read.
-pub(super) fn conversion(path: &Path) -> String {
-    let ending = ending(path);
-    let known = CONVERSIONS
-        .iter()
-        .find(|(endings, _)| endings.contains(&ending.as_str()) || endings.is_empty());
-    let name = path.display().to_string();
-    let name = if name.contains(' ') { format!("'{name}'") } else { name };
-    known.map_or_else(String::new, |(_, words)| words.replace("FILE", &name))
+/// Returns how to convert a file with this extension, which cannot be read, to one that can be read.
+pub(super) fn conversion(ending: &str) -> String {
+    match ending {
+        "mat" | "h5" | "hdf5" | "hdf" | "npz" | "npy" | "parquet" | "tdms" | "xlsx" => {
+            format!("`stylus-convert FILE.{ending} --out FOLDER` of the Python package stylus_haptics makes .csv of it")
+        }
+        "feather" | "xls" | "ods" | "pkl" | "json" => "save its samples as a table, .csv".to_owned(),
+        "bag" => "`rostopic echo -b FILE.bag -p /TOPIC > FILE.csv` makes a .csv of a topic".to_owned(),
+        "db3" | "mcap" => "export the topic as .csv, as PlotJuggler does".to_owned(),
+        "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
+            format!("give .wav or .csv; `ffmpeg -i FILE.{ending} FILE.wav` converts sound")
+        }
+        "lib" => "it is a texture library; `stylus join` makes one of several".to_owned(),
+        _ => "export the samples as .csv, or as .wav".to_owned(),
+    }
 }
 
 /// Files and names that are refused, by a sign in the refusal, the line that it names, or the first lines, which follow

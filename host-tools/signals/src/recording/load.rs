@@ -16,6 +16,7 @@ use super::{csv_file, numbers, resample, uneven, wav};
 use crate::dsp::sums::sum;
 use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
+use crate::support::number::counted;
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
@@ -77,6 +78,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     for (axis, scale) in axes.iter_mut().zip(&scales_m_s2) {
         axis.iter_mut().for_each(|sample| *sample *= scale);
     }
+    let repeated = without_repeated(&mut axes);
     let has_scale = trial.scale_m_s2.is_some() || source.stated.scales_m_s2.is_some();
     let conversion = source.stated.conversion(trial.scale_m_s2);
     Ok(Samples {
@@ -84,7 +86,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         source_rate_hz: rate_hz,
         defects,
         account: Account {
-            remarks: remarks.into_iter().chain(conversion).collect(),
+            remarks: remarks.into_iter().chain(conversion).chain(repeated).collect(),
             doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
             // A scale says what an integer means, so nothing is left to tell.
             integers: source.integers.filter(|_| !has_scale),
@@ -135,7 +137,8 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
         None => {
             // A mistyped name is reported as a missing file, not as a file of an unknown kind.
             std::fs::metadata(path).map_err(Error::io("read", path))?;
-            let problem = format!("'{}' files cannot be read: {}", ending(path), conversion(path));
+            let ending = ending(path);
+            let problem = format!("'{ending}' files cannot be read: {}", conversion(&ending));
             Err(Error::file(path, problem))
         }
     }
@@ -160,6 +163,23 @@ fn named_alike(path: &Path) -> Option<String> {
         let is_cut =
             Kind::of(Path::new(&name)).is_some() && name.rsplit_once('.').is_some_and(|(stem, _)| stem == wanted);
         name == wanted || is_cut
+    })
+}
+
+/// Removes the channels that repeat the first, as of a microphone in a stereo file, and says so. Constant ones stay, as
+/// dead axes.
+fn without_repeated(axes: &mut Vec<Vec<f64>>) -> Option<String> {
+    let (first, others) = axes.split_first()?;
+    let is_constant = first.iter().all(|sample| sample.to_bits() == first[0].to_bits());
+    let is_new: Vec<bool> = others.iter().map(|axis| is_constant || axis != first).collect();
+    let count = is_new.iter().filter(|is_new| !**is_new).count();
+    let mut kept = std::iter::once(true).chain(is_new);
+    axes.retain(|_| kept.next() == Some(true));
+    (count > 0).then(|| {
+        format!(
+            "{} of the same samples as channel 1 left out",
+            counted(count, "channel")
+        )
     })
 }
 
@@ -340,6 +360,26 @@ mod tests {
         assert!(of_table(header(), &axes, Some("0.001")).account.doubts.is_empty());
         let volts = of_table(Some("a (V)".to_owned()), &axes, None);
         test_helpers::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
+    }
+
+    #[test]
+    fn channels_that_repeat_the_first_are_left_out_and_told() {
+        let (one, other) = (vec![0.5, -0.5, 0.25], vec![0.5, -0.5, 0.26]);
+        for (axes, left) in [
+            (vec![one.clone(), one.clone()], vec![&one]),
+            (vec![one.clone(), other.clone(), one.clone()], vec![&one, &other]),
+            (vec![one.clone(), other.clone()], vec![&one, &other]),
+            (vec![vec![0.0; 3]; 2], vec![&vec![0.0; 3]; 2]),
+        ] {
+            let read = of_table(None, &axes, Some("1"));
+            assert_eq!(read.axes.iter().collect::<Vec<_>>(), left);
+            let told = read.account.remarks.concat();
+            assert_eq!(
+                told.contains("same samples as channel 1"),
+                left.len() < axes.len(),
+                "{told}"
+            );
+        }
     }
 
     #[test]
