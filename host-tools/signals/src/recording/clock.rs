@@ -1,8 +1,8 @@
 //! The clock of a recording: when its samples were taken, as its times tell.
 //!
-//! Times are rarely those of an ideal clock. They have few digits or come late; they start again where a counter wraps or
-//! a block begins; rows are swapped, repeated, lost, or written for other sensors. One estimate of the order, the step
-//! and the missing samples accounts for all of that. [`Timing`] and the remarks tell what it found.
+//! Times are rarely those of an ideal clock. They have few digits or come late; they start again where a counter wraps
+//! or a block begins; rows are swapped, repeated, lost, or written for other sensors. One estimate of the order, the
+//! step and the missing samples accounts for all of that. [`Timing`] and the remarks tell what it found.
 //!
 //! Missing samples are filled in, so that the index of a sample determines its time. A single missing sample is
 //! interpolated. Longer gaps are filled from their surroundings, and triage cuts them.
@@ -36,6 +36,21 @@ const COARSE: (f64, f64) = (0.25, 64.0);
 /// [`LOOK_AHEAD`] where samples are missing.
 const BLOCK: usize = 96;
 const LEAST_LATER: usize = 3;
+
+/// Largest deviation of a step from a multiple of the resolution, in its units, at which times show each step exactly.
+const BEAT: f64 = 2e-3;
+
+/// Numbers of times whose usual lateness is compared: where steps below half of the usual one are rarer than one in
+/// [`FEWEST_SHORT`], and where they are not.
+const LEVEL: (usize, usize) = (4, 32);
+const FEWEST_SHORT: usize = 256;
+
+/// Least step before which samples may be missing, and least change of the usual lateness there, in steps.
+const LONG: f64 = 1.25;
+const LEAST_LATE: f64 = 0.75;
+
+/// Number of times that a clock's step is estimated.
+const ROUNDS: usize = 3;
 
 /// Largest drift of a clock that is followed, as a fraction of a step per sample.
 const DRIFT: f64 = 1e-3;
@@ -441,32 +456,53 @@ impl Clock {
         let mean = mean_step(times);
         let (least, units) = COARSE;
         let is_coarse = resolution > least * mean || are_changes;
-        let width = if is_coarse {
-            (units * resolution / mean).ceil() as usize
-        } else {
-            1
+        let by_width = |width: usize| {
+            let steps = || times.windows(width + 1).map(|pair| pair[width] - pair[0]);
+            let usual = Steps::of(times, width);
+            let (mut step, mut count) = (0.0, 0.0);
+            for held in steps().filter(|&step| usual.hold(step)) {
+                (step, count) = (step + held, count + width as f64);
+            }
+            step = if count > 0.0 { step / count } else { mean };
+            if are_changes {
+                step = steps().fold(f64::INFINITY, f64::min);
+            }
+            let mut clock = Self::by_step(times, step, resolution, is_coarse, are_changes);
+            // Among even steps, a gap or a time out of place does not make the others uneven.
+            clock.is_even |= is_coarse || (usual.unevenness < EVEN && !steps().all(|step| usual.hold(step)));
+            clock
         };
-        let width = width.clamp(1, (times.len() / 4).max(1));
-        let steps = Steps::of(times, width);
-        let all = times.windows(width + 1).map(|pair| pair[width] - pair[0]);
-        let held = all.filter(|&step| steps.hold(step));
-        let (sum, count) = held.fold((0.0, 0.0), |(sum, count), step| (sum + step, count + width as f64));
-        let mut step = if count > 0.0 { sum / count } else { mean };
-        if are_changes {
-            step = times
-                .windows(2)
-                .map(|pair| pair[1] - pair[0])
-                .fold(f64::INFINITY, f64::min);
+        let single = by_width(1);
+        if !is_coarse || are_changes {
+            return single;
         }
+        // Digits make single steps uneven, and many steps together hide that samples are missing.
+        let many = by_width(((units * resolution / mean).ceil() as usize).clamp(1, (times.len() / 4).max(1)));
+        if 2 * many.missing.len() < single.missing.len() {
+            many
+        } else {
+            single
+        }
+    }
+
+    /// Estimates the clock of `times` from about its `step`.
+    fn by_step(times: &[f64], mut step: f64, resolution: f64, is_coarse: bool, are_changes: bool) -> Self {
         let (mut missing, mut widest) = (Vec::new(), 0.0);
-        // Twice, because the step shows what is missing, and what is missing shows the step.
-        for _ in 0..2 {
-            let margin = if is_coarse && !are_changes {
-                usual_margin(times, step, resolution)
+        // Again, because the step shows what is missing, and what is missing shows the step.
+        for _ in 0..ROUNDS {
+            let units = step / resolution;
+            let is_exact = are_changes || units > 0.5 && (units - units.round()).abs() < BEAT;
+            let short = times.windows(2).filter(|pair| pair[1] - pair[0] < 0.5 * step);
+            let late = if is_coarse && !is_exact {
+                Late::Within(usual_margin(times, step, resolution))
+            } else if are_changes {
+                Late::About(1)
+            } else if FEWEST_SHORT * short.count() > times.len() {
+                Late::About(LEVEL.1)
             } else {
-                0.0
+                Late::About(LEVEL.0)
             };
-            (missing, widest) = walked(times, step, margin, |step| is_coarse || !steps.hold(step));
+            (missing, widest) = walked(times, step, &late);
             let (mut time, mut count) = (times[times.len() - 1] - times[0], times.len() - 1);
             for gap in &missing {
                 // After a long gap, a clock may begin anew at any time.
@@ -482,41 +518,65 @@ impl Clock {
                 step = time / count as f64;
             }
         }
-        // Among even steps, a gap or a time out of place does not make the others uneven.
-        let all_hold = times.windows(2).all(|pair| steps.hold(pair[1] - pair[0]));
-        let is_even = is_coarse || (steps.unevenness < EVEN && !all_hold);
         Self {
             step,
-            is_even: is_even || widest <= 2.0 * (resolution + EVEN * step),
+            is_even: widest <= 2.0 * (resolution + EVEN * step),
             missing,
         }
     }
 }
 
-/// Walks along `times` by `step`. Returns the samples that are missing where `is_long` holds for a step, and the largest
-/// spread of lateness between them. With a `margin`, times are late by anything up to it, because of their digits, and
-/// samples are missing only where they are later than that.
-fn walked(times: &[f64], step: f64, margin: f64, is_long: impl Fn(f64) -> bool) -> (Vec<Missing>, f64) {
-    let (mut missing, mut shift, mut widest) = (Vec::new(), 0.0, 0.0f64);
-    let (mut low, mut high, mut before) = (0.0f64, 0.0f64, 0.0);
+/// How late the times of a clock are.
+enum Late {
+    /// By anything up to this, because of their digits.
+    Within(f64),
+    /// As much as the usual one among this many times.
+    About(usize),
+}
+
+/// Walks along `times` by `step`. Returns the samples that are missing, and the largest spread of lateness between
+/// them.
+fn walked(times: &[f64], step: f64, late: &Late) -> (Vec<Missing>, f64) {
+    let (mut missing, mut shift, mut widest) = (Vec::<Missing>::new(), 0.0, 0.0f64);
+    let (mut low, mut high, mut first) = (0.0f64, 0.0f64, 0);
+    let own = |row: usize| times[row] - times[row - 1];
+    let end = |row: usize| row.min(times.len());
+    // How late the times before are.
+    let mut past = vec![0.0];
     // The latest time before, and the latest that is possible after the earliest.
-    let (mut least, mut most) = (0.0f64, margin);
+    let (mut least, mut most) = match late {
+        Late::Within(margin) => (0.0f64, *margin),
+        Late::About(_) => (0.0, 0.0),
+    };
     for row in 1..times.len() {
-        let lateness = |row: usize, shift: f64| times[row] - times[0] - step * (row as f64 + shift);
+        let lateness = |row: usize| times[row] - times[0] - step * (row as f64 + shift);
         let (least_drift, most_drift) = (least - DRIFT * step, most + DRIFT * step);
-        let own = times[row] - times[row - 1];
-        let count = if margin > 0.0 && own > step && lateness(row, shift) > most_drift {
-            // A single time may be late; where samples are missing, some of each few are later than all before.
-            let later = (row..(row + 2 * LOOK_AHEAD).min(times.len())).map(|row| lateness(row, shift) - most_drift);
-            let latest = later.clone().fold(0.0, f64::max);
-            let is_lost = later.filter(|late| *late > 0.0).count() >= LEAST_LATER && latest > 0.4 * step;
-            if is_lost { (latest / step).round().max(1.0) } else { 0.0 }
-        } else if margin <= 0.0 && own > step && is_long(own) {
-            // A single late time is followed by a short step.
-            let ahead = (row..(row + LOOK_AHEAD).min(times.len())).map(|row| lateness(row, shift));
-            ((ahead.fold(f64::INFINITY, f64::min) - before) / step).round()
-        } else {
-            0.0
+        let count = match *late {
+            Late::Within(_) if own(row) > step && lateness(row) > most_drift => {
+                // A single time may be late; where samples are missing, some of each few are later than all before.
+                let later = (row..end(row + 2 * LOOK_AHEAD)).map(|row| lateness(row) - most_drift);
+                let latest = later.clone().fold(0.0, f64::max);
+                let is_lost = later.filter(|late| *late > 0.0).count() >= LEAST_LATER && latest > 0.4 * step;
+                if is_lost { (latest / step).round().max(1.0) } else { 0.0 }
+            }
+            Late::About(size) if own(row) > LONG * step => {
+                // After a late time, steps are short; where the longest step is, samples are missing.
+                let is_longest = (row + 1..end(row + size.min(LEVEL.0))).all(|next| own(next) < own(row) + 0.25 * step);
+                let before = usual(past[row.saturating_sub(size).max(first)..].to_vec());
+                let near =
+                    [0..LOOK_AHEAD, 0..size, size..2 * size].map(|rows| end(row + rows.start)..end(row + rows.end));
+                let near = near.into_iter().filter(|rows| !rows.is_empty());
+                let ahead = near
+                    .map(|rows| usual(rows.map(lateness).collect()))
+                    .fold(f64::INFINITY, f64::min);
+                let is_lost = is_longest && ahead - before > LEAST_LATE * step;
+                if is_lost {
+                    ((ahead - before) / step).round()
+                } else {
+                    0.0
+                }
+            }
+            _ => 0.0,
         };
         if count >= 1.0 {
             missing.push(Missing {
@@ -526,21 +586,47 @@ fn walked(times: &[f64], step: f64, margin: f64, is_long: impl Fn(f64) -> bool) 
             });
             shift += count;
             (low, high) = (f64::INFINITY, f64::NEG_INFINITY);
+            if own(row) > LOOK_AHEAD as f64 * step {
+                first = row;
+            }
         }
-        before = lateness(row, shift);
-        (low, high) = (low.min(before), high.max(before));
+        let mut now = times[row] - times[0] - step * (row as f64 + shift);
+        if let Late::Within(margin) = late {
+            if let Some(last) = missing.last_mut()
+                && now + margin < least_drift
+                && row - last.after < 2 * LOOK_AHEAD
+            {
+                // Some of the samples are missing later than the first of them.
+                let early = ((least_drift - now - margin) / step)
+                    .ceil()
+                    .min(last.count as f64 - 1.0);
+                last.count -= early as usize;
+                shift -= early;
+                now += early * step;
+            }
+            (least, most) = if now + margin < least_drift {
+                (now, now + margin)
+            } else {
+                (least_drift.max(now.min(most_drift)), most_drift.min(now + margin))
+            };
+        }
+        past.push(now);
+        (low, high) = (low.min(now), high.max(now));
         widest = widest.max(high - low);
-        (least, most) = if before + margin < least_drift {
-            (before, before + margin)
-        } else {
-            (least_drift.max(before.min(most_drift)), most_drift.min(before + margin))
-        };
     }
     (missing, widest)
 }
 
-/// Returns how late times of a clock with this `step` may be, because of their `resolution` and as they usually are in a
-/// block. A step that is a multiple of the resolution makes no time late.
+/// Returns the mean of the middle half of `values`, of which there is at least one.
+fn usual(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let outer = values.len() / 4;
+    let middle = &values[outer..values.len() - outer];
+    middle.iter().sum::<f64>() / middle.len() as f64
+}
+
+/// Returns how late times of a clock with this `step` may be, because of their `resolution` and as they usually are in
+/// a block.
 fn usual_margin(times: &[f64], step: f64, resolution: f64) -> f64 {
     let spread = |block: &[f64]| {
         let late = block.iter().enumerate().map(|(n, time)| time - step * n as f64);
@@ -550,8 +636,7 @@ fn usual_margin(times: &[f64], step: f64, resolution: f64) -> f64 {
     let mut spreads: Vec<f64> = times.chunks(BLOCK).map(spread).collect();
     let middle = spreads.len() / 2;
     let usual = *spreads.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let least = if usual > 0.5 * resolution { resolution } else { 0.0 };
-    usual.max(least) + 0.1 * step
+    usual.max(resolution) + 0.1 * step
 }
 
 /// Returns the resolution of `times`: the last decimal that they have everywhere, because some programs write as many
