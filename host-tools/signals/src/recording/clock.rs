@@ -472,17 +472,15 @@ impl Clock {
             clock.is_even |= is_coarse || (usual.unevenness < EVEN && !steps().all(|step| usual.hold(step)));
             clock
         };
-        let single = by_width(1);
         if !is_coarse || are_changes {
-            return single;
+            return by_width(1);
         }
-        // Digits make single steps uneven, and many steps together hide that samples are missing.
         let many = by_width(((units * resolution / mean).ceil() as usize).clamp(1, (times.len() / 4).max(1)));
-        if 2 * many.missing.len() < single.missing.len() {
-            many
-        } else {
-            single
-        }
+        // Digits make single steps uneven, and many steps together hide that samples are missing.
+        let single = (resolution < LONG * mean).then(|| by_width(1));
+        single
+            .filter(|single| single.missing.len() <= 2 * many.missing.len())
+            .unwrap_or(many)
     }
 
     /// Estimates the clock of `times` from about its `step`.

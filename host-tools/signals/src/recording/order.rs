@@ -95,7 +95,12 @@ fn gone_on(times: &[f64], usual: f64) -> (Vec<f64>, usize, f64) {
             // Where it starts again, a counter does not wait each time.
             && steps.fold(f64::INFINITY, f64::min) < if starts.len() > 1 { least } else { most }
     };
-    let span = counters.chain([DAY_S]).find(goes_on);
+    // Times that always start from the same one are those of blocks.
+    let are_blocks = starts.len() > 1
+        && starts
+            .iter()
+            .all(|&row| times[row].total_cmp(&times[starts[0]]).is_eq());
+    let span = counters.chain([DAY_S]).find(|span| !are_blocks && goes_on(span));
     let (mut offset, mut after) = (0.0, 0.0);
     let gone_on = (0..times.len()).map(|row| {
         if row > 0 && fall(row) > least * usual {
