@@ -61,7 +61,7 @@ formats! {
     Hatt: "a HaTT model file", 16;
     /// A library. A slot holds half a mebibyte; for slightly larger files the decoder's error names the lengths.
     Library: "a library", 16;
-    /// The record of a fit, as JSON: some hundred bytes per trial, of which a list has up to a million.
+    /// The record of a fit, as JSON: some hundred bytes per trial, of which a list has up to 100 000.
     Record: "a fit's record", 512;
     /// A partial result of a fit: some 4 KB for each trial of a unit.
     Partial: "a partial result", 1024;

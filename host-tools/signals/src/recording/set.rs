@@ -318,8 +318,8 @@ fn read_list(list: &Path) -> Result<Vec<Trial>> {
 /// Indices of a list's columns, by name.
 struct Columns(HashMap<&'static str, usize>);
 
-/// Largest number of trials in a list: that of a large laboratory, at about 600 bytes of memory each.
-pub const MOST_TRIALS: usize = 1_000_000;
+/// Largest number of trials in a list: ten times those of a large laboratory, at about 1 kB of memory each.
+pub const MOST_TRIALS: usize = 100_000;
 
 const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
 
