@@ -476,10 +476,12 @@ impl Clock {
             return by_width(1);
         }
         let many = by_width(((units * resolution / mean).ceil() as usize).clamp(1, (times.len() / 4).max(1)));
-        // Digits make single steps uneven, and many steps together hide that samples are missing.
+        // Digits make single steps uneven, and many steps together hide that samples are missing. A clock that is off by
+        // little cannot be told from few missing samples.
         let single = (resolution < LONG * mean).then(|| by_width(1));
+        let most = (FEW_LOST * times.len() as f64).max(2.0 * many.missing.len() as f64);
         single
-            .filter(|single| single.missing.len() <= 2 * many.missing.len())
+            .filter(|single| single.missing.len() as f64 <= most)
             .unwrap_or(many)
     }
 
