@@ -192,14 +192,90 @@ fn what_is_not_read_is_refused_with_the_way_to_what_is() {
         ("a.npy", "NUMPY", "stylus-convert FILE.npy --out"),
         ("a.parquet", "PAR1", "stylus-convert FILE.parquet --out"),
         ("a.bag", "#ROSBAG", "rostopic echo -b FILE.bag -p /TOPIC"),
+        ("a.json", "{}", "as a table, .csv"),
         ("a.bin", "?", "export the samples as .csv"),
         ("a.csv", "", "is empty: give a row for each sample"),
         ("b.csv", "time_s\n0\n1\n", "has times alone"),
+        ("b.csv", "t,x\n0,1\n1,2\nBrownout (reset)\n2,3\n", "remove this line"),
+        ("b.csv", "9,0.3\n0,1,2,3\n1,2,3,4\n", "the first line is cut"),
+        (
+            "b.csv",
+            "t,x\n0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n6,7\n7,8\n8,99,1\n10,2\n",
+            "was not ended",
+        ),
+        (
+            "b.txt",
+            "10:00:00.1 -> 0.5,1\n10:00:00.2 -> 0.5,2\n",
+            "a serial monitor",
+        ),
+        ("b.txt", "X: 1 Y: 2 Z: 3\nX: 2 Y: 3 Z: 4\n", "a space after the colon"),
+        ("b.csv", "t,x\n0,1\n1,∞\n", "record with a larger range"),
+        (
+            "b.csv",
+            "X,CH1,Start,Increment\nSequence,Volt,0,2e-4\n0,1,,\n",
+            "1/interval by --sample-rate",
+        ),
+        (
+            "b.csv",
+            "Record Length,100,,0,1\nSample Interval,1,,1,2\n,,,2,3\n",
+            "the columns of the settings",
+        ),
+        ("b.csv", "t\0,\0x\0\n\0", "UTF-16 without a mark"),
     ] {
         bench.write(file, content);
         let refused = bench.refuse(&format!("fit {file} --speed 100 --force 1 --out a.lib"));
         holds(&refused, &[words]);
         assert!(file == "a.mp3" || !refused.contains("ffmpeg"), "{refused}");
+    }
+}
+
+#[test]
+fn a_rate_that_is_given_counts_before_headers_and_times_and_says_so() {
+    let bench = Bench::new();
+    let signal = noise(4, 10_000);
+    bench.write("a.csv", signal.iter().map(|x| format!("{x:?}\n")).collect::<String>());
+    let table = |n: usize, x: &f64| format!("{},{x:?}\n", n as f64 / 1000.0);
+    let rows: String = signal.iter().enumerate().map(|(n, x)| table(n, x)).collect();
+    bench.write("times/a.csv", format!("t,x\n{rows}"));
+    bench.write("sound/a.wav", wav(&[&signal], 44_100));
+    let fit = |file: &str| format!("fit {file} --sample-rate 5000 --out o.lib --overwrite {QUICK}");
+    assert!(!bench.told(&fit("a.csv")).contains("given"));
+    let plain = bench.read("o.lib");
+    for (file, words) in [
+        ("times/a.csv", "a rate was given"),
+        ("sound/a.wav", "header says 44100"),
+    ] {
+        holds(&bench.told(&fit(file)), &[words, "5000 Hz"]);
+    }
+    // The WAV file holds singles, so only the table has the same samples.
+    bench.succeed(&fit("times/a.csv"));
+    assert_eq!(bench.read("o.lib"), plain);
+}
+
+#[test]
+fn files_of_one_name_and_files_of_one_axis_are_refused_with_the_remedy() {
+    let bench = Bench::new();
+    for file in [
+        "denim/a.csv",
+        "silk/a.csv",
+        "felt_X.csv",
+        "felt_Y.csv",
+        "felt_Z.csv",
+        "felt.wav",
+    ] {
+        bench.write(file, "0\n1\n");
+    }
+    for (files, words) in [
+        (
+            "denim/a.csv silk/a.csv",
+            ["silk/a.csv: has the name of denim/a.csv", "stylus trials"],
+        ),
+        (
+            "felt_X.csv felt_Y.csv felt_Z.csv",
+            ["are axes of one recording", "paste -d ,"],
+        ),
+    ] {
+        holds(&bench.refuse(&format!("fit {files} --out o.lib")), &words);
     }
 }
 
@@ -370,8 +446,6 @@ fn stamped(header: &str, factor: f64, stamp: impl Fn(usize) -> f64) -> String {
 fn every_remedy_for_times_that_are_refused_works() {
     let bench = Bench::new();
     let even = |n: usize| n as f64 / 1000.0;
-    let coarse = |n: usize| (n as f64 / 8.0).floor() * 0.008;
-    let back = |n: usize| even(n) - if n < 3000 { 0.0 } else { 2.0 };
     let paused = |n: usize| even(n) + if n < 3000 { 0.0 } else { 9.0 };
     let bunches = |n: usize| (n as f64 / 20.0).floor() * 0.02 + (n % 20) as f64 * 1e-5;
     let seconds = |stamp: &dyn Fn(usize) -> f64| stamped("t", 1.0, stamp);
@@ -381,8 +455,6 @@ fn every_remedy_for_times_that_are_refused_works() {
     for (text, words, option) in [
         (milliseconds.clone(), "holds times in s", "--time-unit ms"),
         (milliseconds.clone(), "holds times in s", "--sample-rate 1000"),
-        (seconds(&coarse), "as in the line before", "--even-times"),
-        (seconds(&back), "must rise", "--even-times"),
         (seconds(&bunches), "bunches of 20", "--even-times"),
         (none.collect(), "no sample rate", "--sample-rate 1000"),
         // The file's own columns select a part without the gap.
@@ -414,6 +486,15 @@ fn what_is_mended_in_the_times_is_said() {
     let lost = |n: usize| even(n + n / 400);
     let paused = |n: usize| even(n) + 0.02 * (n / 1500) as f64;
     let bunches = |n: usize| (n / 3) as f64 * 0.003 + (n % 3) as f64 * 0.0006;
+    let coarse = |n: usize| (n as f64 / 8.0).floor() * 0.008;
+    let back = |n: usize| even(n) - if n < 3000 { 0.0 } else { 2.0 };
+    let swapped = |n: usize| {
+        even(if (1000..1040).contains(&n) {
+            (n - 1000 + 20) % 40 + 1000
+        } else {
+            n
+        })
+    };
     let own = stamped("t", 1.0, even);
     let row = |(n, line): (usize, &str)| match line.split_once(',') {
         Some((_, x)) if n % 7 == 5 => format!("{line}\n{},{x}\n", even(n - 1) + 0.0003),
@@ -430,6 +511,12 @@ fn what_is_mended_in_the_times_is_said() {
         (stamped("t", 1.0, lost), missing),
         (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
         (stamped("t", 1.0, bunches), "bunches of 3"),
+        (stamped("t", 1.0, coarse), "bunches of 8 samples share a time"),
+        (stamped("t", 1.0, back), "start again after 2.001"),
+        (
+            stamped("t", 1.0, swapped),
+            "40 of its rows are put in the order of their times",
+        ),
         (joined, "571 rows of other sensors taken out"),
         (held, steps),
     ] {
@@ -588,8 +675,8 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
         ),
         (
             hand,
-            "time_s,speed_mm_s,x,force_n\n0,100,1,1\n0.0002,100,2,1\n0.0004,100,3,1\n0.0001,100,1,1\n",
-            &["line 5", "must rise"],
+            "time_s,speed_mm_s,x,force_n\n0,100,1,1\n0.0002,100,2,1\n0.0001,100,3,1\n0.0003,100,1,1\n0.0001,100,1,1\n",
+            &["line 4", "falls often"],
         ),
     ] {
         bench.write("a.csv", text);

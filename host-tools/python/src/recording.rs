@@ -15,7 +15,7 @@ use host_tools::support::output::check_folder;
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PySequence;
+use pyo3::types::{PyDict, PySequence};
 
 use crate::convert::{Several, array, channels, choice, conditioning, not_negative, positive, table};
 use crate::error::{raised, refused, warn};
@@ -29,7 +29,9 @@ const _: () = assert!(SAMPLE_RATE_HZ == 5000);
 ///
 /// `samples` have the shape (N,), or (N, axes) with one to three axes, at `rate_hz`: floats, of which 1.0 is
 /// `scale_m_s2` (m/s², default 1), or int16 or int32, of which the full scale is. They are copied once, so that the
-/// array may change while they are fitted. A fit treats them as those of a WAV file of the same samples.
+/// array may change while they are fitted. A fit treats them as those of a WAV file of the same samples. The columns of
+/// a DataFrame of floats count as those of a CSV file: units by their names, times, and what is no axis; so does an
+/// index of times. `rate_hz` counts before these times.
 #[pyclass(frozen, module = "stylus_haptics")]
 pub struct Recording(pub Trial);
 
@@ -53,8 +55,13 @@ impl Recording {
         simulated: bool,
         name: Option<String>,
     ) -> PyResult<Self> {
-        let found = channels(samples)?;
-        let held = HeldSamples::new(rate_hz, found.channels, found.are_integers).map_err(raised)?;
+        let held = if let Some(text) = table_of(samples)? {
+            recording::held_table(rate_hz, text)
+        } else {
+            let found = channels(samples)?;
+            HeldSamples::new(rate_hz, found.channels, found.are_integers)
+        };
+        let held = held.map_err(raised)?;
         let name = name.unwrap_or_else(|| format!("{texture}, {speed_mm_s} mm/s, {force_n} N"));
         checked(Trial {
             file: PathBuf::from(name),
@@ -73,7 +80,7 @@ impl Recording {
         })
     }
 
-    /// A recording in a WAV or CSV file. `sample_rate_hz` is that of a CSV file without times that can be used;
+    /// A recording in a WAV or CSV file. `sample_rate_hz` counts before the rate of its header or its times;
     /// `time_unit` is 's', 'ms', 'us' or 'ns', by default as the column's name or its steps say; `even_times` takes
     /// samples as even, whatever their times say.
     #[staticmethod]
@@ -201,6 +208,26 @@ impl Recording {
     }
 }
 
+/// A DataFrame as the text of a table, whose index is a column if it has a name or is one of dates; none for anything
+/// else, and for integers, which are of a full scale.
+fn table_of(samples: &Bound<'_, PyAny>) -> PyResult<Option<String>> {
+    if !samples.hasattr("to_csv")? || !samples.hasattr("columns")? {
+        return Ok(None);
+    }
+    let array = samples.call_method0("to_numpy")?;
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if kind == "i" || kind == "u" {
+        return Ok(None);
+    }
+    let index = samples.getattr("index")?;
+    let name: Option<String> = index.getattr("name")?.extract()?;
+    let is_time = index.get_type().name()? == "DatetimeIndex";
+    let arguments = PyDict::new(samples.py());
+    arguments.set_item("index", is_time || name.is_some())?;
+    arguments.set_item("index_label", name.unwrap_or_else(|| "time".to_owned()))?;
+    samples.call_method("to_csv", (), Some(&arguments))?.extract().map(Some)
+}
+
 fn provenance(simulated: bool) -> Provenance {
     if simulated {
         Provenance::Simulated
@@ -240,8 +267,8 @@ fn checked(trial: Trial) -> PyResult<Recording> {
 
 /// A set of recordings: a folder with `trials.csv`, a list of any name, WAV or CSV files, or `Recording`s.
 ///
-/// The keywords say what files do not: `duration_s` and `scale_m_s2` where a list gives none, `sample_rate_hz` (Hz) of
-/// CSV files without times that can be used, `time_unit` ('s', 'ms', 'us' or 'ns') and `even_times` of CSV files with
+/// The keywords say what files do not: `duration_s` and `scale_m_s2` where a list gives none, `sample_rate_hz` (Hz)
+/// before that of headers and times, `time_unit` ('s', 'ms', 'us' or 'ns') and `even_times` of CSV files with
 /// times, `speed_mm_s` and `force_n` of files without a list.
 #[pyclass(frozen, sequence, module = "stylus_haptics")]
 pub struct Recordings(pub RecordingSet);

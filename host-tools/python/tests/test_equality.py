@@ -4,6 +4,7 @@ import json
 import wave
 
 import numpy as np
+import pandas
 import pytest
 import stylus_haptics as sh
 
@@ -42,6 +43,19 @@ def test_integers_in_memory_are_those_of_a_wav_file(signals, tmp_path):
     in_memory = sh.Recording(samples, 5000, **given)
     assert np.array_equal(of_file.samples(), in_memory.samples())
     assert sh.fit(of_file).library == sh.fit(in_memory).library
+
+
+def test_names_of_a_frame_count_as_those_of_a_csv_file(signals, tmp_path):
+    samples = signals["cork", 160.0, 1.0]
+    times = np.arange(len(samples)) / 5000
+    frame = pandas.DataFrame({"time_s": times, "x_g": samples / 9.80665, "force_n": np.ones(len(samples))})
+    frame.to_csv(tmp_path / "cork.csv", index=False)
+    of_file = sh.Recording.from_file(tmp_path / "cork.csv")
+    assert np.array_equal(sh.Recording(frame, 5000, texture="cork").samples(), of_file.samples())
+    dated = frame[["x_g"]].set_index(pandas.to_datetime(1e9 * times))
+    assert np.array_equal(sh.Recording(dated, 5000, texture="cork").samples(), of_file.samples())
+    with pytest.warns(sh.StylusWarning, match="5000 Hz"):
+        sh.fit(sh.Recording(dated.set_index(pandas.to_datetime(5e9 * times)), 5000, texture="cork"))
 
 
 @pytest.mark.parametrize(

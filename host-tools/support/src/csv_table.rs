@@ -35,6 +35,9 @@ const MOST_FIELDS: usize = 16_384;
 /// Largest number of characters of a field that an error repeats.
 const SHOWN_CHARACTERS: usize = 40;
 
+/// Number of first lines that an excerpt has.
+const SHOWN_LINES: u64 = 8;
+
 /// A table, with its separator and its decimal sign.
 #[derive(Debug)]
 pub struct CsvTable {
@@ -149,6 +152,20 @@ impl CsvTable {
             comments.push_str(&lines.line);
         }
         Ok(comments)
+    }
+
+    /// Returns the line of this number, and the first lines, as they are but for spaces that separate fields.
+    pub fn excerpt(&self, line: u64) -> Result<String> {
+        let (mut lines, mut own, mut first) = (self.lines()?, String::from("\n"), String::new());
+        while lines.number < line.max(SHOWN_LINES) && lines.advance()? {
+            if lines.number == line {
+                own.clone_from(&lines.line);
+            }
+            if lines.number <= SHOWN_LINES {
+                first.push_str(&lines.line);
+            }
+        }
+        Ok(own + &first)
     }
 
     /// Returns all lines with fields, including the header.

@@ -2,14 +2,14 @@
 //! Columns whose names show that they do not contain an axis are left out.
 
 use super::axes::{self, LeftOut};
+use super::clock::{self, Told};
+use super::kind::remedy;
 use super::rate::{MAX_CHANNELS, SampleRate, length_fault, most_frames};
 use super::source::{Cut, Source};
-use super::stamps::{self, Clock};
 use super::time_text;
 use super::time_unit::{TimeColumn, TimeUnit};
 use super::trial::Trial;
 use super::unit::{self, Integers};
-use super::wrapped;
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
@@ -40,16 +40,30 @@ pub(super) fn read(trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = trial.file.as_path();
     // Only regular files are accepted, because a recording is read again: for its kind, and for the hash of its bytes.
     Format::Table.open(path)?;
-    read_table(&CsvTable::read(path, Format::Table)?, trial, trial.sample_rate_hz, cut)
+    let table = CsvTable::read(path, Format::Table)?;
+    read_table(&table, trial, None, cut).map_err(|error| with_remedy(error, &table))
 }
 
-/// Reads the part of a `table` of `trial` within `cut`, like [`read`] for a file. Its rate is `rate_hz`, Hz, if it is
-/// given.
-pub(super) fn read_table(table: &CsvTable, trial: &Trial, rate_hz: Option<f64>, cut: &Cut) -> Result<Source> {
+/// Returns the `error` about a `table` with what the file is and the remedy, if its text shows it.
+fn with_remedy(mut error: Error, table: &CsvTable) -> Error {
+    let (line, problem) = match &mut error {
+        Error::Line { line, problem, .. } => (*line, problem),
+        Error::File { problem, .. } => (0, problem),
+        _ => return error,
+    };
+    let found = table.excerpt(line).ok();
+    let found = found.and_then(|text| remedy(&format!("line {line}: {problem}\n{text}")));
+    problem.extend(found.map(|words| format!("; {words}")));
+    error
+}
+
+/// Reads the part of a `table` of `trial` within `cut`, like [`read`] for a file. Without times and a given rate, its
+/// rate is `told_hz`.
+pub(super) fn read_table(table: &CsvTable, trial: &Trial, told_hz: Option<f64>, cut: &Cut) -> Result<Source> {
     let path = table.path();
     let remedy = "mend it, or give --sample-rate (sample_rate_hz in a list)";
-    let rate = rate_hz.map(|rate_hz| SampleRate::new(rate_hz, remedy));
-    let rate = rate.transpose().map_err(|fault| Error::file(path, fault))?;
+    let checked = |hz: Option<f64>| hz.map(|hz| SampleRate::new(hz, remedy).map_err(|fault| Error::file(path, fault)));
+    let rate = checked(trial.sample_rate_hz).transpose()?;
     let mut columns = Columns::read(table)?;
     if columns.values.is_empty() {
         refuse_other_widths(table, 0, 0)?;
@@ -58,9 +72,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, rate_hz: Option<f64>, 
         columns.find_times_without_a_name(table, trial.time_unit)?;
     }
     let time = TimeColumn::best(&columns.times);
-    let mut stamps = time.map(|time| std::mem::take(&mut columns.values[time.index]));
-    // A counter wraps in its own unit, so this comes before any conversion.
-    let wraps = stamps.as_mut().and_then(|times| wrapped::unwrap(times));
+    let times = time.map(|time| std::mem::take(&mut columns.values[time.index]));
     let names = columns.names_with_units();
     let axes = (0..columns.values.len()).filter(|&index| columns.is_sample(index));
     let axes: Vec<usize> = axes.collect();
@@ -70,22 +82,22 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, rate_hz: Option<f64>, 
     let stated = unit::stated(&stated, &table.comments()?);
     let channels = axes.iter().map(|&index| std::mem::take(&mut columns.values[index]));
     let channels = channels.collect();
-    let source = if let (Some(time), Some(stamps)) = (time, stamps) {
-        let clock = Clock {
+    let source = if let (Some(time), Some(times)) = (time, times) {
+        let told = Told {
             column: &time.name,
             unit: trial.time_unit.or(time.unit),
             is_even: trial.has_even_times.unwrap_or(false),
             rate,
         };
-        stamps::source(table, &clock, &stamps, channels, cut)?
+        clock::source(table, &told, times, channels, cut)?
     } else {
         columns.refuse_jumps(table)?;
-        let Some(rate) = rate else {
+        let Some(rate) = rate.or(checked(told_hz).transpose()?) else {
             let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
                            trials.csv, or give --sample-rate";
             return Err(Error::file(path, problem));
         };
-        stamps::even(rate, channels, cut)
+        clock::even(rate, channels, cut)
     };
     let kept = source.channels.first().map_or(0, Vec::len);
     if let Some(fault) = length_fault(kept as f64, source.channels.len()) {
@@ -94,7 +106,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, rate_hz: Option<f64>, 
     Ok(Source {
         integers: counts(&source.channels).or(stated.counts()),
         stated,
-        remarks: columns.remarks.into_iter().chain(wraps).collect(),
+        remarks: columns.remarks.into_iter().chain(source.remarks).collect(),
         ..source
     })
 }
@@ -266,7 +278,7 @@ impl<'a> Columns<'a> {
 }
 
 /// Returns true for a field that stands for a missing value.
-fn is_no_value(field: &str) -> bool {
+pub(super) fn is_no_value(field: &str) -> bool {
     NO_VALUE.iter().any(|none| field.eq_ignore_ascii_case(none))
 }
 

@@ -13,7 +13,10 @@ use crate::support::fnv::Fnv;
 pub struct HeldSamples {
     rate: SampleRate,
     channels: Vec<Vec<f64>>,
-    are_integers: bool,
+    integers: Option<Integers>,
+    /// Units by the names of columns.
+    stated: Stated,
+    remarks: Vec<String>,
 }
 
 impl HeldSamples {
@@ -48,8 +51,20 @@ impl HeldSamples {
         Ok(Self {
             rate,
             channels,
-            are_integers,
+            integers: are_integers.then_some(Integers::OfFullScale),
+            stated: Stated::default(),
+            remarks: Vec::new(),
         })
+    }
+
+    /// Returns the samples with what the `source` of a table states about them.
+    pub(super) fn stated(self, source: &Source) -> Self {
+        Self {
+            integers: source.integers,
+            stated: source.stated.clone(),
+            remarks: source.remarks.clone(),
+            ..self
+        }
     }
 
     /// Sample rate, Hz.
@@ -65,6 +80,7 @@ impl HeldSamples {
     /// Hash of rate and samples, by which the record of a fit identifies them.
     pub fn content(&self) -> u64 {
         let rate = Fnv::default().then(&self.rate_hz().to_le_bytes());
+        let rate = rate.then(self.stated.units.as_bytes());
         let all = self.channels.iter().fold(rate, |hash, channel| {
             // Without lengths, samples moved from one axis to the next would have the same hash.
             let length = (channel.len() as u64).to_le_bytes();
@@ -88,9 +104,9 @@ impl HeldSamples {
             channels: self.channels.iter().map(part).collect(),
             times_s: None,
             truncation: None,
-            stated: Stated::default(),
-            integers: self.are_integers.then_some(Integers::OfFullScale),
-            remarks: Vec::new(),
+            stated: self.stated.clone(),
+            integers: self.integers,
+            remarks: self.remarks.clone(),
             timing: Timing::default(),
         }
     }

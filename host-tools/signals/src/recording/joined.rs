@@ -19,7 +19,7 @@ pub(super) fn own_rows(times: &[f64], channels: &[Vec<f64>], part: Range<usize>)
         return None;
     }
     let gathered = |rows: &[usize]| rows.iter().map(|&row| times[row]).collect::<Vec<f64>>();
-    let step = Steps::of(&gathered(&changed)).usual_s;
+    let step = Steps::of(&gathered(&changed), 1).usual_s;
     let mut rows: Vec<usize> = Vec::with_capacity(changed.len());
     let mut next = 0;
     for row in part.clone() {
@@ -41,7 +41,7 @@ pub(super) fn own_rows(times: &[f64], channels: &[Vec<f64>], part: Range<usize>)
 
 /// Returns the number of steps that deviate from the usual step.
 fn off(times: &[f64]) -> usize {
-    let usual_s = Steps::of(times).usual_s;
+    let usual_s = Steps::of(times, 1).usual_s;
     let is_off = |pair: &&[f64]| ((pair[1] - pair[0]) / usual_s - 1.0).abs() > OFF;
     times.windows(2).filter(is_off).count()
 }

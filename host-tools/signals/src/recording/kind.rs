@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use regex_lite::Regex;
+
 /// Extensions of tables, in lower case. LabVIEW's measurement files may have any of them.
-const TABLES: [&str; 5] = ["csv", "tsv", "txt", "dat", "lvm"];
+const TABLES: [&str; 7] = ["csv", "tsv", "txt", "dat", "log", "asc", "lvm"];
 
 /// Extensions of WAV files, in lower case.
 const WAVES: [&str; 2] = ["wav", "wave"];
@@ -41,7 +43,7 @@ pub(super) fn conversion(ending: &str) -> String {
         "mat" | "h5" | "hdf5" | "hdf" | "npz" | "npy" | "parquet" | "tdms" | "xlsx" => {
             format!("`stylus-convert FILE.{ending} --out FOLDER` of the Python package stylus_haptics makes .csv of it")
         }
-        "feather" | "xls" | "ods" => "save its samples as a table, .csv".to_owned(),
+        "feather" | "xls" | "ods" | "pkl" | "json" => "save its samples as a table, .csv".to_owned(),
         "bag" => "`rostopic echo -b FILE.bag -p /TOPIC > FILE.csv` makes a .csv of a topic".to_owned(),
         "db3" | "mcap" => "export the topic as .csv, as PlotJuggler does".to_owned(),
         "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
@@ -50,4 +52,68 @@ pub(super) fn conversion(ending: &str) -> String {
         "lib" => "it is a texture library; `stylus join` makes one of several".to_owned(),
         _ => "export the samples as .csv, or as .wav".to_owned(),
     }
+}
+
+/// Files and names that are refused, by a sign in the refusal, the line that it names, or the first lines, which follow
+/// one another; and what they are, with the remedy.
+const SIGNS: [(&str, &str); 15] = [
+    (
+        "[ -~]\0[ -~]\0[ -~]\0",
+        "it is UTF-16 without a mark at its beginning: save it as UTF-8",
+    ),
+    (
+        "(?m)^\"?Interval\\b.*Interval",
+        "it has settings above its names, and times for each channel: remove the lines above the samples but one of \
+         names, and all columns of times but one",
+    ),
+    (
+        "Record Length",
+        "an oscilloscope wrote its settings beside the samples: remove the columns of the settings",
+    ),
+    (
+        "(?m)^.*,Increment",
+        "an oscilloscope wrote the sample interval beside the names: remove the lines above the samples, and give \
+         1/interval by --sample-rate",
+    ),
+    (
+        "∞",
+        "values out of range are written as ∞, so it is clipped: record with a larger range",
+    ),
+    (
+        " -> ",
+        "a serial monitor wrote its own times and an arrow before each row: switch them off, or remove them",
+    ),
+    (
+        "(?m)\\w: +[-+.0-9].*\\w: +[-+.0-9]",
+        "its labels have a space after the colon: write them without it, as x:0.1, and no unit behind the numbers",
+    ),
+    (
+        "^line [0-9]+: .*\n.*[A-Za-z]{3}.*[(:]",
+        "text stands between the rows, as of a board that started again: remove this line",
+    ),
+    (
+        "^line 2: [0-9]+ fields.*\n.*\n[-+.,;\t 0-9]+\n",
+        "the first line is cut: remove that line",
+    ),
+    (
+        "^line [0-9]{2,}: [0-9]+ fields.*\n[-+.,;\t 0-9eE]+\n",
+        "a row was not ended, or was cut, and the next stands behind it: remove this line",
+    ),
+    (
+        "(?i)mulaw|alaw|adpcm",
+        "`ffmpeg -i FILE -c:a pcm_s16le OUT.wav` converts its coding",
+    ),
+    ("[0-9]p[0-9]+.*'$", "a number has a point: rename 0p5 to 0.5"),
+    ("(?s)^line 1: .*\0", "it is no text: export its samples as .csv"),
+    (
+        "(?i)^line 1: .*\n *[{\\[]",
+        "it is JSON, and no table: save its samples as .csv",
+    ),
+    ("(?i)not UTF-8", "if it is no text, export its samples as .csv"),
+];
+
+/// Returns what a refused file or name is, and the remedy, by the first of the known signs in `text`.
+pub(super) fn remedy(text: &str) -> Option<&'static str> {
+    let is_found = |sign: &str| Regex::new(sign).is_ok_and(|sign| sign.is_match(text));
+    SIGNS.iter().find(|(sign, _)| is_found(sign)).map(|(_, words)| *words)
 }

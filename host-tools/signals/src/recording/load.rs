@@ -5,19 +5,18 @@ use std::path::Path;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::defects::Defects;
+use super::held::HeldSamples;
 use super::kind::{Kind, conversion, ending};
 use super::lvm::{self, LabView};
 use super::polled::polled;
-use super::rate::length_fault;
+use super::rate::{NEAR_WHOLE, counts_before, length_fault};
 use super::source::{Account, Cut, Samples, Source};
 use super::trial::Trial;
-use super::{csv_file, resample, uneven, wav};
+use super::{csv_file, numbers, resample, uneven, wav};
 use crate::dsp::sums::sum;
+use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
 use crate::support::number::counted;
-
-/// Largest relative deviation of a rate from a whole number to which it is rounded.
-const NEAR_WHOLE: f64 = 5e-4;
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
@@ -39,12 +38,17 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         Some(held) => held.source(&cut),
         None => from_file(trial, &cut)?,
     };
-    let (mut axes, mut times_s) = (source.channels, source.times_s);
+    let (mut axes, mut times_s, mut remarks) = (source.channels, source.times_s, source.remarks);
     if axes.first().is_none_or(Vec::is_empty) {
         let problem = format!("holds no samples after {} s: give an earlier start_s", cut.start_s);
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
+    remarks.extend(
+        source
+            .integers
+            .and_then(|integers| numbers::gone_on(&mut axes, integers)),
+    );
     let mut rate_hz = source.rate.hz();
     // Defects are sought among the sensor's own samples: among held values, each would be a hold or a step.
     let polled = polled(&axes, rate_hz);
@@ -82,13 +86,26 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         source_rate_hz: rate_hz,
         defects,
         account: Account {
-            remarks: source.remarks.into_iter().chain(conversion).chain(repeated).collect(),
+            remarks: remarks.into_iter().chain(conversion).chain(repeated).collect(),
             doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
             // A scale says what an integer means, so nothing is left to tell.
             integers: source.integers.filter(|_| !has_scale),
             has_scale,
         },
     })
+}
+
+/// Reads samples at `rate_hz`, Hz, from the text of a table, whose names count as those of a CSV file.
+///
+/// # Errors
+/// Those of a CSV file, or of [`HeldSamples::new`].
+pub fn held_table(rate_hz: f64, text: String) -> Result<HeldSamples> {
+    let trial = Trial {
+        sample_rate_hz: Some(rate_hz),
+        ..Trial::of("samples", "", 0.0, 0.0)
+    };
+    let source = csv_file::read_table(&CsvTable::of(&trial.file, text)?, &trial, None, &Cut::WHOLE)?;
+    Ok(HeldSamples::new(rate_hz, source.channels.clone(), false)?.stated(&source))
 }
 
 /// Reads the part of a trial's file within `cut`.
@@ -99,7 +116,7 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
         return Err(Error::file(path, problem));
     }
     match Kind::of(path) {
-        Some(Kind::Wave) => wav::read(path, cut),
+        Some(Kind::Wave) => wav::read(path, trial.sample_rate_hz, cut),
         Some(Kind::Table) if lvm::is_lvm(path)? => {
             let LabView {
                 table,
@@ -107,10 +124,12 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
                 truncation,
                 remarks,
             } = lvm::read(path)?;
-            let source = csv_file::read_table(&table, trial, trial.sample_rate_hz.or(rate_hz), cut)?;
+            let source = csv_file::read_table(&table, trial, rate_hz, cut)?;
+            let given = trial.sample_rate_hz.zip(rate_hz);
+            let given = given.and_then(|(given, told)| counts_before(given, "its header says", told));
             Ok(Source {
                 truncation,
-                remarks: remarks.into_iter().chain(source.remarks).collect(),
+                remarks: remarks.into_iter().chain(given).chain(source.remarks).collect(),
                 ..source
             })
         }
@@ -130,6 +149,10 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
 fn named_alike(path: &Path) -> Option<String> {
     if path.exists() {
         return None;
+    }
+    let with_slashes = path.to_string_lossy().replace('\\', "/");
+    if Path::new(&with_slashes).exists() {
+        return Some(with_slashes);
     }
     let wanted = path.file_name()?.to_string_lossy().to_lowercase();
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
@@ -192,7 +215,7 @@ fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64, model_rate_hz: u3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::{HeldSamples, triage, unit};
+    use crate::recording::{triage, unit};
     use crate::support::float_wav::float_wav;
 
     /// Samples of 2 s at 8 kHz in single precision, on two axes, with a clipped peak.
@@ -225,6 +248,25 @@ mod tests {
         assert_eq!(of_file.axes, in_memory.axes);
         assert_eq!(of_file.defects, in_memory.defects);
         assert_eq!(in_memory.axes[0].len(), 7500);
+    }
+
+    #[test]
+    fn names_of_columns_in_memory_count_as_those_of_a_file() {
+        let held = |header: &str, step_s: f64| {
+            let rows = (0..4000).map(|n| format!("{},{},1.5\n", step_s * f64::from(n), (0.3 * f64::from(n)).sin()));
+            let text = format!("{header}\n{}", rows.collect::<String>());
+            let held = held_table(5000.0, text).unwrap();
+            let samples = read(&Trial {
+                held: Some(held.into()),
+                ..Trial::of("a", "felt", 100.0, 1.0)
+            });
+            let samples = samples.unwrap();
+            (samples.axes, samples.account.remarks.concat())
+        };
+        let (axes, remarks) = held("time_s,accel_x_g,force_n", 2e-4);
+        assert_eq!((axes.len(), axes[0][1]), (1, 0.3f64.sin() * G));
+        test_helpers::holds(&remarks, &["force_n", "left out", "converted from g"]);
+        test_helpers::holds(&held("time_s,accel_x_g,force_n", 1e-3).1, &["times", "5000 Hz"]);
     }
 
     /// A sensor: the offset of each axis and the quantisation step, g; and the gain.

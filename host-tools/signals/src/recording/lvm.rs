@@ -376,12 +376,8 @@ mod tests {
         let path = folder.path().join("a.lvm");
         std::fs::write(&path, text).unwrap();
         let own = read(&path)?;
-        let cut = Cut {
-            start_s: 0.0,
-            duration_s: f64::INFINITY,
-        };
         let trial = Trial::of(path, "felt", 100.0, 1.0);
-        Ok((read_table(&own.table, &trial, own.rate_hz, &cut)?, own))
+        Ok((read_table(&own.table, &trial, own.rate_hz, &Cut::WHOLE)?, own))
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! model.
 
 mod axes;
+mod clock;
 mod csv_file;
 mod defects;
 pub mod freehand;
@@ -13,6 +14,8 @@ mod joined;
 mod kind;
 mod load;
 mod lvm;
+mod numbers;
+mod order;
 pub mod pattern;
 mod polled;
 mod rate;
@@ -21,7 +24,6 @@ mod riff;
 mod set;
 mod snap;
 mod source;
-mod stamps;
 mod time_text;
 mod time_unit;
 pub mod triage;
@@ -29,17 +31,17 @@ mod trial;
 mod uneven;
 mod unit;
 mod wav;
-mod wrapped;
 
 pub use defects::{Defects, Gap, Hold, Spike, Timing, Truncation};
 pub use held::HeldSamples;
 pub use kind::Kind;
-pub use load::{read, read_at};
+pub use load::{held_table, read, read_at};
 pub use rate::{MAX_CHANNELS, MAX_FRAMES, RATES_HZ, SampleRate, most_frames};
 pub use resample::resample;
 pub use set::{Assumed, MOST_TRIALS, RecordingSet, TRIALS_FILE, is_list, list_command};
 pub use snap::{Nominal, Rule, Snap, Spread, clear_grid, grid_by_gaps, nominal};
 pub use source::{Account, Cut, Samples, Source};
+pub(crate) use time_unit::TimeColumn;
 pub use time_unit::TimeUnit;
 pub use trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, TRIAL_DURATION_S, Trial, texture_fault};
 pub use unit::scale;

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use regex_lite::{Regex, escape};
 
-use super::kind::Kind;
+use super::kind::{Kind, remedy};
 use super::set::TRIALS_FILE;
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
@@ -160,7 +160,8 @@ impl Pattern {
                 || "it has no WAV file and no table".to_owned(),
                 |first| format!("the first of {} is '{first}'", others.len()),
             );
-            let problem = format!("has no recording that matches '{}': {found}", self.text);
+            let remedy = remedy(&found).map_or(String::new(), |words| format!("; {words}"));
+            let problem = format!("has no recording that matches '{}': {found}{remedy}", self.text);
             return Err(Error::file(folder, problem));
         }
         Ok((named, others))
@@ -178,7 +179,9 @@ fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> 
             collect(&entry.path(), &path, paths)?;
             continue;
         }
-        if Kind::of(&path).is_some() && entry.file_name() != TRIALS_FILE {
+        // A Mac writes such a file beside each on a card.
+        let is_shadow = entry.file_name().to_string_lossy().starts_with("._");
+        if Kind::of(&path).is_some() && !is_shadow && entry.file_name() != TRIALS_FILE {
             paths.push(path);
         }
     }

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use model_format::Provenance;
 
 use super::kind::Kind;
-use super::rate::SampleRate;
+use super::rate::{MAX_CHANNELS, SampleRate};
 use super::time_unit::TimeUnit;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
@@ -29,7 +29,7 @@ pub struct Assumed {
     /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
     #[arg(long = "duration", value_name = "S", value_parser = positive)]
     pub duration_s: Option<f64>,
-    /// Sample rate of CSV recordings without a column of times, or with times that cannot be used, in hertz
+    /// Sample rate of the recordings, in hertz, before that of a header or of times [default: as they say]
     #[arg(long = "sample-rate", value_name = "HZ", value_parser = positive)]
     pub sample_rate_hz: Option<f64>,
     /// Unit of the times of CSV recordings [default: as in the column's name, or by their steps]
@@ -108,6 +108,7 @@ impl RecordingSet {
             }
             files => Self::from_files(files)?,
         };
+        refuse_single_axes(&set.trials)?;
         Ok(set)
     }
 
@@ -150,8 +151,21 @@ impl RecordingSet {
                 NOMINAL_FORCE_N,
             ))
         });
+        let trials = trials.collect::<Result<Vec<Trial>>>()?;
+        let mut named: HashMap<&str, &Path> = HashMap::new();
+        for trial in &trials {
+            let first = *named.entry(&trial.texture).or_insert(&trial.file);
+            if first != trial.file {
+                let problem = format!(
+                    "has the name of {}, and a file is a texture by its name: rename one of them, or give a list, as \
+                     `stylus trials FOLDER --pattern '{{texture}}/{{*}}.csv'` makes",
+                    first.display()
+                );
+                return Err(Error::file(&trial.file, problem));
+            }
+        }
         Ok(Self {
-            trials: trials.collect::<Result<Vec<_>>>()?,
+            trials,
             is_listed: false,
         })
     }
@@ -204,6 +218,37 @@ impl RecordingSet {
             is_listed: self.is_listed,
         }
     }
+}
+
+/// Refuses files that are each an axis of one recording: names that differ in an X, Y or Z at their end.
+fn refuse_single_axes(trials: &[Trial]) -> Result<()> {
+    let mut found: HashMap<(&Path, String), Vec<&Path>> = HashMap::new();
+    for trial in trials {
+        let file = trial.file.as_path();
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+        let axis = stem.strip_suffix(['x', 'y', 'z', 'X', 'Y', 'Z']);
+        let Some(rest) = axis.filter(|rest| rest.ends_with(['_', '-', ' ', '.'])) else {
+            continue;
+        };
+        let axes = found
+            .entry((file.parent().unwrap_or(file), rest.to_owned()))
+            .or_default();
+        // A trial may use another part of a file.
+        if !axes.contains(&file) {
+            axes.push(file);
+        }
+        if let [first, .., last] = axes[..]
+            && axes.len() == MAX_CHANNELS
+        {
+            let (to, last) = (rest.trim_end_matches(['_', '-', ' ', '.']), last.display());
+            let problem = format!(
+                "and {last} are axes of one recording by their names, and no takes: join the three, such as by \
+                 `paste -d , X Y Z > {to}.csv`, or `sox -M X Y Z {to}.wav` for sound; or rename them"
+            );
+            return Err(Error::file(first, problem));
+        }
+    }
+    Ok(())
 }
 
 /// Returns the command that creates the list of a folder whose files have names of this pattern and this extension.

@@ -18,6 +18,12 @@ pub struct Cut {
 }
 
 impl Cut {
+    /// The whole file.
+    pub const WHOLE: Self = Self {
+        start_s: 0.0,
+        duration_s: f64::INFINITY,
+    };
+
     /// Returns the first frame and the one after the last, at `rate_hz`.
     pub(super) fn frames(&self, rate_hz: f64) -> (usize, usize) {
         let first = (self.start_s * rate_hz).round() as usize;

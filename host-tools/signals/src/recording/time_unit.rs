@@ -85,7 +85,7 @@ impl TimeUnit {
 }
 
 /// A column of times.
-pub(super) struct TimeColumn {
+pub(crate) struct TimeColumn {
     /// Index of the column in the table.
     pub index: usize,
     /// Name of the column.

@@ -54,7 +54,7 @@ pub struct Trial {
     pub start_s: f64,
     /// Longest duration of the used part, s; if not given, the part extends to the end of the file.
     pub duration_s: Option<f64>,
-    /// Sample rate of a CSV file whose times are missing or cannot be used, Hz.
+    /// Sample rate of the file, Hz, which counts before that of its header or its times.
     pub sample_rate_hz: Option<f64>,
     /// Unit of a CSV file's times; if not given, it is determined from the column's name or from the steps.
     pub time_unit: Option<TimeUnit>,

@@ -8,21 +8,16 @@ const POINTS: usize = 6;
 /// memory.
 const MOST_STEPS: usize = 4096;
 
-/// Largest unevenness of steps that are meant to be even, as a fraction of the usual step.
+/// Largest unevenness of steps that are meant to be even, as a fraction of the usual step; and largest deviation from
+/// even times, as a fraction of a step, at which samples are not moved.
 pub(super) const EVEN: f64 = 0.05;
 
 /// Largest deviation of a single step from the usual step, as a fraction of it, for steps that are meant to be even.
-pub(super) const LARGEST_DEVIATION: f64 = 0.5;
+const LARGEST_DEVIATION: f64 = 0.5;
 
 /// Largest deviation of an uneven step, relative to the usual unevenness, and largest ratio of any step to the usual
 /// step.
 const LARGEST_STEP: (f64, f64) = (4.0, 8.0);
-
-/// Deviation from even times, as a fraction of a step, above which samples are moved.
-const LEAST_MOVE: f64 = 0.05;
-
-/// Largest number of decimals of a time that come from its clock. Further decimals are round-off of a sum.
-const MOST_DECIMALS: usize = 9;
 
 /// The steps of a file's times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,11 +29,11 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// Computes the steps of at least two `times`, in any unit.
-    pub fn of(times: &[f64]) -> Self {
+    /// Computes the steps of more than `width` times, in any unit, each over `width` samples.
+    pub fn of(times: &[f64], width: usize) -> Self {
         let stride = times.len().div_ceil(MOST_STEPS);
-        let steps = times.windows(2).step_by(stride);
-        let mut steps: Vec<f64> = steps.map(|pair| pair[1] - pair[0]).collect();
+        let steps = times.windows(width + 1).step_by(stride);
+        let mut steps: Vec<f64> = steps.map(|pair| pair[width] - pair[0]).collect();
         let quantile = |share: f64, steps: &mut [f64]| {
             let index = ((steps.len() as f64 * share) as usize).min(steps.len() - 1);
             *steps.select_nth_unstable_by(index, f64::total_cmp).1
@@ -52,7 +47,7 @@ impl Steps {
     }
 
     /// Returns whether `step_s`, in the unit of the times, is possible for even steps.
-    pub fn hold_even(&self, step_s: f64) -> bool {
+    fn hold_even(&self, step_s: f64) -> bool {
         // The comparison is false for a NaN.
         step_s > 0.0 && (step_s / self.usual_s - 1.0).abs() <= LARGEST_DEVIATION
     }
@@ -70,24 +65,19 @@ impl Steps {
     }
 }
 
-/// Returns whether samples at `times`, in any unit, are evenly spaced, within the precision of the digits with which
-/// the times are written.
-pub(super) fn are_even(times: &[f64]) -> bool {
-    let (Some(first), Some(last)) = (times.first(), times.last()) else {
-        return true;
-    };
-    let step = (last - first) / (times.len() - 1).max(1) as f64;
-    let stride = times.len().div_ceil(MOST_STEPS);
-    let decimals = times.iter().step_by(stride).map(|time| {
-        // The shortest decimal form has the digits that were written.
-        let text = time.to_string();
-        text.split_once('.').map_or(0, |(_, digits)| digits.len())
-    });
-    let digit_s = 10f64.powi(-(decimals.max().unwrap_or(0).min(MOST_DECIMALS) as i32));
-    let farthest = times.iter().enumerate().fold(0.0, |farthest: f64, (n, time)| {
-        farthest.max((time - first - step * n as f64).abs())
-    });
-    farthest <= digit_s + LEAST_MOVE * step
+/// Number of the longest steps that are left out of a mean, because they may be pauses.
+const PAUSES: usize = 8;
+
+/// Returns the mean of the steps between `times`, without the few longest.
+pub(super) fn mean_step(times: &[f64]) -> f64 {
+    mean_of_most(times.windows(2).map(|pair| pair[1] - pair[0]).collect())
+}
+
+/// Returns the mean of `steps`, of which there is at least one, without the few longest.
+pub(super) fn mean_of_most(mut steps: Vec<f64>) -> f64 {
+    let kept = steps.len() - PAUSES.min(steps.len() / 16);
+    steps.select_nth_unstable_by(kept - 1, f64::total_cmp);
+    steps[..kept].iter().sum::<f64>() / kept as f64
 }
 
 /// Interpolates samples of `channels`, taken at ascending `times`, at every 1/`rate_hz` from the first time on. It is
@@ -143,8 +133,7 @@ mod tests {
                     time
                 })
                 .collect();
-            prop_assert!(!are_even(&times));
-            let steps = Steps::of(&times);
+            let steps = Steps::of(&times, 1);
             prop_assert!(times.windows(2).all(|pair| steps.hold(pair[1] - pair[0])));
             prop_assert!(!steps.hold(9.0 * steps.usual_s) && !steps.hold(0.0));
             let tone = |time: f64| (core::f64::consts::TAU * hz * (time - 3.0)).sin();
@@ -155,13 +144,6 @@ mod tests {
                 let error = x - tone(times[0] + n as f64 / 8600.0);
                 prop_assert!(error.abs() < 0.01, "{} {} {}", hz, n, error);
             }
-        }
-
-        #[test]
-        fn even_times_are_even_whatever_their_digits(rate_hz in 500.0..50_000.0f64, digits in 4usize..9) {
-            let written = |n: u32| format!("{:.digits$}", f64::from(n) / rate_hz).parse::<f64>().unwrap();
-            let times: Vec<f64> = (0..3000).map(written).collect();
-            prop_assert!(are_even(&times));
         }
     }
 }

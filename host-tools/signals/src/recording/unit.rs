@@ -255,8 +255,18 @@ pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
     let (inside, outside) = brackets(name);
     let of_text = |text: &str| Some((Unit::parse(text)?, text.trim().to_owned()));
     // A sensitivity may follow the unit: `mV, 100 mV/g`.
+    // A range may stand in place of the unit: `X (40g)`.
+    let of_range = |text: &str| {
+        let rest = text
+            .trim_start_matches(['±', ' '])
+            .trim_start_matches(|sign: char| sign.is_ascii_digit());
+        (rest.len() < text.len() && rest.trim().eq_ignore_ascii_case("g")).then(|| of_text("g"))?
+    };
     let of_bracket = |text: &String| of_text(text).or_else(|| text.split([',', ';', '@']).find_map(of_text));
-    inside.iter().find_map(of_bracket).or_else(|| {
+    let of_bracket = |text: &String| of_bracket(text).or_else(|| of_range(text));
+    let is_g_force = ["gfx", "gfy", "gfz"].contains(&outside.trim().to_lowercase().as_str());
+    let g_force = || is_g_force.then(|| of_text("g"))?;
+    inside.iter().find_map(of_bracket).or_else(g_force).or_else(|| {
         let outside = Sensitivity::cut_from(&outside);
         let outside = outside.trim().trim_end_matches('_');
         let starts = outside.match_indices([' ', '_', '-', ',', ':', '/', '.', ';']);
@@ -396,6 +406,10 @@ mod tests {
             ("Acc X, g", G),
             ("g", G),
             ("X-Axis (g's)", G),
+            ("X (40g)", G),
+            ("Z [±8 g]", G),
+            ("gFx", G),
+            ("gFx []", G),
             ("AccX[mg]", 1e-3 * G),
             ("x_mg", 1e-3 * G),
             ("x (µg)", 1e-6 * G),

@@ -12,7 +12,8 @@ use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
 use super::defects::{Timing, Truncation};
-use super::rate::{MAX_CHANNELS, SampleRate, length_fault};
+use super::kind::remedy;
+use super::rate::{MAX_CHANNELS, SampleRate, counts_before, length_fault};
 use super::riff::{self, Wave};
 use super::source::{Cut, Source};
 use super::unit::{Integers, Stated};
@@ -22,9 +23,19 @@ use crate::support::error::{Error, Result};
 const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or \
                           of a program that wrote to a pipe: the samples that are there are read";
 
+/// Remark on 24 bits at the wrong end of 32.
+const NARROW: &str = "no sample uses the upper 8 of its 32 bits: if a converter of 24 bits wrote them, multiply the \
+                      scale by 256";
+
+/// Returns true for samples of 32 bits that use the last of them, and none of the upper 8.
+fn are_narrow(channels: &[Vec<f64>]) -> bool {
+    let samples = || channels.iter().flatten();
+    samples().all(|x| x.abs() < 2f64.powi(-8)) && samples().any(|x| x * 2f64.powi(30) % 1.0 != 0.0)
+}
+
 /// Reads the part of a WAV file within `cut`. Every sample is exact: float samples are unchanged, and integer samples
-/// are divided by their full scale.
-pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
+/// are divided by their full scale. A given rate, Hz, counts before that of the header.
+pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Source> {
     let Wave {
         samples,
         are_integers,
@@ -45,8 +56,10 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     };
     let declared_frames = track.num_frames;
     let channel_count = parameters.channels.as_ref().map_or(1, Channels::count);
-    let frame_bits = u64::from(parameters.bits_per_sample.unwrap_or(8)) * channel_count as u64;
-    let rate_hz = f64::from(parameters.sample_rate.unwrap_or(0));
+    let bits = parameters.bits_per_sample.unwrap_or(8);
+    let frame_bits = u64::from(bits) * channel_count as u64;
+    let told_hz = f64::from(parameters.sample_rate.unwrap_or(0));
+    let rate_hz = given_hz.unwrap_or(told_hz);
     let rate = SampleRate::new(rate_hz, "convert it again").map_err(|fault| Error::file(path, fault))?;
     let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default());
     let decoder = decoder.map_err(|e| unusable(path, &e))?;
@@ -59,6 +72,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         let problem = format!("is truncated: it holds {position} of {declared} samples; copy or record it again");
         return Err(Error::file(path, problem));
     }
+    let are_narrow = are_integers && bits == 32 && are_narrow(&channels);
     Ok(Source {
         rate,
         first_frame: first,
@@ -67,13 +81,18 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         truncation: declared_frames.and_then(|declared| truncation(declared, frame_bits, file_bytes)),
         stated: Stated::default(),
         integers: are_integers.then_some(Integers::OfFullScale),
-        remarks: is_unfinished.then(|| UNFINISHED.to_owned()).into_iter().collect(),
+        remarks: (is_unfinished.then(|| UNFINISHED.to_owned()).into_iter())
+            .chain(are_narrow.then(|| NARROW.to_owned()))
+            .chain(given_hz.and_then(|given_hz| counts_before(given_hz, "its header says", told_hz)))
+            .collect(),
         timing: Timing::default(),
     })
 }
 
 fn unusable(path: &Path, failure: &WavError) -> Error {
-    Error::file(path, format!("is not a readable WAV file: {failure}"))
+    let failure = format!("is not a readable WAV file: {failure}");
+    let remedy = remedy(&failure).map_or(String::new(), |words| format!("; {words}"));
+    Error::file(path, failure + &remedy)
 }
 
 /// Returns the samples of the `wanted` frames, by channel, and the number of frames that were read up to the end of
@@ -133,11 +152,6 @@ mod tests {
     use crate::support::float_wav::float_wav;
     use test_helpers::holds;
 
-    const WHOLE: Cut = Cut {
-        start_s: 0.0,
-        duration_s: f64::INFINITY,
-    };
-
     /// A file with two channels.
     fn right() -> Vec<u8> {
         let samples = (0..4000).map(|n| (f64::from(n) * 0.37).sin());
@@ -161,7 +175,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.wav");
         std::fs::write(&path, file).unwrap();
-        read(&path, &WHOLE)
+        read(&path, None, &Cut::WHOLE)
     }
 
     #[test]
@@ -208,7 +222,7 @@ mod tests {
                 // Zeros that take no space on the disk.
                 let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
                 file.set_len(header.len() as u64 + u64::from(bytes)).unwrap();
-                match read(&path, &WHOLE) {
+                match read(&path, None, &Cut::WHOLE) {
                     Ok(found) => assert_eq!((found.channels[0].len(), longest), (frames, frames)),
                     Err(fault) => {
                         assert!(frames > longest, "{fault}");

@@ -50,6 +50,8 @@ pub struct MotionPath {
     tells_position: bool,
     /// True if the rows give contact; otherwise contact follows from the force.
     tells_contact: bool,
+    /// Time of the first row by the clock of its file, s; zero if that is the motion's.
+    clock_s: f64,
 }
 
 impl MotionPath {
@@ -68,6 +70,7 @@ impl MotionPath {
             points: vec![point],
             tells_position: false,
             tells_contact: false,
+            clock_s: 0.0,
         })
     }
 
@@ -98,6 +101,7 @@ impl MotionPath {
         Self {
             tells_position: points.tells_position,
             tells_contact: points.tells_contact,
+            clock_s: points.clock_s,
             points: points.rows,
         }
     }
@@ -197,7 +201,8 @@ impl MotionPath {
             })
     }
 
-    /// Returns a doubt, with the remedy, if the times are unlikely to be those of a hand in seconds. This is so if the
+    /// Returns what was taken about the times, and a doubt, with the remedy, if they are unlikely to be those of a hand in
+    /// seconds. This is so if the
     /// motion lasts longer than ten minutes, or if its rows are far apart and it either lasts longer than a minute or
     /// has a path of more than 5 m.
     pub fn doubt_of_times(&self) -> Option<String> {
@@ -209,12 +214,23 @@ impl MotionPath {
         let step_s = (duration_s - self.points[0].time_s) / (rows.max(2) - 1) as f64;
         let is_sparse = rows >= FEWEST_ROWS && step_s > LONGEST_STEP_S;
         let is_far = duration_s > LONG_S || path_m > LONG_M;
-        (duration_s > LONGEST_S || (is_sparse && is_far)).then(|| {
-            format!(
-                "the motion takes {duration_s:.0} s in steps of {step_s:.2} s and leads over {path_m:.1} m: time_s is \
-                 in seconds; divide milliseconds by 1000"
-            )
-        })
+        let is_long = duration_s > LONGEST_S || (is_sparse && is_far);
+        let doubts = [
+            (self.clock_s > 0.0).then(|| {
+                let clock_s = self.clock_s;
+                format!("the motion begins at {clock_s} s of its clock, and is taken to begin at 0 s")
+            }),
+            is_long.then(|| {
+                format!(
+                    "the motion takes {duration_s:.0} s in steps of {step_s:.2} s and leads over {path_m:.1} m: time_s \
+                     is in seconds; divide milliseconds by 1000"
+                )
+            }),
+        ];
+        doubts
+            .into_iter()
+            .flatten()
+            .reduce(|one, other| format!("{one}; {other}"))
     }
 
     /// Returns the time of the last row, in s; zero for a constant motion.
@@ -257,6 +273,8 @@ pub(super) struct Points {
     pub tells_position: bool,
     /// True if the rows give contact; otherwise it follows from the force.
     pub tells_contact: bool,
+    /// Time of the first row by the clock of its file, s; zero if that is the motion's.
+    pub clock_s: f64,
 }
 
 impl Points {
@@ -266,6 +284,7 @@ impl Points {
             rows: Vec::new(),
             tells_position,
             tells_contact,
+            clock_s: 0.0,
         }
     }
 
@@ -528,7 +547,7 @@ mod tests {
                 time_s += step;
                 Point { time_s, speed_mm_s, force_n, position_mm: 0.0, contact: false }
             });
-            let path = MotionPath { points: points.collect(), tells_position: false, tells_contact: false };
+            let path = MotionPath { points: points.collect(), tells_position: false, tells_contact: false, clock_s: 0.0 };
             let before = path.points.iter().rev().find(|point| point.time_s <= moment);
             let after = path.points.iter().find(|point| point.time_s > moment);
             let ends = [before.or(after).unwrap(), after.or(before).unwrap()];

@@ -3,16 +3,18 @@
 use std::path::Path;
 
 use super::path::{MotionPath, Point, Points};
+use crate::recording::{TimeColumn, TimeUnit};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, position_fault, speed_fault};
 
 impl MotionPath {
-    /// Reads a CSV file with the columns `time_s`, in s, `speed_mm_s` and `force_n`, and optionally `position_mm` and
-    /// `contact`; see [the module](super).
+    /// Reads a CSV file with the columns `time_s`, or another unit's such as `time_ms`, `speed_mm_s` and `force_n`, and
+    /// optionally `position_mm` and `contact`; see [the module](super).
     ///
-    /// Times start at zero or later and rise from row to row.
+    /// Times rise from row to row. A motion that begins ten seconds after zero or later has a clock of its own, and
+    /// begins at zero.
     ///
     /// # Errors
     /// The file cannot be read or has no rows, or a column is missing. Or, with the line: a row does not have as many
@@ -23,13 +25,20 @@ impl MotionPath {
     }
 }
 
+/// Least time of a first row, s, that is one of another clock than the motion's.
+const LATE_S: f64 = 10.0;
+
 fn read(path: &Path) -> Result<Points> {
     let table = CsvTable::read(path, Format::Motion)?;
     let columns = Columns::of(&table.header()?)?;
     let mut points = Points::new(columns.position.is_some(), columns.contact.is_some());
     let mut rows = table.rows_below_header()?;
     while let Some(row) = rows.next_row()? {
-        let point = columns.point(&row)?;
+        let mut point = columns.point(&row)?;
+        if points.rows.is_empty() && point.time_s >= LATE_S {
+            points.clock_s = point.time_s;
+        }
+        point.time_s -= points.clock_s;
         points.push(point).map_err(|problem| row.error(problem))?;
     }
     if points.rows.is_empty() {
@@ -44,6 +53,8 @@ fn read(path: &Path) -> Result<Points> {
 /// Indices of a table's columns.
 struct Columns {
     time: usize,
+    /// Unit of the times.
+    unit: TimeUnit,
     speed: usize,
     force: usize,
     position: Option<usize>,
@@ -53,8 +64,14 @@ struct Columns {
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
         let needed = |name: &str| header.needed(name, "a motion has time_s, speed_mm_s and force_n");
+        let named = header.names().enumerate();
+        let mut named =
+            named.filter_map(|(index, name)| TimeColumn::named(index, name)?.unit.map(|unit| (index, unit)));
+        let other = named.next().filter(|_| matches!(header.column("time_s"), Ok(None)));
+        let (time, unit) = other.map_or_else(|| needed("time_s").map(|index| (index, TimeUnit::S)), Ok)?;
         Ok(Self {
-            time: needed("time_s")?,
+            time,
+            unit,
             speed: needed("speed_mm_s")?,
             force: needed("force_n")?,
             position: header.column("position_mm")?,
@@ -69,7 +86,7 @@ impl Columns {
                 Err(row.error(format!("{name} is '{}': {fault}", row.text(index))))
             })
         };
-        let time_s = row.finite(self.time, "time_s")?;
+        let time_s = row.finite(self.time, "time_s")? / self.unit.per_second();
         Ok(Point {
             time_s,
             speed_mm_s: within(self.speed, "speed_mm_s", speed_fault)?,
@@ -119,6 +136,23 @@ pub(super) mod tests {
             "time_s,speed_mm_s,force_n,note\n0,100,0.5,\"a, b\nc\"\n1,200,1,\n",
         ] {
             assert_eq!(path_of(text).unwrap(), plain, "{text}");
+        }
+    }
+
+    #[test]
+    fn times_may_have_another_unit_and_begin_by_another_clock() {
+        let plain = path_of("time_s,speed_mm_s,force_n\n0,100,0.5\n1,200,1\n").unwrap();
+        assert_eq!(plain.doubt_of_times(), None);
+        let in_ms = path_of("time_ms,speed_mm_s,force_n\n0,100,0.5\n1000,200,1\n").unwrap();
+        assert_eq!(in_ms, plain);
+        for begin in ["100", "1700000000"] {
+            let text = format!(
+                "time_s,speed_mm_s,force_n\n{begin}.25,100,0.5\n{}1.25,200,1\n",
+                &begin[..begin.len() - 1]
+            );
+            let late = path_of(&text).unwrap();
+            assert_eq!((late.duration_s(), late.position_mm_at(1.0)), (1.0, 150.0));
+            holds(&late.doubt_of_times().unwrap(), &[begin, "begin at 0"]);
         }
     }
 

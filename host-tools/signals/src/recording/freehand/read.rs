@@ -7,14 +7,18 @@ use serde::Serialize;
 
 use super::positions::{self, PositionColumn};
 use crate::recording::axes::LeftOut;
-use crate::recording::stamps::even_rate;
-use crate::recording::time_unit::{TimeColumn, TimeUnit};
-use crate::recording::{MAX_CHANNELS, MAX_FRAMES, SampleRate};
+use crate::recording::clock::{self, Told};
+use crate::recording::csv_file::is_no_value;
+use crate::recording::rate::length_fault;
+use crate::recording::time_unit::TimeColumn;
+use crate::recording::uneven::evened;
+use crate::recording::{Cut, MAX_CHANNELS, MAX_FRAMES, SampleRate, Source, Timing};
 use crate::recording::{lvm, unit};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row, comment};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
+use crate::support::number::counted;
 
 /// Names of the columns other than accelerations.
 const TIME: &str = "time_s";
@@ -73,48 +77,50 @@ impl Freehand {
         notes
     }
 
-    /// Appends a row, whose accelerations are in units of `scales_m_s2`; an outlier becomes 0. `names` are the names of
-    /// the row's columns. If the row has positions in place of a speed, they are appended to `positions_mm`.
-    fn push(
-        &mut self,
-        row: &Row<'_, '_>,
-        columns: &Columns,
-        names: &[&str],
-        scales_m_s2: &[f64],
-        positions_mm: &mut [Vec<f64>],
-    ) -> Result<()> {
+    /// Appends a row to `channels`, one for each of `columns`; an outlier becomes 0, and a motion that is not written NaN.
+    /// `names` are the names of the row's columns.
+    fn push(&mut self, row: &Row<'_, '_>, columns: &[Column], names: &[&str], channels: &mut [Vec<f64>]) -> Result<()> {
         let mut bad = false;
-        let mut keep = |index: usize, value: f64, limit: f64| {
-            if value.is_finite() && value.abs() <= limit {
-                return value;
+        for (column, channel) in columns.iter().zip(&mut *channels) {
+            let index = column.index;
+            if column.is_motion && is_no_value(row.text(index)) {
+                channel.push(f64::NAN);
+                continue;
             }
-            bad = true;
-            if self.outliers.len() < NAMED_OUTLIERS {
+            let value = column.scale * row.number(index)?;
+            let is_good = value.is_finite() && value.abs() <= column.limit;
+            if !is_good && self.outliers.len() < NAMED_OUTLIERS {
                 self.outliers.push(Outlier {
                     line: row.line,
                     column: names[index].to_owned(),
                     value,
                 });
             }
+            bad |= !is_good;
             // Segments and strokes leave out a block with an outlier, so any finite number will do for them.
-            0.0
-        };
-        if let Some(index) = columns.speed {
-            let speed = keep(index, row.number(index)?, MAX_SPEED_MM_S);
-            self.speed_mm_s.push(speed.abs());
-            self.is_backward.push(speed < 0.0);
+            channel.push(if is_good { value } else { 0.0 });
         }
-        for (axis, column) in positions_mm.iter_mut().zip(&columns.positions) {
-            let position_mm = column.unit_mm * row.finite(column.index, names[column.index])?;
-            axis.push(position_mm);
-        }
-        let force = keep(columns.force, row.number(columns.force)?, MAX_FORCE_N);
-        for ((axis, &index), scale) in self.axes.iter_mut().zip(&columns.axes).zip(scales_m_s2) {
-            axis.push(keep(index, scale * row.number(index)?, MAX_ACCELERATION_M_S2));
-        }
-        self.force_n.push(force);
-        self.is_outlier.push(bad);
+        channels[columns.len()].push(f64::from(u8::from(bad)));
         Ok(())
+    }
+
+    /// Leaves out the gaps of `timing`, and says what is missing.
+    fn leave_out(&mut self, timing: &Timing) {
+        let length = self.is_outlier.len();
+        for gap in &timing.gaps {
+            let at = |time_s: f64| ((time_s * self.rate_hz) as usize).min(length);
+            self.is_outlier[at(gap.start_s)..at(gap.start_s + gap.seconds)].fill(true);
+        }
+        let (gaps, lost, all) = (timing.gaps.len(), timing.lost, timing.samples);
+        if lost > 0 {
+            let lost = counted(lost, "sample");
+            self.remarks
+                .push(format!("{lost} of {all} missing one by one, interpolated"));
+        }
+        if gaps > 0 {
+            let gaps = counted(gaps, "gap");
+            self.remarks.push(format!("{gaps} in the times, left out"));
+        }
     }
 
     /// Adds the speeds of all rows, mm/s, as positions give them. One that no hand can perform is an outlier.
@@ -165,14 +171,15 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
 /// `scale_m_s2`. In place of the speed, there may be positions, such as `x_mm` and `y_mm`. If the scale is not given,
-/// they are in the unit of the header, or m/s². If accelerations are named, other columns are left out.
+/// they are in the unit of the header, or m/s². If accelerations are named, other columns are left out. Rows without a
+/// motion, between rows that have one, are interpolated.
 ///
 /// A column of times, such as `time_s` or `time_ms`, is necessary unless `rate_hz` is given. Comments begin with `#`; a
 /// comment at the top that begins with SIMULATED marks the file as simulated.
 ///
 /// # Errors
-/// The file cannot be read or lacks one of these columns, a field is not a number, the times are not even, the rate is
-/// not possible for a recording, or there are too many rows or outliers.
+/// The file cannot be read or lacks one of these columns, a field is not a number, the times tell no rate, the rate is
+/// not possible for a recording, no force is above zero, or there are too many rows or outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Result<Freehand> {
     // Only regular files are accepted, because a recording is read again to determine its kind.
     Format::Strokes.open(path)?;
@@ -192,7 +199,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
     let remarks = left_out.chain(stated.conversion(scale_m_s2));
     let mut recording = Freehand {
         rate_hz: 0.0,
-        axes: vec![Vec::new(); axes.len()],
+        axes: Vec::new(),
         speed_mm_s: Vec::new(),
         force_n: Vec::new(),
         is_outlier: Vec::new(),
@@ -201,35 +208,190 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
         is_simulated: is_simulated(path)?,
         remarks: remarks.chain(stated.doubt(scale_m_s2)).collect(),
     };
-    let (mut times, mut positions_mm) = (Vec::new(), vec![Vec::new(); columns.positions.len()]);
+    let all = columns.all(&scales_m_s2);
+    let (mut times, mut channels) = (Vec::new(), vec![Vec::new(); all.len() + 1]);
     let mut rows = table.rows_below_header()?;
     while let Some(row) = rows.next_row()? {
-        if let Some((time, unit)) = columns.time {
-            times.push(row.number(time)? / unit.per_second());
+        if let Some(time) = &columns.time {
+            times.push(row.number(time.index)?);
         }
-        recording.push(&row, &columns, &names, &scales_m_s2, &mut positions_mm)?;
-        if recording.is_outlier.len() > MAX_FRAMES {
+        recording.push(&row, &all, &names, &mut channels)?;
+        if channels[0].len() > MAX_FRAMES {
             let problem = format!("more than {MAX_FRAMES} rows: cut the file");
             return Err(row.error(problem));
         }
     }
-    recording.rate_hz = rate_of(&table, &times, rate_hz)?;
+    if channels[0].is_empty() {
+        return Err(Error::file(path, "holds no samples"));
+    }
+    let mut is_sparse = false;
+    for (_, channel) in all.iter().zip(&mut channels).filter(|(column, _)| column.is_motion) {
+        is_sparse |= bridged(channel);
+    }
+    if is_sparse {
+        recording
+            .remarks
+            .push("rows without a motion have that between the rows around them".to_owned());
+    }
+    let source = source(&table, columns.time.as_ref(), times, rate_hz, channels)?;
+    recording.rate_hz = source.rate.hz().round();
+    recording.remarks.extend(source.remarks);
+    let channels = match &source.times_s {
+        Some(times) => evened(&source.channels, times, recording.rate_hz),
+        None => source.channels,
+    };
+    let mut channels = channels.into_iter();
+    recording.axes = channels.by_ref().take(axes.len()).collect();
+    recording.force_n = channels.next().unwrap_or_default();
+    let motion: Vec<Vec<f64>> = channels.by_ref().take(all.len() - axes.len() - 1).collect();
+    recording.is_outlier = channels.flatten().map(|share| share.abs() > 0.01).collect();
+    refuse_no_press(path, &recording.force_n)?;
     if columns.speed.is_none() {
-        let speeds_mm_s = positions::speed_mm_s(&positions_mm, recording.rate_hz);
+        let speeds_mm_s = positions::speed_mm_s(&motion, recording.rate_hz);
         recording.follow(&table, &speeds_mm_s);
+    } else {
+        recording.is_backward = motion[0].iter().map(|speed| *speed < 0.0).collect();
+        recording.speed_mm_s = motion[0].iter().map(|speed| speed.abs().min(MAX_SPEED_MM_S)).collect();
     }
     refuse_too_many_outliers(path, &recording)?;
+    recording.leave_out(&source.timing);
+    let late = delay_s(&recording).map(|delay_s| {
+        format!(
+            "its motion comes {delay_s:.2} s after the accelerations that it makes: shift the motion's columns, or \
+             start both loggers by one clock"
+        )
+    });
+    recording.remarks.extend(late);
     Ok(recording)
+}
+
+/// Returns the rows of `channels` as evenly spaced samples, by their times or the given rate.
+fn source(
+    table: &CsvTable,
+    time: Option<&TimeColumn>,
+    times: Vec<f64>,
+    given_hz: Option<f64>,
+    channels: Vec<Vec<f64>>,
+) -> Result<Source> {
+    let path = table.path();
+    let rate = given_hz.map(|rate_hz| SampleRate::new(rate_hz, "give another --sample-rate"));
+    let rate = rate.transpose().map_err(|fault| Error::file(path, fault))?;
+    let source = match (time, rate) {
+        (Some(time), rate) => {
+            let told = Told {
+                column: &time.name,
+                unit: time.unit,
+                is_even: false,
+                rate,
+            };
+            clock::source(table, &told, times, channels, &Cut::WHOLE)?
+        }
+        (None, Some(rate)) => clock::even(rate, channels, &Cut::WHOLE),
+        (None, None) => {
+            let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
+            return Err(Error::file(path, problem));
+        }
+    };
+    match length_fault(source.channels[0].len() as f64, MAX_CHANNELS) {
+        Some(fault) => Err(Error::file(path, fault)),
+        None => Ok(source),
+    }
+}
+
+/// Fills values that are not there by a line between those around them, and returns whether there were any.
+fn bridged(channel: &mut [f64]) -> bool {
+    let known: Vec<usize> = (0..channel.len()).filter(|&row| !channel[row].is_nan()).collect();
+    if known.is_empty() {
+        channel.fill(0.0);
+    }
+    if known.len() == channel.len() || known.is_empty() {
+        return false;
+    }
+    for row in 0..channel.len() {
+        let next = known.partition_point(|&place| place < row);
+        let [before, after] = [next.saturating_sub(1), next].map(|place| known[place.min(known.len() - 1)]);
+        let share = (row.max(before) - before) as f64 / (after - before).max(1) as f64;
+        let (from, to) = (channel[before], channel[after]);
+        if channel[row].is_nan() {
+            channel[row] = from + share.min(1.0) * (to - from);
+        }
+    }
+    true
+}
+
+/// Refuses forces that press with the other sign.
+fn refuse_no_press(path: &Path, force_n: &[f64]) -> Result<()> {
+    let largest = force_n
+        .iter()
+        .fold(f64::NEG_INFINITY, |largest: f64, force| largest.max(*force));
+    if largest > 0.0 || force_n.iter().all(|force| *force == 0.0) {
+        return Ok(());
+    }
+    let problem = format!("no {FORCE} is above zero, and pressing is positive: change the sign of the column");
+    Err(Error::file(path, problem))
+}
+
+/// Length of a block whose level is compared with its speed, s; longest delay that is sought, and shortest that is told,
+/// in blocks.
+const DELAY_BLOCK_S: f64 = 0.02;
+const DELAYS: (isize, usize) = (25, 5);
+
+/// Least correlation of levels and speeds, and least gain of it, at a delay that is told.
+const DELAYED: (f64, f64) = (0.6, 0.1);
+
+/// Returns by how much the speed comes after the level of the accelerations, s, if it clearly does. A texture's level
+/// follows its speed at once.
+fn delay_s(recording: &Freehand) -> Option<f64> {
+    let block = (DELAY_BLOCK_S * recording.rate_hz) as usize;
+    let power = |n: usize| {
+        recording
+            .axes
+            .iter()
+            .map(|axis| (axis[n] - axis[n - 1]).powi(2))
+            .sum::<f64>()
+    };
+    let blocks = (recording.speed_mm_s.len().max(1) - 1) / block.max(1);
+    let sums = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        let of_block =
+            |number: usize| (number * block + 1..=(number + 1) * block).map(value).sum::<f64>() / block as f64;
+        (0..blocks).map(of_block).collect()
+    };
+    let levels: Vec<f64> = sums(&power).iter().map(|power| (power + 1e-9).ln()).collect();
+    let speeds: Vec<f64> = sums(&|n| recording.speed_mm_s[n])
+        .iter()
+        .map(|speed| (speed + 1.0).ln())
+        .collect();
+    let (longest, least) = DELAYS;
+    let margin = longest.unsigned_abs();
+    let middle = levels.get(margin..levels.len().checked_sub(margin)?)?;
+    let alike = |delay: isize| {
+        Some((
+            delay,
+            correlation(middle, speeds.get(margin.checked_add_signed(delay)?..)?),
+        ))
+    };
+    let (delay, best) = (-longest..=longest)
+        .filter_map(alike)
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let is_clear = best > DELAYED.0 && best > alike(0)?.1 + DELAYED.1 && delay.unsigned_abs() >= least;
+    is_clear.then_some(delay as f64 * DELAY_BLOCK_S)
+}
+
+/// Returns the correlation coefficient of `values` with as many of `others`.
+fn correlation(values: &[f64], others: &[f64]) -> f64 {
+    let count = values.len() as f64;
+    let sum = |product: fn(f64, f64) -> f64| -> f64 { values.iter().zip(others).map(|(x, y)| product(*x, *y)).sum() };
+    let (x, y) = (sum(|x, _| x) / count, sum(|_, y| y) / count);
+    let spread = |square: f64, mean: f64| square / count - mean * mean;
+    (sum(|x, y| x * y) / count - x * y) / (spread(sum(|x, _| x * x), x) * spread(sum(|_, y| y * y), y)).sqrt()
 }
 
 fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
     let count = recording.is_outlier.iter().filter(|bad| **bad).count();
     let most = MAX_OUTLIER_SHARE * recording.is_outlier.len() as f64;
-    if recording.is_outlier.is_empty() {
-        return Err(Error::file(path, "holds no samples"));
-    }
-    if count as f64 > most {
-        let first = &recording.outliers[0];
+    if count as f64 > most
+        && let Some(first) = recording.outliers.first()
+    {
         let problem = format!(
             "{count} of {} samples have impossible values (line {}: {} is {}): check its columns and units",
             recording.is_outlier.len(),
@@ -242,9 +404,19 @@ fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
     Ok(())
 }
 
+/// A column of samples or of the motion.
+struct Column {
+    index: usize,
+    /// Factor to its unit here.
+    scale: f64,
+    /// Largest magnitude that is no outlier.
+    limit: f64,
+    is_motion: bool,
+}
+
 /// Indices of a file's columns.
 struct Columns {
-    time: Option<(usize, TimeUnit)>,
+    time: Option<TimeColumn>,
     speed: Option<usize>,
     /// In place of a speed.
     positions: Vec<PositionColumn>,
@@ -275,8 +447,8 @@ impl Columns {
         let left_out = LeftOut::of(&samples);
         let axes = samples.iter().map(|(index, _)| *index);
         let axes: Vec<usize> = axes.filter(|&index| !left_out.contains(index)).collect();
-        let time = TimeColumn::best(&times);
-        let time = time.map(|time| (time.index, time.unit.unwrap_or(TimeUnit::S)));
+        let best = TimeColumn::best(&times).map(|time| time.index);
+        let time = times.into_iter().find(|time| Some(time.index) == best);
         if axes.is_empty() || axes.len() > MAX_CHANNELS {
             return Err(header.error(format!(
                 "{} columns of accelerations beside {SPEED}, {FORCE} and {TIME}: give 1 to {MAX_CHANNELS}",
@@ -292,24 +464,28 @@ impl Columns {
             left_out,
         })
     }
-}
 
-/// Returns the given rate, or that of the times, which must ascend in even steps, in Hz.
-fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
-    let rate_hz = match given {
-        Some(rate_hz) => rate_hz,
-        None if times.is_empty() => {
-            let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
-            return Err(Error::file(table.path(), problem));
-        }
-        // Times are often written with few digits, so their rate is rounded.
-        None => even_rate(table, TIME, times)?.round(),
-    };
-    let rate = SampleRate::new(
-        rate_hz,
-        &format!("a column '{TIME}' holds seconds, or give --sample-rate"),
-    );
-    Ok(rate.map_err(|fault| Error::file(table.path(), fault))?.hz())
+    /// Returns the axes, in m/s², the force, and the speed or the positions.
+    fn all(&self, scales_m_s2: &[f64]) -> Vec<Column> {
+        let column = |is_motion| {
+            move |(index, scale, limit): (usize, f64, f64)| Column {
+                index,
+                scale,
+                limit,
+                is_motion,
+            }
+        };
+        let axes = self.axes.iter().zip(scales_m_s2);
+        let axes = axes.map(|(&index, &scale)| (index, scale, MAX_ACCELERATION_M_S2));
+        let speed = self.speed.map(|index| (index, 1.0, MAX_SPEED_MM_S));
+        let positions = self.positions.iter().filter(|_| speed.is_none());
+        let positions = positions.map(|position| (position.index, position.unit_mm, f64::MAX));
+        let motion = [(self.force, 1.0, MAX_FORCE_N)]
+            .into_iter()
+            .chain(speed)
+            .chain(positions);
+        axes.map(column(false)).chain(motion.map(column(true))).collect()
+    }
 }
 
 #[cfg(test)]

@@ -87,7 +87,7 @@ mod tests {
             start_s: 0.0,
             duration_s: fields[4].parse().unwrap(),
         };
-        let source = wav::read(&folder.path().join(fields[0]), &cut).unwrap();
+        let source = wav::read(&folder.path().join(fields[0]), None, &cut).unwrap();
         let segment = &segmentation.placed[0].segment;
         assert_eq!(source.rate.hz(), 1001.0);
         assert_eq!(source.channels[0].len(), segment.end - segment.first);
