@@ -73,7 +73,7 @@ pub use status::{
     TickCounters, TickHistogram, VersionText,
 };
 pub use update::{
-    BOARD, DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, SIGNATURE_BYTES,
+    BoardName, DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, SIGNATURE_BYTES,
     SIGNED_BYTES, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 pub use upload::{

@@ -3,6 +3,8 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use super::BoardName;
+
 /// Time after a start within which a fault counts as quick, ms. A run that lasts longer counts as healthy.
 pub const QUICK_FAULT_MS: u32 = 10_000;
 
@@ -16,7 +18,7 @@ pub const FLASH_SUPPLY_MV: u16 = 2_760;
 /// Source of the processor's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ClockSource {
-    /// The clock of 8 MHz from the board's debug probe, multiplied.
+    /// The clock or crystal of the board, multiplied.
     #[default]
     External,
     /// The internal oscillator of 64 MHz, multiplied. All times have its tolerance, about 1 %.
@@ -140,6 +142,8 @@ impl core::fmt::Display for SiliconRevision {
 /// Report of the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct StartReport {
+    /// The board that the image was built for.
+    pub board: BoardName,
     /// Source of the clock.
     pub clock: ClockSource,
     /// Revision of the silicon.

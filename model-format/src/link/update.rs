@@ -15,8 +15,33 @@ const MAGIC: [u8; 8] = *b"STYLIMG\x01";
 /// Size of the largest image, bytes: the three sectors of flash from which the image runs.
 pub const MAX_IMAGE_BYTES: u32 = 384 * 1024;
 
-/// Name of the board that this project's images run on, with zeros after it.
-pub const BOARD: [u8; 16] = *b"NUCLEO-H743ZI2\0\0";
+/// Name of a board, with zeros after it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct BoardName(pub [u8; 16]);
+
+impl BoardName {
+    /// The board called `name`, of which 16 bytes count.
+    pub const fn new(name: &str) -> Self {
+        let mut bytes = [0; 16];
+        let mut index = 0;
+        while index < bytes.len() && index < name.len() {
+            bytes[index] = name.as_bytes()[index];
+            index += 1;
+        }
+        Self(bytes)
+    }
+
+    /// The name; empty if it is none.
+    pub fn as_str(&self) -> &str {
+        core::str::from_utf8(&self.0).unwrap_or_default().trim_end_matches('\0')
+    }
+}
+
+impl core::fmt::Display for BoardName {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
 
 /// Length of a header, bytes.
 pub const HEADER_BYTES: usize = 100;
@@ -78,8 +103,8 @@ impl core::fmt::Display for ImageVersion {
 /// Header of an image; the signature is over the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageHeader {
-    /// Board that the image runs on, see [`BOARD`].
-    pub board: [u8; 16],
+    /// Board that the image runs on.
+    pub board: BoardName,
     /// Version of the image.
     pub version: ImageVersion,
     /// Length of the image, bytes.
@@ -93,7 +118,7 @@ impl ImageHeader {
     pub fn to_bytes(&self) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];
         bytes[..8].copy_from_slice(&MAGIC);
-        bytes[8..24].copy_from_slice(&self.board);
+        bytes[8..24].copy_from_slice(&self.board.0);
         let parts = bytes[24..30].as_chunks_mut::<2>().0.iter_mut();
         for (place, number) in parts.zip(self.version.numbers()) {
             *place = number.to_le_bytes();
@@ -113,7 +138,7 @@ impl ImageHeader {
         let digest = *rest.first_chunk::<64>()?;
         let [a, b, c, d, e, f, _, _] = *version;
         (*magic == MAGIC).then_some(Self {
-            board: *board,
+            board: BoardName(*board),
             version: ImageVersion::new([[a, b], [c, d], [e, f]].map(u16::from_le_bytes)),
             length: u32::from_le_bytes(*length),
             digest,
@@ -257,7 +282,7 @@ mod tests {
         fn a_header_comes_back(version: [u16; 3], length: u32, board: [u8; 16], byte: u8) {
             let digest = [byte; 64];
             let version = ImageVersion::new(version);
-            let header = ImageHeader { board, version, length, digest };
+            let header = ImageHeader { board: BoardName(board), version, length, digest };
             let bytes = header.to_bytes();
             prop_assert_eq!(ImageHeader::read(&bytes), Some(header));
             prop_assert_eq!(ImageHeader::read(&bytes[1..]), None);

@@ -17,6 +17,7 @@ mod tests;
 use anyhow::{Context, Result, bail};
 use page::{OPENING, Page};
 pub use rows::memory;
+use stylus_board::ALL;
 
 use crate::toolchain::Toolchain;
 use crate::{firmware, workspace};
@@ -114,7 +115,7 @@ fn made(name: &str) -> Result<String> {
     let compiler = toolchain.compiler()?;
     match name {
         MEMORY => {
-            let image = firmware::build(&toolchain, firmware::Image::Product)?;
+            let image = firmware::build(&toolchain, &ALL[0], firmware::Image::Product)?;
             Ok(memory(&firmware::memory(&image)?, &compiler))
         }
         _ => bail!("'{name}' is not written by this"),

@@ -3,6 +3,7 @@
 //! `STYLUS_IMAGE` and `STYLUS_FAULT_IMAGE` name the files that `cargo firmware` and `cargo firmware --fault-injection`
 //! build. `cargo tasks test-virtual-stylus` builds both and sets the variables.
 
+mod boards;
 mod bootloader;
 mod bounds;
 mod cost;
