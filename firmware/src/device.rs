@@ -8,9 +8,9 @@ use embassy_stm32::uid;
 use embassy_time::Instant;
 use heapless::String;
 use model_format::link::{
-    BoardName, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, Response, SCHEMA_HASH, Selection, Settings,
-    StartReport, TickCounters,
+    BoardName, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, Response, SCHEMA_HASH,
+    Selection, Settings, StartReport, TickCounters,
 };
 use model_format::scene::Biquad;
 use model_format::{FORMAT_VERSION, PlayRate};

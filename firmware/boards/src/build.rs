@@ -27,7 +27,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let selected = boards.iter().find(|(_, name, _)| *name == wanted);
     let (_, _, board) = selected.ok_or_else(|| {
         let names: Vec<_> = boards.iter().map(|(_, name, _)| name.as_str()).collect();
-        format!("STYLUS_BOARD, {wanted}: there is no such board; there are {}", names.join(", "))
+        format!(
+            "STYLUS_BOARD, {wanted}: there is no such board; there are {}",
+            names.join(", ")
+        )
     })?;
     write!(
         text,

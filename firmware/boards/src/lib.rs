@@ -58,10 +58,12 @@ impl fmt::Display for Pin {
     }
 }
 
-/// Pins by their function. PA4 is always the output, and PA11 and PA12 are USB, because the part has them nowhere else.
+/// Pins by their function. USB has PA11 and PA12 on every board.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct Pins {
+    /// Channel 1 of DAC1: PA4 on every board.
+    pub output: Pin,
     pub acceleration_x: Pin,
     pub acceleration_y: Pin,
     pub acceleration_z: Pin,
@@ -143,7 +145,9 @@ impl core::error::Error for NoBoard {}
 /// # Errors
 /// There is none.
 pub fn named(name: &str) -> Result<&'static Board, NoBoard> {
-    ALL.iter().find(|board| board.name.eq_ignore_ascii_case(name)).ok_or(NoBoard)
+    ALL.iter()
+        .find(|board| board.name.eq_ignore_ascii_case(name))
+        .ok_or(NoBoard)
 }
 
 /// Data of a board's file.
@@ -187,7 +191,41 @@ include!(concat!(env!("OUT_DIR"), "/boards.rs"));
 const _: () = {
     let mut index = 0;
     while index < ALL.len() {
-        assert!(ALL[index].name.len() <= 16 && !ALL[index].leds.is_empty());
+        let board = &ALL[index];
+        assert!(board.name.len() <= 16 && !board.leds.is_empty());
+        assert!(board.pins.output.port == 0 && board.pins.output.number == 4);
         index += 1;
     }
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_pin_of_a_board_has_two_functions_and_no_sensor_is_at_an_input_that_the_board_drives() {
+        for board in ALL {
+            let pins = board.pins;
+            let analogue = [
+                pins.acceleration_x,
+                pins.acceleration_y,
+                pins.acceleration_z,
+                pins.force,
+            ];
+            let encoder = [pins.encoder_a, pins.encoder_b];
+            let others = [pins.output, pins.amplifier, pins.serial_tx, pins.serial_rx, pins.button];
+            let all = [&analogue[..], &encoder, &others, board.leds];
+            let all = || all.iter().copied().flatten().map(|pin| (pin.port, pin.number));
+            for pin in all() {
+                assert_eq!(
+                    all().filter(|&other| other == pin).count(),
+                    1,
+                    "{}: {pin:?}",
+                    board.name
+                );
+            }
+            let driven = board.inputs.iter().find(|input| board.driven.contains(input));
+            assert_eq!(driven, None, "{}", board.name);
+        }
+    }
+}

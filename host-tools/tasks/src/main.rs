@@ -101,7 +101,9 @@ fn main() -> ExitCode {
     let Arguments { board, task } = Arguments::parse();
     let done = match task {
         Task::Setup => setup(),
-        Task::Firmware { fault_injection } => build_firmware(board, either(fault_injection, Image::FaultInjection)).map(drop),
+        Task::Firmware { fault_injection } => {
+            build_firmware(board, either(fault_injection, Image::FaultInjection)).map(drop)
+        }
         Task::Image(arguments) => build_firmware(board, Image::Product)
             .and_then(|file| firmware::write_update(&file, board, &arguments))
             .map(|written| println!("{}", written.display())),

@@ -121,7 +121,10 @@ fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test", Progress::Quiet);
     test.env("STYLUS_IMAGE", product);
     test.env("STYLUS_COMPILER", toolchain.compiler()?);
-    test.env("STYLUS_FAULT_IMAGE", firmware::build(toolchain, &ALL[0], Image::FaultInjection)?);
+    test.env(
+        "STYLUS_FAULT_IMAGE",
+        firmware::build(toolchain, &ALL[0], Image::FaultInjection)?,
+    );
     for board in &ALL[1..] {
         let name = format!("STYLUS_IMAGE_{}", board.name);
         test.env(name, firmware::build(toolchain, board, Image::Product)?);

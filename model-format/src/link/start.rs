@@ -1,9 +1,7 @@
 //! Report of the start: clock, silicon, supply, and faults that came soon after a start.
 
 use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
-use super::BoardName;
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Time after a start within which a fault counts as quick, ms. A run that lasts longer counts as healthy.
 pub const QUICK_FAULT_MS: u32 = 10_000;
@@ -136,6 +134,44 @@ impl core::fmt::Display for SiliconRevision {
             Some(letter) => write!(f, "{letter} ({:#06x})", self.0),
             None => write!(f, "unknown ({:#06x})", self.0),
         }
+    }
+}
+
+/// Name of a board, with zeros after it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Schema)]
+pub struct BoardName(pub [u8; 16]);
+
+impl Serialize for BoardName {
+    /// Writes text into JSON.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() {
+            return serializer.serialize_str(self.as_str());
+        }
+        self.0.serialize(serializer)
+    }
+}
+
+impl BoardName {
+    /// The board called `name`, of which 16 bytes count.
+    pub const fn new(name: &str) -> Self {
+        let mut bytes = [0; 16];
+        let mut index = 0;
+        while index < bytes.len() && index < name.len() {
+            bytes[index] = name.as_bytes()[index];
+            index += 1;
+        }
+        Self(bytes)
+    }
+
+    /// The name; empty if it is none.
+    pub fn as_str(&self) -> &str {
+        core::str::from_utf8(&self.0).unwrap_or_default().trim_end_matches('\0')
+    }
+}
+
+impl core::fmt::Display for BoardName {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.as_str())
     }
 }
 

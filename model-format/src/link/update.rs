@@ -7,41 +7,13 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{LIBRARY_CRC, ResetReason, SlotId, UploadError};
+use super::{BoardName, LIBRARY_CRC, ResetReason, SlotId, UploadError};
 
 /// First bytes of a header: name and version of the header's format.
 const MAGIC: [u8; 8] = *b"STYLIMG\x01";
 
 /// Size of the largest image, bytes: the three sectors of flash from which the image runs.
 pub const MAX_IMAGE_BYTES: u32 = 384 * 1024;
-
-/// Name of a board, with zeros after it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct BoardName(pub [u8; 16]);
-
-impl BoardName {
-    /// The board called `name`, of which 16 bytes count.
-    pub const fn new(name: &str) -> Self {
-        let mut bytes = [0; 16];
-        let mut index = 0;
-        while index < bytes.len() && index < name.len() {
-            bytes[index] = name.as_bytes()[index];
-            index += 1;
-        }
-        Self(bytes)
-    }
-
-    /// The name; empty if it is none.
-    pub fn as_str(&self) -> &str {
-        core::str::from_utf8(&self.0).unwrap_or_default().trim_end_matches('\0')
-    }
-}
-
-impl core::fmt::Display for BoardName {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
 
 /// Length of a header, bytes.
 pub const HEADER_BYTES: usize = 100;

@@ -12,9 +12,9 @@ use std::sync::atomic::AtomicI16;
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    BoardName, ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError,
-    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Response,
-    SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
+    BoardName, ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
+    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
+    Response, SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
 };
 use model_format::scene::Biquad;
 use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};

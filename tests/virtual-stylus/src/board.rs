@@ -65,7 +65,15 @@ impl StylusBoard {
     ) -> Result<Self> {
         let told = |error: rigless::soc::Error| Error::Emulator(error.to_string());
         let defects = Defects::of(electrical.revision);
-        let mut part = Part::new(described, pins, electrical, unreadable.clone(), busy.clone(), defects.clone()).map_err(told)?;
+        let mut part = Part::new(
+            described,
+            pins,
+            electrical,
+            unreadable.clone(),
+            busy.clone(),
+            defects.clone(),
+        )
+        .map_err(told)?;
         // The emulator needs a rate. Without an external clock, the wrapper of the clock controller withholds HSE.
         let high_speed_hz = electrical.clocks.external_hz.unwrap_or(described.clock.hz.into());
         part.rcc.inner.attach_crystals(high_speed_hz, LOW_SPEED_HZ);

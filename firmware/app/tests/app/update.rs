@@ -13,8 +13,8 @@ use fake_stylus::flash::{Cut, Memory, Mishap, Operation, SECTOR_BYTES, Simulated
 use fake_stylus::library;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    BoardName, DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError, SlotId, TRIAL_MS,
-    UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadError,
+    BoardName, DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError, SlotId,
+    TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadError,
 };
 use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};

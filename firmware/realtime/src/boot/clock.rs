@@ -152,11 +152,7 @@ impl Reference {
             if is_whole && reference <= 16_000_000 {
                 return Self {
                     divider: PllPreDiv::from_bits(divider as u8),
-                    multipliers: [
-                        times(core, reference),
-                        times(adc, reference),
-                        times(usb, reference),
-                    ],
+                    multipliers: [times(core, reference), times(adc, reference), times(usb, reference)],
                 };
             }
             divider += 1;

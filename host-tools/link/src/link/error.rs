@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use model_format::link::{
-    ActivateError, BoardName, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError, SelfTestError,
-    SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError, UploadError,
+    ActivateError, BoardName, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError,
+    SelfTestError, SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError, UploadError,
 };
 use postcard_rpc::standard_icd::WireError;
 

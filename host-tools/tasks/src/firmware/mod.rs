@@ -95,7 +95,14 @@ pub fn build_saying(toolchain: &Toolchain, board: &Board, image: Image, progress
 
 /// Returns cargo for a package that is flashed on `board`, with these `features` and the flags that all such packages
 /// share. The last feature is a crate's for each part.
-fn cargo(toolchain: &Toolchain, subcommand: &str, package: &str, features: &str, board: &Board, folders: &Folders) -> Command {
+fn cargo(
+    toolchain: &Toolchain,
+    subcommand: &str,
+    package: &str,
+    features: &str,
+    board: &Board,
+    folders: &Folders,
+) -> Command {
     let mut cargo = toolchain.cargo(subcommand, &folders.sources, &folders.target);
     cargo.args(["--package", package, "--profile", PROFILE, "--no-default-features"]);
     cargo.args(["--features", &format!("{features}/{}", board.part)]);
@@ -110,7 +117,14 @@ fn cargo(toolchain: &Toolchain, subcommand: &str, package: &str, features: &str,
 
 /// Returns cargo for the bootloader.
 pub(crate) fn bootloader(toolchain: &Toolchain, subcommand: &str, board: &Board, folders: &Folders) -> Command {
-    cargo(toolchain, subcommand, "stylus-boot", "image,stm32-metapac", board, folders)
+    cargo(
+        toolchain,
+        subcommand,
+        "stylus-boot",
+        "image,stm32-metapac",
+        board,
+        folders,
+    )
 }
 
 /// Builds the bootloader, and returns the file that contains its bytes.

@@ -32,7 +32,8 @@ pub const TICKS: &str = "ticks";
 type Make = fn() -> String;
 
 /// Names of all tables that are computed within a second, each with its function.
-const INSTANT: [(&str, Make); 4] = [
+const INSTANT: [(&str, Make); 5] = [
+    ("boards", rows::boards),
     ("settings", rows::settings),
     ("scene-stages", rows::scene_stages),
     ("scene-limits", rows::scene_limits),
@@ -40,7 +41,8 @@ const INSTANT: [(&str, Make); 4] = [
 ];
 
 /// The page of each table, as a path from the workspace's folder.
-const PAGES: [(&str, &str); 6] = [
+const PAGES: [(&str, &str); 7] = [
+    ("boards", "firmware/boards/README.md"),
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
     (MEMORY, "firmware/README.md"),

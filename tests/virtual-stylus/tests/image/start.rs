@@ -4,9 +4,9 @@
 use fake_stylus::device::change;
 use hil::injection::Injected;
 use model_format::link::{
-    BoardName, ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError, QUICK_FAULTS,
-    ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport, StartStage, UploadBeginEndpoint,
-    UploadError,
+    BoardName, ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError,
+    QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport, StartStage,
+    UploadBeginEndpoint, UploadError,
 };
 use stylus_board::ALL;
 use virtual_stylus::motion::Motion;

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use hil::injection::Injected;
 use model_format::link::{
-    BoardName, DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED, UPLOAD_WINDOW, UpdateBegin,
-    UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport,
-    UpdateStateEndpoint,
+    BoardName, DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED, UPLOAD_WINDOW,
+    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateError, UpdatePhase,
+    UpdateReport, UpdateStateEndpoint,
 };
 use stylus_app::update::sign;
 use stylus_board::ALL;

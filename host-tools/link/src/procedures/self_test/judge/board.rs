@@ -2,8 +2,8 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{
-    BoardName, ChipValues, ClockCount, ClockValues, DeviceInfo, ErrorCorrectionValues, FlashValues, LEAST_BROWN_OUT_LEVEL,
-    OptionByteValues, RAM_MONITORS, SiliconRevision,
+    BoardName, ChipValues, ClockCount, ClockValues, DeviceInfo, ErrorCorrectionValues, FlashValues,
+    LEAST_BROWN_OUT_LEVEL, OptionByteValues, RAM_MONITORS, SiliconRevision,
 };
 
 use super::words;

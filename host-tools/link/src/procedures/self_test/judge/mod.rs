@@ -20,5 +20,7 @@ use model_format::link::BoardName;
 /// Returns what helps if the clock of this board does not come, and the socket of its own USB.
 fn words(board: BoardName) -> [&'static str; 2] {
     let board = stylus_board::named(board.as_str());
-    board.map_or(["look at its oscillator", "its socket"], |board| [board.clock.remedy, board.usb])
+    board.map_or(["look at its oscillator", "its socket"], |board| {
+        [board.clock.remedy, board.usb]
+    })
 }
