@@ -67,7 +67,8 @@ impl Running {
     }
 }
 
-/// Header and signature of `image` for `board` by the key of `seed`, as the device checks them. The device itself does not sign.
+/// Header and signature of `image` for `board` by the key of `seed`, as the device checks them. The device itself does
+/// not sign.
 pub fn sign(board: BoardName, image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> [u8; SIGNED_BYTES] {
     let header = ImageHeader {
         board,

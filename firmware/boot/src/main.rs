@@ -124,8 +124,8 @@ fn show_fault(is_fault: bool) {
     port.moder().modify(|w| w.set_moder(FAULT.number, Moder::OUTPUT));
 }
 
-/// Ends the start, with [`FAULT`] lit, because a sector that an exchange of images cannot do without is write-protected or
-/// worn. Power-on and the reset button try again.
+/// Ends the start, with [`FAULT`] lit, because a sector that an exchange of images cannot do without is write-protected
+/// or worn. Power-on and the reset button try again.
 fn stay() -> ! {
     show_fault(true);
     loop {

@@ -41,9 +41,9 @@ fn cargo(subcommand: &str, progress: Progress) -> Command {
     cargo
 }
 
-/// Runs the product's image for `board` for interactive use, with the virtual stylus's own `arguments`, and returns its exit code.
-/// Image and emulator are built at the same time, because the end of either build keeps only one core busy. The
-/// progress of the longer build, the emulator's, is shown.
+/// Runs the product's image for `board` for interactive use, with the virtual stylus's own `arguments`, and returns its
+/// exit code. Image and emulator are built at the same time, because the end of either build keeps only one core busy.
+/// The progress of the longer build, the emulator's, is shown.
 pub fn run(toolchain: &Toolchain, board: &Board, arguments: &[OsString]) -> Result<u8> {
     eprintln!(
         "building the emulator, and beside it the image for the STM32H743: {FIRST_BUILD} the first time, on two idle \

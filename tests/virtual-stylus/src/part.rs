@@ -152,7 +152,8 @@ pub struct Part {
 }
 
 impl Part {
-    /// The part on `board` as the power comes on, with `pins` at its converter. `defects` passes its defects to the core.
+    /// The part on `board` as the power comes on, with `pins` at its converter. `defects` passes its defects to the
+    /// core.
     pub fn new(
         board: &'static Board,
         pins: Box<dyn Pins>,

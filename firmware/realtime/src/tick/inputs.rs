@@ -21,13 +21,11 @@ use stylus_board::pin;
 
 use crate::boot::clock::{CONVERTER_BOOST, CONVERTER_HZ, TIMER_HZ};
 
-/// A channel of the converter.
-type Channel<'a> = AnyAdcChannel<'a, peripherals::ADC1>;
-
 /// A sampling time, and its length in half cycles of the converter (RM0433 section 25.4.13).
 type Sampling = (SampleTime, u32);
 
-/// Sampling time of each channel, in the order of the sequence: acceleration X, Y, Z, and force. The sampling time of the first channel determines how late a tick may be.
+/// Sampling time of each channel, in the order of the sequence: acceleration X, Y, Z, and force. The sampling time of
+/// the first channel determines how late a tick may be.
 const SAMPLING: [Sampling; 4] = {
     const LONG: Sampling = (SampleTime::CYCLES387_5, 775);
     const SHORT: Sampling = (SampleTime::CYCLES64_5, 129);
@@ -108,7 +106,7 @@ pub fn start(pins: Pins) {
         encoder_b,
     } = pins;
     // Each pin becomes analogue. embassy knows its channel.
-    let channels: [Channel; 4] = [
+    let channels: [AnyAdcChannel<'_, peripherals::ADC1>; SAMPLING.len()] = [
         acceleration_x.degrade_adc(),
         acceleration_y.degrade_adc(),
         acceleration_z.degrade_adc(),

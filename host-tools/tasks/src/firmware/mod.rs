@@ -68,9 +68,9 @@ pub fn suffix(board: &Board) -> String {
     format!("-{}", board.name.to_lowercase())
 }
 
-/// Builds `image` for `board` and returns its file. Checks that the tick's code reads no flash, that flashing writes only the
-/// bootloader, the image and the records' last pages, and that the product leaves free space in bootloader, flash and
-/// ITCM. A second file for the part's built-in loader is written next to it, with the extension dfu.
+/// Builds `image` for `board` and returns its file. Checks that the tick's code reads no flash, that flashing writes
+/// only the bootloader, the image and the records' last pages, and that the product leaves free space in bootloader,
+/// flash and ITCM. A second file for the part's built-in loader is written next to it, with the extension dfu.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, the tick leads to flash, a segment is in another region, or the product is

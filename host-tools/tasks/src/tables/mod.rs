@@ -42,7 +42,7 @@ const INSTANT: [(&str, Make); 5] = [
 
 /// The page of each table, as a path from the workspace's folder.
 const PAGES: [(&str, &str); 7] = [
-    ("boards", "firmware/boards/README.md"),
+    ("boards", "firmware/BOARDS.md"),
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
     (MEMORY, "firmware/README.md"),

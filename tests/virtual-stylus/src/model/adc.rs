@@ -84,8 +84,8 @@ struct Sequence {
 #[derive(Debug)]
 pub struct Injected {
     pins: Box<dyn Pins>,
-    /// Inputs at pins that something on the board drives. A sensor there cannot be read. The model keeps the line at its
-    /// low level; on a real board it also changes.
+    /// Inputs at pins that something on the board drives. A sensor there cannot be read. The model keeps the line at
+    /// its low level; on a real board it also changes.
     driven: &'static [u8],
     hz: u64,
     /// True while `JADSTART` is set.
