@@ -8,9 +8,9 @@ use embassy_stm32::uid;
 use embassy_time::Instant;
 use heapless::String;
 use model_format::link::{
-    CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError, PlayRequest,
-    RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, Response, SCHEMA_HASH, Selection, Settings,
-    StartReport, TickCounters,
+    BoardName, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError,
+    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, Response, SCHEMA_HASH,
+    Selection, Settings, StartReport, TickCounters,
 };
 use model_format::scene::Biquad;
 use model_format::{FORMAT_VERSION, PlayRate};
@@ -22,6 +22,7 @@ use stylus_app::player::Piece;
 use stylus_app::recorder::Recorder;
 use stylus_app::safety::{self, Heat};
 use stylus_app::status::Histogram;
+use stylus_board::BOARD;
 use stylus_boot::supply;
 use stylus_kernel::scene::cost::BUDGET;
 use stylus_kernel::scene::{Plan, Wave};
@@ -81,6 +82,9 @@ impl Hardware {
         }
     }
 }
+
+/// Name of the board.
+pub const NAME: BoardName = BoardName::new(BOARD.name);
 
 impl Device for Hardware {
     type Plan = Next;

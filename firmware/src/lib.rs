@@ -1,4 +1,4 @@
-//! The stylus's image for the STM32H743 on a NUCLEO-H743ZI2.
+//! The stylus's image for the STM32H743 on a board of `firmware/boards/`.
 //!
 //! | module | content |
 //! |---|---|
@@ -12,8 +12,7 @@
 //! import. Modules import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test`
 //! imports `flash`; `flash` imports `fault`. Only `main` imports all.
 //!
-//! The pins are listed at the beginning of `tick::inputs`, `tick::output`, `link::serial` and `link::usb`. LED LD1 on
-//! PB0 blinks while all is well, LD3 on PB14 lights after a fault, and in safe mode the two blink in turn.
+//! The first LED blinks while all is well, a second one lights after a fault, and in safe mode they blink in turn.
 #![no_std]
 #![cfg(all(target_arch = "arm", feature = "image"))]
 
@@ -27,7 +26,7 @@ use defmt_rtt as _;
 use panic_probe as _;
 
 use embassy_executor::Spawner;
-use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
+use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Pull, Speed};
 use embassy_stm32::{Peri, Peripherals, peripherals};
 use embassy_time::{Instant, Timer};
 use heapless::spsc::Queue;
@@ -37,6 +36,7 @@ use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::requests::Frame;
 use stylus_app::safety;
+use stylus_board::{BOARD, pin};
 use stylus_boot::supply;
 use stylus_realtime::{boot, play, tick};
 
@@ -124,6 +124,7 @@ fn begin() -> (Peripherals, ResetReason, Before, StartReport) {
     watchdog::reload();
     priority::assign();
     let start = StartReport {
+        board: device::NAME,
         clock,
         revision,
         brown_out_level: silicon::brown_out_level(),
@@ -137,7 +138,7 @@ fn begin() -> (Peripherals, ResetReason, Before, StartReport) {
 
 /// The board's peripherals, by their use.
 struct Board {
-    /// B1; its pin is high while the button is pressed.
+    /// Its pin is high while the button is pressed.
     button: Input<'static>,
     leds: Leds,
     links: Links,
@@ -149,17 +150,22 @@ struct Board {
 impl Board {
     /// Hands out the peripherals. Pins of button and LEDs are set up; all others are left as they are.
     fn new(p: Peripherals, before: &Before, start: &StartReport) -> Self {
+        let leds = pin!(p.leds).map(|pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low));
+        let [life, mut fault @ ..] = leds;
+        for led in &mut fault {
+            led.set_level(before.caught.is_some().into());
+        }
         Self {
-            button: Input::new(p.PC13, Pull::Down),
+            button: Input::new(pin!(p.button), Pull::Down),
             leds: Leds {
-                life: Output::new(p.PB0, Level::Low, Speed::Low),
-                fault: Output::new(p.PB14, before.caught.is_some().into(), Speed::Low),
+                life,
+                fault,
                 safe_mode: start.safe_mode,
             },
             links: Links {
                 usart: p.USART3,
-                tx: p.PD8,
-                rx: p.PD9,
+                tx: pin!(p.serial_tx),
+                rx: pin!(p.serial_rx),
                 // In safe mode USB stays off if the start hung at the links, because USB can hang in more places than
                 // the serial port.
                 usb: (!start.safe_mode || start.hung_stage != Some(StartStage::Links)).then_some((
@@ -170,20 +176,20 @@ impl Board {
             },
             inputs: inputs::Pins {
                 adc: p.ADC1,
-                acceleration_x: p.PA3,
-                acceleration_y: p.PC0,
-                acceleration_z: p.PF12,
-                force: p.PB1,
+                acceleration_x: pin!(p.acceleration_x),
+                acceleration_y: pin!(p.acceleration_y),
+                acceleration_z: pin!(p.acceleration_z),
+                force: pin!(p.force),
                 timer: p.TIM3,
-                encoder_a: p.PA6,
-                encoder_b: p.PC7,
+                encoder_a: pin!(p.encoder_a),
+                encoder_b: pin!(p.encoder_b),
             },
             tick_timer: p.TIM6,
             output: output::Hardware {
                 timer: p.TIM7,
                 to_converter: p.DMA1_CH0,
                 eraser: p.DMA1_CH1,
-                amplifier: p.PE9,
+                amplifier: pin!(p.amplifier),
             },
         }
     }
@@ -192,8 +198,8 @@ impl Board {
 /// Peripherals of the links.
 struct Links {
     usart: Peri<'static, peripherals::USART3>,
-    tx: Peri<'static, peripherals::PD8>,
-    rx: Peri<'static, peripherals::PD9>,
+    tx: Peri<'static, pin!(peripherals::serial_tx)>,
+    rx: Peri<'static, pin!(peripherals::serial_rx)>,
     /// The core, D+ and D-; none where USB is left off.
     usb: Option<(
         Peri<'static, peripherals::USB_OTG_FS>,
@@ -269,15 +275,14 @@ async fn serve_usb(receiver: usb::Receiver) -> ! {
 
 /// The board's LEDs.
 struct Leds {
-    /// LD1.
     life: Output<'static>,
-    /// LD3.
-    fault: Output<'static>,
+    /// None on a board with one LED.
+    fault: [Output<'static>; BOARD.leds.len() - 1],
     safe_mode: bool,
 }
 
-/// Blinks LD1 while the executor runs, and logs the use of the stack every ten seconds. In safe mode both LEDs blink in
-/// turn, four times as fast.
+/// Blinks the first LED while the executor runs, and logs the use of the stack every ten seconds. In safe mode the LEDs
+/// blink in turn, four times as fast.
 #[embassy_executor::task]
 async fn blink(mut leds: Leds) -> ! {
     const BLINKS: u32 = 20;
@@ -290,7 +295,9 @@ async fn blink(mut leds: Leds) -> ! {
                 continue;
             }
             for _ in 0..IN_SAFE_MODE {
-                leds.fault.set_level(leds.life.get_output_level());
+                for fault in &mut leds.fault {
+                    fault.set_level(leds.life.get_output_level());
+                }
                 leds.life.toggle();
                 Timer::after_millis(125).await;
             }

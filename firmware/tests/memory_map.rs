@@ -64,7 +64,14 @@ fn regions_do_not_overlap() {
 }
 
 #[test]
-fn each_region_is_memory_that_the_stm32h743zi_has() {
+fn each_region_is_memory_that_the_part_of_every_board_has() {
+    for board in stylus_board::ALL {
+        // Both lines are one die; I stands for 2 MB of flash (DS12110 and DS12117, ordering information).
+        let is_known = ["stm32h743", "stm32h753"]
+            .iter()
+            .any(|line| board.part.starts_with(line));
+        assert!(is_known && board.part.ends_with('i'), "{}", board.name);
+    }
     let memories = [
         0x0000_0000..0x0001_0000,
         BANK_1,

@@ -115,7 +115,7 @@ impl SelfTestAnswers {
         [
             judge::chip(&self.chip, &self.info),
             judge::option_bytes(&self.option_bytes),
-            judge::clocks(&self.clocks),
+            judge::clocks(&self.clocks, self.status.start.board),
             judge::memory(&self.memory),
             judge::rest(&self.rest),
             judge::output(&self.output, CORE_HZ),

@@ -1,7 +1,7 @@
 //! `stylus update` of a device with a bootloader, until the new image runs.
 
-use fake_stylus::{FakeStylus, StartedImage};
-use model_format::link::{DEVELOPMENT_SEED, ImageVersion};
+use fake_stylus::{BOARD, FakeStylus, StartedImage};
+use model_format::link::{BoardName, DEVELOPMENT_SEED, ImageVersion};
 use stylus_app::update::sign;
 
 use crate::support::{Bench, attached, holds, text};
@@ -22,8 +22,10 @@ const NEW: StartedImage = StartedImage {
 fn before_an_update(after: StartedImage) -> (FakeStylus, Bench) {
     let (stylus, bench) = attached(FakeStylus::start_updatable(vec![OLD, after]));
     let image = vec![7; 60_000];
-    let signed = sign(&image, NEW.version, &DEVELOPMENT_SEED);
-    bench.write("new.image", [&signed[..], &image].concat());
+    for (file, board) in [("new.image", BOARD), ("other.image", BoardName::new("WEACT-H743VI"))] {
+        let signed = sign(board, &image, NEW.version, &DEVELOPMENT_SEED);
+        bench.write(file, [&signed[..], &image].concat());
+    }
     (stylus, bench)
 }
 
@@ -32,6 +34,14 @@ fn an_update_is_done_once_the_new_image_runs_and_is_confirmed() {
     let (_stylus, bench) = before_an_update(NEW);
     let told = bench.succeed("update new.image");
     holds(&told, &["1.0.0 -> 1.1.0 (60000 bytes)", "confirmed"]);
+}
+
+#[test]
+fn an_update_for_another_board_is_refused_before_anything_of_it_is_sent() {
+    let (stylus, bench) = before_an_update(NEW);
+    let words = "for a WEACT-H743VI, and the device is a NUCLEO-H743ZI2: give";
+    holds(&bench.refuse("update other.image"), &[words]);
+    assert_eq!(stylus.count("stylus/update/begin"), 0);
 }
 
 #[test]

@@ -7,7 +7,7 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    BOARD, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, ResetReason, SIGNATURE_BYTES, SIGNED_BYTES,
+    BoardName, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, ResetReason, SIGNATURE_BYTES, SIGNED_BYTES,
     SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 use salty::{Keypair, PublicKey, Sha512, Signature};
@@ -22,6 +22,8 @@ pub const DEVELOPMENT_KEY: [u8; 32] = [
 /// The running image, and what it trusts.
 #[derive(Clone, Copy, Debug)]
 pub struct Running {
+    /// Board of the running image.
+    pub board: BoardName,
     /// Version of the running image.
     pub image: ImageVersion,
     /// The bootloader's version.
@@ -41,7 +43,7 @@ impl Running {
             .ok_or(UpdateError::NotAnImage)?;
         let header = ImageHeader::read(signed).ok_or(UpdateError::NotAnImage)?;
         let signature: &[u8; SIGNATURE_BYTES] = signature.try_into().map_err(|_| UpdateError::NotAnImage)?;
-        if header.board != BOARD {
+        if header.board != self.board {
             return Err(UpdateError::Board);
         }
         let length = header.length;
@@ -65,10 +67,11 @@ impl Running {
     }
 }
 
-/// Header and signature of `image` by the key of `seed`, as the device checks them. The device itself does not sign.
-pub fn sign(image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> [u8; SIGNED_BYTES] {
+/// Header and signature of `image` for `board` by the key of `seed`, as the device checks them. The device itself does
+/// not sign.
+pub fn sign(board: BoardName, image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> [u8; SIGNED_BYTES] {
     let header = ImageHeader {
-        board: BOARD,
+        board,
         version,
         length: image.len() as u32,
         digest: Sha512::new().updated(image).finalize(),
@@ -126,6 +129,7 @@ impl<R: NorFlash> Updates<R> {
             bootloader,
             key,
             takes_unsigned,
+            ..
         } = self.running;
         let record = self.store.record();
         let version = ImageVersion::new(record.version);

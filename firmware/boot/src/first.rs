@@ -3,6 +3,11 @@
 
 use core::arch::naked_asm;
 
+use stylus_board::{BOARD, Pin};
+
+/// The amplifier's enable.
+const ENABLE: Pin = BOARD.pins.amplifier;
+
 /// Starts the watchdog, turns the amplifier off, puts the output to mid-scale, and waits until RAM may be written.
 ///
 /// The function writes no RAM, and changes no register of the processor but r0 and r1. A second call changes neither
@@ -18,17 +23,17 @@ pub unsafe extern "C" fn make_safe() {
         "    ldr r0, =0x58004800",
         "    movw r1, #0xCCCC",
         "    str r1, [r0]",
-        // Clock of port E: RCC_AHB4ENR, bit 4 (RM0433 section 8.7.43). The read waits until the write has arrived. Then
-        // PE9, the amplifier's enable, becomes an output that drives low, the reset value of GPIOE_ODR: GPIOE_MODER,
-        // bits 19:18 from 11 to 01 (section 11.4.1).
+        // Clock of the port: RCC_AHB4ENR (RM0433 section 8.7.43). The read waits until the write has arrived. Then the
+        // amplifier's enable becomes an output that drives low, the reset value of GPIOx_ODR: its bits of GPIOx_MODER
+        // from 11 to 01 (section 11.4.1).
         "    ldr r0, =0x580244E0",
         "    ldr r1, [r0]",
-        "    orr r1, r1, #0x10",
+        "    orr r1, r1, #{clock}",
         "    str r1, [r0]",
         "    ldr r1, [r0]",
-        "    ldr r0, =0x58021000",
+        "    ldr r0, ={port}",
         "    ldr r1, [r0]",
-        "    bic r1, r1, #0x80000",
+        "    bic r1, r1, #{high}",
         "    str r1, [r0]",
         // Clock of DAC1: RCC_APB1LENR, bit 29 (RM0433 section 8.7.45).
         "    ldr r0, =0x580244E8",
@@ -57,5 +62,8 @@ pub unsafe extern "C" fn make_safe() {
         "    beq 2b",
         "    bx lr",
         "    .ltorg",
+        clock = const 1 << ENABLE.port,
+        port = const 0x5802_0000 + 0x400 * ENABLE.port,
+        high = const 0b10 << (2 * ENABLE.number),
     )
 }

@@ -17,7 +17,8 @@ use cortex_m::peripheral::SCB;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use stm32_metapac::gpio::vals::{Moder, Odr};
 use stm32_metapac::iwdg::vals::{Key, Pr};
-use stm32_metapac::{GPIOB, IWDG1, RCC};
+use stm32_metapac::{IWDG1, RCC};
+use stylus_board::{BOARD, Pin};
 use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, SECTOR_BYTES, VERSION_MAGIC, WORD_BYTES};
 use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
 use stylus_boot::{first, loader, supply, word};
@@ -89,8 +90,8 @@ const fn number(text: &str) -> u32 {
     }
 }
 
-/// Number of LD3's pin in port B.
-const LD3: usize = 14;
+/// The LED that is lit while the bootloader waits.
+const FAULT: Pin = BOARD.fault_led();
 
 extern "C" fn main() -> ! {
     // SAFETY: this runs once, and nothing else has taken them.
@@ -114,18 +115,17 @@ extern "C" fn main() -> ! {
     jump(&mut core.SCB)
 }
 
-/// Lights LD3, or puts it out, on PB14.
+/// Lights [`FAULT`], or puts it out.
 fn show_fault(is_fault: bool) {
-    RCC.ahb4enr().modify(|w| w.set_gpioben(true));
-    // The read waits until the write has arrived.
-    let _ = RCC.ahb4enr().read();
+    FAULT.start_clock();
     let level = if is_fault { Odr::HIGH } else { Odr::LOW };
-    GPIOB.odr().modify(|w| w.set_odr(LD3, level));
-    GPIOB.moder().modify(|w| w.set_moder(LD3, Moder::OUTPUT));
+    let port = FAULT.registers();
+    port.odr().modify(|w| w.set_odr(FAULT.number, level));
+    port.moder().modify(|w| w.set_moder(FAULT.number, Moder::OUTPUT));
 }
 
-/// Ends the start, with LD3 lit, because a sector that an exchange of images cannot do without is write-protected or
-/// worn. Power-on and the reset button try again.
+/// Ends the start, with [`FAULT`] lit, because a sector that an exchange of images cannot do without is write-protected
+/// or worn. Power-on and the reset button try again.
 fn stay() -> ! {
     show_fault(true);
     loop {
@@ -133,7 +133,7 @@ fn stay() -> ! {
     }
 }
 
-/// Waits, with LD3 lit, while the supply is too low for the flash. The wait has no limit, because no image can be
+/// Waits, with [`FAULT`] lit, while the supply is too low for the flash. The wait has no limit, because no image can be
 /// started before the exchange ends.
 fn wait_for_supply() {
     if supply::is_low() {

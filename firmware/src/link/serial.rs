@@ -1,4 +1,4 @@
-//! The serial link: USART3 on PD8 (TX) and PD9 (RX), the virtual serial port of the board's probe.
+//! The serial link: USART3 on the board's pins.
 //!
 //! A frame is one COBS frame, ended by a zero byte. Each byte causes an interrupt of lower priority than the tick. The
 //! peripheral's FIFO of 16 bytes, which is 170 µs, holds the bytes that come during a tick (RM0433 section 48.5.4).
@@ -6,7 +6,7 @@
 
 use embassy_stm32::interrupt::typelevel::{self, Handler};
 use embassy_stm32::pac;
-use embassy_stm32::peripherals::{self, PD8, PD9};
+use embassy_stm32::peripherals;
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError,
 };
@@ -14,6 +14,7 @@ use embassy_stm32::{Peri, bind_interrupts};
 use embedded_io_async::{Read, Write};
 use model_format::link::{MAX_DEVICE_FRAME_BYTES, MAX_HOST_FRAME_BYTES, SERIAL_BAUD};
 use static_cell::ConstStaticCell;
+use stylus_board::pin;
 
 use crate::link::outlet::{ReceiveFrame, SERIAL_COUNTERS, SendFrame};
 
@@ -54,8 +55,8 @@ impl Handler<typelevel::USART3> for LineErrors {
 /// Sets up the port and returns its sender and receiver.
 pub fn open(
     usart: Peri<'static, peripherals::USART3>,
-    tx: Peri<'static, PD8>,
-    rx: Peri<'static, PD9>,
+    tx: Peri<'static, pin!(peripherals::serial_tx)>,
+    rx: Peri<'static, pin!(peripherals::serial_rx)>,
 ) -> Result<(Sender, Receiver), ConfigError> {
     static TX: ConstStaticCell<[u8; SENT_BYTES]> = ConstStaticCell::new([0; SENT_BYTES]);
     // The largest buffer, for which the DTCM has no space. It holds zeros, because the start clears SRAM 4.

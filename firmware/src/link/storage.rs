@@ -22,7 +22,7 @@ use stylus_app::update::{Running, Updates};
 use stylus_boot::map::{self, RECORDS};
 use stylus_boot::record;
 
-use crate::device::Hardware;
+use crate::device::{Hardware, NAME};
 use crate::fault::heat;
 use crate::flash::banks::{Bank1, Bank2};
 use crate::flash::word;
@@ -140,6 +140,7 @@ fn running(takes_unsigned: bool) -> Option<Running> {
         return None;
     };
     (u32::from_le_bytes(*magic) == map::VERSION_MAGIC).then_some(Running {
+        board: NAME,
         image: ImageVersion::read(env!("CARGO_PKG_VERSION")).unwrap_or_default(),
         bootloader: ImageVersion::new(core::array::from_fn(|index| u32::from_le_bytes(numbers[index]) as u16)),
         key: KEY,

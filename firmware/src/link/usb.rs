@@ -18,6 +18,7 @@ use embassy_usb::msos::{self, windows_version};
 use embassy_usb::{Builder, Config, UsbDevice};
 use model_format::link::{MAX_HOST_FRAME_BYTES, USB_PRODUCT, USB_PRODUCT_ID, USB_VENDOR_ID};
 use static_cell::ConstStaticCell;
+use stylus_board::BOARD;
 
 use crate::link::otg::control::PACKET_BYTES;
 use crate::link::otg::driver::{BulkIn, BulkOut, Driver, Listen, Watch};
@@ -31,6 +32,9 @@ const READY_LIMIT: Duration = Duration::from_millis(100);
 
 /// Core identifiers that embassy's driver supports and this part may have (RM0433, OTG_CID).
 const CORES: [u32; 5] = [0x2000, 0x2100, 0x2300, 0x3000, 0x3100];
+
+/// Most current from the socket, mA.
+const SUPPLY_MA: u16 = BOARD.usb_ma;
 
 /// Class of vendor-specific interfaces (USB 2.0, section 9.6.1).
 const VENDOR_CLASS: u8 = 0xFF;
@@ -52,8 +56,8 @@ pub fn open(
     dm: Peri<'static, PA11>,
 ) -> (Device, Sender, Receiver) {
     let mut config = usb::Config::default();
-    // The socket does not power the board, and PA9, which senses the socket's VBUS, may have another use. So D+ is also
-    // pulled up while the socket has no power, which USB 2.0, section 7.1.5.1, forbids: a host that is off receives a
+    // A socket may not power the board, and PA9, which would sense its VBUS, may have another use. So D+ is also pulled
+    // up while the socket has no power, which USB 2.0, section 7.1.5.1, forbids: a host that is off receives a
     // current through 1.5 kΩ.
     config.vbus_detection = false;
     let driver = usb::Driver::new_fs(peripheral, Interrupts, dp, dm, OUT.take(), config);
@@ -103,9 +107,8 @@ fn describe(driver: Driver) -> (Device, Sender, Receiver) {
     config.device_sub_class = 0;
     config.device_protocol = 0;
     config.composite_with_iads = false;
-    // The debug probe's socket powers the board.
-    config.self_powered = true;
-    config.max_power = 0;
+    config.self_powered = SUPPLY_MA == 0;
+    config.max_power = SUPPLY_MA;
     let mut builder = Builder::new(
         driver,
         config,

@@ -9,15 +9,17 @@ mod clocks;
 mod output;
 mod read_back;
 
-use embassy_stm32::pac::{GPIOA, GPIOC};
 use embassy_time::Instant;
 use model_format::link::{
     ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, OptionByteValues, OutputValues, RestValues,
     SelfTestError,
 };
 use stylus_app::self_test::SelfTestHardware;
+use stylus_board::{BOARD, Pin};
 
 use crate::tick::inputs;
+
+const ENCODER: [Pin; 2] = [BOARD.pins.encoder_a, BOARD.pins.encoder_b];
 
 /// The hardware that is measured.
 pub struct BoardHardware;
@@ -35,12 +37,12 @@ impl SelfTestHardware for BoardHardware {
         chip::memory_errors()
     }
 
-    /// The lines are PA6 and PC7. An input register shows a pin's level whatever the pin's function (RM0433 section
+    /// An input register shows a pin's level whatever the pin's function (RM0433 section
     /// 11.3.1).
     fn encoder(&self) -> EncoderValues {
         EncoderValues {
             count: inputs::encoder_count(),
-            levels: [GPIOA.idr().read().0 >> 6 & 1 != 0, GPIOC.idr().read().0 >> 7 & 1 != 0],
+            levels: ENCODER.map(|pin| pin.registers().idr().read().0 >> pin.number & 1 != 0),
         }
     }
 

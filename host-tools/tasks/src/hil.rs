@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use anyhow::Result;
+use stylus_board::Board;
 
 use crate::firmware::{self, Image};
 use crate::toolchain::Toolchain;
@@ -47,7 +48,7 @@ pub struct Arguments {
 }
 
 /// Runs the suite.
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(board: &Board, arguments: &Arguments) -> Result<()> {
     // Building an example selects the same features as the tests, with which the library of the host's tools is already
     // built.
     let mut build = Command::new("cargo");
@@ -57,13 +58,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut suite = Command::new(workspace::host_target_folder().join("debug/hil"));
     if arguments.virtual_stylus || arguments.flash {
         let toolchain = Toolchain::find()?;
-        let product = firmware::build(&toolchain, Image::Product)?;
-        let faults = firmware::build(&toolchain, Image::FaultInjection)?;
+        let product = firmware::build(&toolchain, board, Image::Product)?;
+        let faults = firmware::build(&toolchain, board, Image::FaultInjection)?;
         if arguments.virtual_stylus {
             suite.arg("--virtual-stylus").arg(virtual_stylus::build_as_tested()?);
         } else {
             let program = firmware::probe_rs()?;
-            firmware::download(&product)?;
+            firmware::download(&product, board)?;
             suite.arg("--probe-rs").arg(program);
         }
         suite.arg("--product-image").arg(product);
@@ -74,6 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         BOARD_MINUTES
     });
+    suite.args(["--board", board.name]);
     suite.args(["--minutes", &minutes.to_string()]);
     // The environment may name the link of a board, for other commands.
     let link = arguments.link.iter().filter(|_| !arguments.virtual_stylus);

@@ -1,6 +1,7 @@
 //! Runs Clippy on the code that is built for the target, except the probe image of `tests/virtual-stylus`.
 
 use anyhow::Result;
+use stylus_board::ALL;
 
 use crate::guest::{self, Processor};
 use crate::toolchain::{Toolchain, check_clippy};
@@ -54,7 +55,7 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let target_folder = workspace::target_folder(PROCESSOR.name());
     let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
     guest.arg("--release");
-    let mut bootloader = firmware::bootloader(toolchain, "clippy", &Folders::here(firmware::FOLDER));
+    let mut bootloader = firmware::bootloader(toolchain, "clippy", &ALL[0], &Folders::here(firmware::FOLDER));
     for command in [&mut packages, &mut image, &mut bootloader, &mut guest] {
         command.arg("--quiet");
         command.env("RUSTFLAGS", guest::compiler_flags(PROCESSOR));

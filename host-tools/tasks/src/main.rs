@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use clap::{Parser, Subcommand};
+use stylus_board::Board;
 use tasks::firmware::Image;
 use tasks::process::Progress;
 use tasks::toolchain::{Toolchain, check_clippy};
@@ -17,6 +18,9 @@ use tasks::{
 #[derive(Parser)]
 #[command(name = "cargo tasks", bin_name = "cargo tasks")]
 struct Arguments {
+    /// The board of images, by the name of its file in firmware/boards/
+    #[arg(long, global = true, value_parser = stylus_board::named, default_value = stylus_board::ALL[0].name)]
+    board: &'static Board,
     #[command(subcommand)]
     task: Task,
 }
@@ -94,11 +98,14 @@ enum Task {
 }
 
 fn main() -> ExitCode {
-    let done = match Arguments::parse().task {
+    let Arguments { board, task } = Arguments::parse();
+    let done = match task {
         Task::Setup => setup(),
-        Task::Firmware { fault_injection } => build_firmware(either(fault_injection, Image::FaultInjection)).map(drop),
-        Task::Image(arguments) => build_firmware(Image::Product)
-            .and_then(|file| firmware::write_update(&file, &arguments))
+        Task::Firmware { fault_injection } => {
+            build_firmware(board, either(fault_injection, Image::FaultInjection)).map(drop)
+        }
+        Task::Image(arguments) => build_firmware(board, Image::Product)
+            .and_then(|file| firmware::write_update(&file, board, &arguments))
             .map(|written| println!("{}", written.display())),
         Task::Keys { file } => firmware::make_keys(&file).map(|public| {
             let secret = file.display();
@@ -106,13 +113,13 @@ fn main() -> ExitCode {
             println!("{}: for builds: STYLUS_UPDATE_KEY", public.display());
         }),
         Task::Reproducible => Toolchain::find()
-            .and_then(|toolchain| firmware::check_reproducible(&toolchain))
+            .and_then(|toolchain| firmware::check_reproducible(&toolchain, board))
             .map(|bytes| println!("the same {bytes} bytes from two folders")),
         Task::Flash { debug_halt } => {
-            build_firmware(either(debug_halt, Image::DebugHalt)).and_then(|file| firmware::flash(&file))
+            build_firmware(board, either(debug_halt, Image::DebugHalt)).and_then(|file| firmware::flash(&file, board))
         }
         Task::VirtualStylus { arguments } => {
-            match Toolchain::find().and_then(|found| virtual_stylus::run(&found, &arguments)) {
+            match Toolchain::find().and_then(|found| virtual_stylus::run(&found, board, &arguments)) {
                 Ok(code) => return ExitCode::from(code),
                 Err(failure) => Err(failure),
             }
@@ -120,7 +127,7 @@ fn main() -> ExitCode {
         Task::TestVirtualStylus { long, arguments } => {
             Toolchain::find().and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments))
         }
-        Task::Hil(arguments) => hil::run(&arguments),
+        Task::Hil(arguments) => hil::run(board, &arguments),
         Task::Attack(arguments) => attack::run(&arguments),
         Task::Soak(arguments) => soak::run(&arguments),
         Task::House => check_house(),
@@ -183,8 +190,8 @@ fn setup() -> Result<()> {
 
 /// Builds the image, and prints each memory's use and the file's path. Progress is shown, because a first build takes
 /// minutes.
-fn build_firmware(image: Image) -> Result<PathBuf> {
-    let file = firmware::build_saying(&Toolchain::find()?, image, Progress::Shown)?;
+fn build_firmware(board: &Board, image: Image) -> Result<PathBuf> {
+    let file = firmware::build_saying(&Toolchain::find()?, board, image, Progress::Shown)?;
     print!("{}", firmware::memory(&file)?);
     println!("{}", file.display());
     Ok(file)

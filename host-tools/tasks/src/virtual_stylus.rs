@@ -10,6 +10,7 @@ use std::process::Command;
 use std::thread;
 
 use anyhow::Result;
+use stylus_board::{ALL, Board};
 
 use crate::firmware::{self, Image};
 use crate::process::Progress;
@@ -40,23 +41,24 @@ fn cargo(subcommand: &str, progress: Progress) -> Command {
     cargo
 }
 
-/// Runs the product's image for interactive use, with the virtual stylus's own `arguments`, and returns its exit code.
-/// Image and emulator are built at the same time, because the end of either build keeps only one core busy. The
-/// progress of the longer build, the emulator's, is shown.
-pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<u8> {
+/// Runs the product's image for `board` for interactive use, with the virtual stylus's own `arguments`, and returns its
+/// exit code. Image and emulator are built at the same time, because the end of either build keeps only one core busy.
+/// The progress of the longer build, the emulator's, is shown.
+pub fn run(toolchain: &Toolchain, board: &Board, arguments: &[OsString]) -> Result<u8> {
     eprintln!(
         "building the emulator, and beside it the image for the STM32H743: {FIRST_BUILD} the first time, on two idle \
          cores"
     );
     let (image, program) = thread::scope(|scope| {
-        let image = scope.spawn(|| firmware::build(toolchain, Image::Product));
+        let image = scope.spawn(|| firmware::build(toolchain, board, Image::Product));
         let program = build(Progress::Shown);
         let image = image.join().unwrap_or_else(|panic| resume_unwind(panic));
         (image, program)
     });
     let (image, program) = (image?, program?);
     let mut run = Command::new(program);
-    process::become_like(run.arg("--image").arg(image).args(arguments))
+    run.args(["--board", board.name]).arg("--image").arg(image);
+    process::become_like(run.args(arguments))
 }
 
 /// Builds the images and runs all tests on the virtual stylus, including the long ones if `long`. The tests receive
@@ -65,7 +67,7 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<u8> {
 /// # Errors
 /// A build or a test fails, or the page's table does not describe this image.
 pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
-    let product = firmware::build(toolchain, Image::Product)?;
+    let product = firmware::build(toolchain, &ALL[0], Image::Product)?;
     let memory = firmware::memory(&product)?;
     print!("{memory}");
     let mut test = tests(toolchain, product)?;
@@ -99,7 +101,7 @@ fn built(cargo: &mut Command) -> Result<PathBuf> {
 
 /// Runs the tests that count ticks, such that they write the page's table.
 pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
-    let product = firmware::build(toolchain, Image::Product)?;
+    let product = firmware::build(toolchain, &ALL[0], Image::Product)?;
     let mut test = tests(toolchain, product)?;
     test.env("STYLUS_WRITE_TABLES", "1");
     process::run(test.args(["--test", "image", "--", "ticks::"]))
@@ -107,18 +109,26 @@ pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
 
 /// Runs only the test of endurance, with these environment variables.
 pub fn soak(toolchain: &Toolchain, variables: [(&str, u64); 2]) -> Result<()> {
-    let product = firmware::build(toolchain, Image::Product)?;
+    let product = firmware::build(toolchain, &ALL[0], Image::Product)?;
     let mut test = tests(toolchain, product)?;
     test.envs(variables.map(|(name, value)| (name, value.to_string())));
     process::run(test.args(["--test", "image", "--", "--ignored", "--nocapture", "soak::"]))
 }
 
-/// Returns the command that tests the virtual stylus with the product's image in the file `product`.
+/// Returns the command that tests the virtual stylus with the product's image in the file `product`, which is for the
+/// first board, and with the product's images for all others.
 fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test", Progress::Quiet);
     test.env("STYLUS_IMAGE", product);
     test.env("STYLUS_COMPILER", toolchain.compiler()?);
-    test.env("STYLUS_FAULT_IMAGE", firmware::build(toolchain, Image::FaultInjection)?);
+    test.env(
+        "STYLUS_FAULT_IMAGE",
+        firmware::build(toolchain, &ALL[0], Image::FaultInjection)?,
+    );
+    for board in &ALL[1..] {
+        let name = format!("STYLUS_IMAGE_{}", board.name);
+        test.env(name, firmware::build(toolchain, board, Image::Product)?);
+    }
     test.env("VIRTUAL_STYLUS_PROBE_IMAGE", build_probe(toolchain)?);
     Ok(test)
 }

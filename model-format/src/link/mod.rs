@@ -64,8 +64,8 @@ pub use settings::{
     PROPOSAL_VALID_MS, SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError, Tighter,
 };
 pub use start::{
-    ClockSource, FLASH_SUPPLY_MV, LEAST_BROWN_OUT_LEVEL, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision, StartReport,
-    StartStage,
+    BoardName, ClockSource, FLASH_SUPPLY_MV, LEAST_BROWN_OUT_LEVEL, QUICK_FAULT_MS, QUICK_FAULTS, SiliconRevision,
+    StartReport, StartStage,
 };
 pub use status::{
     Activity, CycleRange, CycleReport, DeviceInfo, Fault, FaultKind, FaultText, Levels, LinkCounters, Marks,
@@ -73,7 +73,7 @@ pub use status::{
     TickCounters, TickHistogram, VersionText,
 };
 pub use update::{
-    BOARD, DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, SIGNATURE_BYTES,
+    DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, SIGNATURE_BYTES,
     SIGNED_BYTES, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
 };
 pub use upload::{

@@ -1,7 +1,7 @@
 //! Report of the start: clock, silicon, supply, and faults that came soon after a start.
 
 use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Time after a start within which a fault counts as quick, ms. A run that lasts longer counts as healthy.
 pub const QUICK_FAULT_MS: u32 = 10_000;
@@ -16,7 +16,7 @@ pub const FLASH_SUPPLY_MV: u16 = 2_760;
 /// Source of the processor's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ClockSource {
-    /// The clock of 8 MHz from the board's debug probe, multiplied.
+    /// The clock or crystal of the board, multiplied.
     #[default]
     External,
     /// The internal oscillator of 64 MHz, multiplied. All times have its tolerance, about 1 %.
@@ -137,9 +137,49 @@ impl core::fmt::Display for SiliconRevision {
     }
 }
 
+/// Name of a board, with zeros after it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Schema)]
+pub struct BoardName(pub [u8; 16]);
+
+impl Serialize for BoardName {
+    /// Writes text into JSON.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() {
+            return serializer.serialize_str(self.as_str());
+        }
+        self.0.serialize(serializer)
+    }
+}
+
+impl BoardName {
+    /// The board called `name`, of which 16 bytes count.
+    pub const fn new(name: &str) -> Self {
+        let mut bytes = [0; 16];
+        let mut index = 0;
+        while index < bytes.len() && index < name.len() {
+            bytes[index] = name.as_bytes()[index];
+            index += 1;
+        }
+        Self(bytes)
+    }
+
+    /// The name; empty if it is none.
+    pub fn as_str(&self) -> &str {
+        core::str::from_utf8(&self.0).unwrap_or_default().trim_end_matches('\0')
+    }
+}
+
+impl core::fmt::Display for BoardName {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
 /// Report of the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct StartReport {
+    /// The board that the image was built for.
+    pub board: BoardName,
     /// Source of the clock.
     pub clock: ClockSource,
     /// Revision of the silicon.

@@ -7,16 +7,13 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{LIBRARY_CRC, ResetReason, SlotId, UploadError};
+use super::{BoardName, LIBRARY_CRC, ResetReason, SlotId, UploadError};
 
 /// First bytes of a header: name and version of the header's format.
 const MAGIC: [u8; 8] = *b"STYLIMG\x01";
 
 /// Size of the largest image, bytes: the three sectors of flash from which the image runs.
 pub const MAX_IMAGE_BYTES: u32 = 384 * 1024;
-
-/// Name of the board that this project's images run on, with zeros after it.
-pub const BOARD: [u8; 16] = *b"NUCLEO-H743ZI2\0\0";
 
 /// Length of a header, bytes.
 pub const HEADER_BYTES: usize = 100;
@@ -78,8 +75,8 @@ impl core::fmt::Display for ImageVersion {
 /// Header of an image; the signature is over the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageHeader {
-    /// Board that the image runs on, see [`BOARD`].
-    pub board: [u8; 16],
+    /// Board that the image runs on.
+    pub board: BoardName,
     /// Version of the image.
     pub version: ImageVersion,
     /// Length of the image, bytes.
@@ -93,7 +90,7 @@ impl ImageHeader {
     pub fn to_bytes(&self) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];
         bytes[..8].copy_from_slice(&MAGIC);
-        bytes[8..24].copy_from_slice(&self.board);
+        bytes[8..24].copy_from_slice(&self.board.0);
         let parts = bytes[24..30].as_chunks_mut::<2>().0.iter_mut();
         for (place, number) in parts.zip(self.version.numbers()) {
             *place = number.to_le_bytes();
@@ -113,7 +110,7 @@ impl ImageHeader {
         let digest = *rest.first_chunk::<64>()?;
         let [a, b, c, d, e, f, _, _] = *version;
         (*magic == MAGIC).then_some(Self {
-            board: *board,
+            board: BoardName(*board),
             version: ImageVersion::new([[a, b], [c, d], [e, f]].map(u16::from_le_bytes)),
             length: u32::from_le_bytes(*length),
             digest,
@@ -257,7 +254,7 @@ mod tests {
         fn a_header_comes_back(version: [u16; 3], length: u32, board: [u8; 16], byte: u8) {
             let digest = [byte; 64];
             let version = ImageVersion::new(version);
-            let header = ImageHeader { board, version, length, digest };
+            let header = ImageHeader { board: BoardName(board), version, length, digest };
             let bytes = header.to_bytes();
             prop_assert_eq!(ImageHeader::read(&bytes), Some(header));
             prop_assert_eq!(ImageHeader::read(&bytes[1..]), None);

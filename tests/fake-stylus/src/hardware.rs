@@ -12,9 +12,9 @@ use std::sync::atomic::AtomicI16;
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION, PlayError,
-    PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Response,
-    SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
+    BoardName, ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
+    PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason,
+    Response, SCHEMA_HASH, Selection, Settings, SiliconRevision, StartReport, TickCounters,
 };
 use model_format::scene::Biquad;
 use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};
@@ -39,8 +39,12 @@ const CORE_HZ: u32 = 400_000_000;
 /// Number of bytes that one step of a copy moves, as in the image.
 const COPY_BYTES: usize = 8 * 1024;
 
+/// The board.
+pub const BOARD: BoardName = BoardName::new("NUCLEO-H743ZI2");
+
 /// The report of a start without a fault, on silicon of revision V with the brown-out reset on.
 const HEALTHY_START: StartReport = StartReport {
+    board: BOARD,
     clock: ClockSource::External,
     revision: SiliconRevision(0x2003),
     brown_out_level: 3,

@@ -29,4 +29,5 @@ pub use board::Board;
 pub use connection::Faults;
 pub use device::BoardOf;
 pub use hand::Hand;
+pub use hardware::BOARD;
 pub use served::{FakeStylus, HeardFrame, StartedImage};

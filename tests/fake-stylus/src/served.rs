@@ -23,6 +23,7 @@ use crate::connection::{Connection, Faults};
 use crate::device::{Flash, SharedControl, SteppedStylus};
 use crate::flash::{Damage, Memory, SimulatedFlash};
 use crate::hand::Hand;
+use crate::hardware::BOARD;
 use crate::requests::{Requests, frame, path_of};
 
 /// Number of steps of the storage's task between two polls of the link. It is bounded so that frames are served during
@@ -282,6 +283,7 @@ fn updates(image: StartedImage) -> Updates<Flash> {
         store
     });
     let running = Running {
+        board: BOARD,
         image: image.version,
         bootloader: image.version,
         key: DEVELOPMENT_KEY,

@@ -20,6 +20,8 @@ pub enum Image {
 /// The images' ELF files.
 #[derive(Clone, Debug)]
 pub struct Images {
+    /// The board that they are for.
+    pub board: &'static stylus_board::Board,
     /// The image of the release.
     pub product: PathBuf,
     /// The product's image, extended by faults on request.
@@ -104,8 +106,6 @@ fn by_hand() -> Error {
 pub struct Probe {
     /// The probe-rs program.
     pub program: PathBuf,
-    /// The part's name for probe-rs.
-    pub chip: String,
     /// The images.
     pub images: Images,
 }
@@ -113,7 +113,7 @@ pub struct Probe {
 impl Probe {
     fn run(&self, subcommand: &[&str], file: Option<PathBuf>) -> Result<()> {
         let mut command = Command::new(&self.program);
-        command.args(subcommand).args(["--chip", &self.chip]);
+        command.args(subcommand).args(["--chip", self.images.board.probe]);
         command.args(file);
         let failed = |problem: String| Error::Program {
             program: format!("{} {}", self.program.display(), subcommand.join(" ")),
@@ -198,6 +198,7 @@ impl VirtualBoard {
     fn restart(&mut self, image: Image) -> Result<()> {
         self.end()?;
         let mut child = Command::new(&self.program)
+            .args(["--board", self.images.board.name])
             .arg("--image")
             .arg(self.images.file(image))
             .arg("--flash")

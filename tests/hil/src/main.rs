@@ -18,9 +18,6 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use stylus_link::link::{Device, LinkAddress, Timeouts};
 
-/// The part's name for probe-rs.
-const CHIP: &str = "STM32H743ZITx";
-
 /// Exit code after a second interrupt.
 const EXIT_INTERRUPTED: i32 = 130;
 
@@ -56,6 +53,9 @@ struct Arguments {
     /// The virtual stylus's program, which is started and takes the place of a board
     #[arg(long, hide = true, conflicts_with = "link", requires_all = ["product_image", "fault_image"])]
     virtual_stylus: Option<PathBuf>,
+    /// The board's name
+    #[arg(long, hide = true, value_parser = stylus_board::named, default_value = stylus_board::ALL[0].name)]
+    board: &'static stylus_board::Board,
     /// The ELF file of the product's image
     #[arg(long, hide = true)]
     product_image: Option<PathBuf>,
@@ -128,6 +128,7 @@ fn listen(interrupt: &Arc<AtomicBool>) -> Result<()> {
 
 fn board(arguments: &Arguments) -> Result<(Board, LinkAddress)> {
     let images = || Images {
+        board: arguments.board,
         product: arguments.product_image.clone().unwrap_or_default(),
         faults: arguments.fault_image.clone().unwrap_or_default(),
     };
@@ -139,7 +140,6 @@ fn board(arguments: &Arguments) -> Result<(Board, LinkAddress)> {
     let board = match &arguments.probe_rs {
         Some(program) => Board::Probe(Probe {
             program: program.clone(),
-            chip: CHIP.to_owned(),
             images: images(),
         }),
         None => Board::ByHand,

@@ -4,14 +4,13 @@
 //! at exactly that interval. A pin that nothing drives counts as mid-scale, because the amplifier's input holds it
 //! there.
 
+use stylus_board::Board;
 use stylus_plant::Plant;
 
 use crate::model::adc::Pins;
 use crate::model::dac::Output;
 use crate::sensors::{FULL_SCALE, MID_SCALE, REFERENCE_VOLTS};
 
-/// Channels of the accelerometer's axes.
-const AXES: [u8; 3] = [15, 10, 6];
 /// Duration of a step, nanoseconds.
 const STEP_NS: u64 = 25_000;
 /// The output's code at mid-scale, and the number of its codes.
@@ -21,6 +20,8 @@ const OUTPUT_CODES: f64 = 4096.0;
 /// Pins on which the accelerometer of a plant is connected. All other channels are read from `others`.
 #[derive(Debug)]
 pub struct ActuatedPins {
+    /// Channels of axes and force.
+    inputs: [u8; 4],
     plant: Plant,
     others: Box<dyn Pins>,
     volts: f64,
@@ -30,9 +31,10 @@ pub struct ActuatedPins {
 }
 
 impl ActuatedPins {
-    /// Connects the accelerometer of `plant`; `others` has all other channels.
-    pub fn new(plant: Plant, others: Box<dyn Pins>) -> Self {
+    /// Connects the accelerometer of `plant` on `board`; `others` has all other channels.
+    pub fn new(board: &Board, plant: Plant, others: Box<dyn Pins>) -> Self {
         Self {
+            inputs: board.inputs,
             plant,
             others,
             volts: 0.0,
@@ -51,7 +53,7 @@ impl ActuatedPins {
 
 impl Pins for ActuatedPins {
     fn code(&mut self, channel: u8, at_ns: u64) -> u16 {
-        let Some(axis) = AXES.iter().position(|&of| of == channel) else {
+        let Some(axis) = self.inputs[..3].iter().position(|&of| of == channel) else {
             return self.others.code(channel, at_ns);
         };
         self.go_on(at_ns);

@@ -11,6 +11,7 @@ use rigless::snapshot::Store;
 use rigless::soc::RegionKind;
 use rigless::soc::stm32h743::MEMORY;
 use rigless::soc::stm32h743::peripherals::usart;
+use stylus_board::Board as Described;
 
 use crate::chance::Chance;
 use crate::core::{self, Auditor, Touched};
@@ -26,8 +27,7 @@ const NAME: &str = "virtual-stylus";
 /// Pessimistic rate of the core: 400 MHz at two cycles per instruction. A Cortex-M7 often retires two instructions per
 /// cycle.
 pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 = NonZeroU64::new(200_000_000).expect("not zero");
-/// Crystals of the NUCLEO-H743ZI2: 8 MHz from the debug probe, if the probe supplies it, and 32.768 kHz.
-const HIGH_SPEED_HZ: u64 = 8_000_000;
+/// The low-speed crystal.
 const LOW_SPEED_HZ: u64 = 32_768;
 const SERIAL: &str = "USART3";
 /// Address of the part's unique identifier, which has 96 bits (section 61.1).
@@ -54,8 +54,9 @@ pub struct StylusBoard {
 }
 
 impl StylusBoard {
-    /// The board with `pins` at its converter.
+    /// The board that `described` describes, with `pins` at its converter.
     pub fn new(
+        described: &'static Described,
         pins: Box<dyn Pins>,
         electrical: Electrical,
         unreadable: Unreadable,
@@ -64,9 +65,17 @@ impl StylusBoard {
     ) -> Result<Self> {
         let told = |error: rigless::soc::Error| Error::Emulator(error.to_string());
         let defects = Defects::of(electrical.revision);
-        let mut part = Part::new(pins, electrical, unreadable.clone(), busy.clone(), defects.clone()).map_err(told)?;
+        let mut part = Part::new(
+            described,
+            pins,
+            electrical,
+            unreadable.clone(),
+            busy.clone(),
+            defects.clone(),
+        )
+        .map_err(told)?;
         // The emulator needs a rate. Without an external clock, the wrapper of the clock controller withholds HSE.
-        let high_speed_hz = electrical.clocks.external_hz.unwrap_or(HIGH_SPEED_HZ);
+        let high_speed_hz = electrical.clocks.external_hz.unwrap_or(described.clock.hz.into());
         part.rcc.inner.attach_crystals(high_speed_hz, LOW_SPEED_HZ);
         part.rest.set_supply(electrical.supply_millivolts);
         part.rest.set_analog_supply(electrical.supply_millivolts);

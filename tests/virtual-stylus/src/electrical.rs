@@ -3,13 +3,15 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use stylus_board::Board;
+
 use crate::model::oscillators::Clocks;
 
 /// REV_ID of revision V (section 60.5.8).
 const REVISION_V: u16 = 0x2003;
 /// BOR_LEV as it is set in a board's first hour; new parts have 0.
 const SET_BROWN_OUT_LEVEL: u8 = 3;
-/// Supply of the NUCLEO-H743ZI2, mV.
+/// Supply of a board, mV.
 const RAIL_MILLIVOLTS: u32 = 3300;
 
 /// Silicon, clocks and supply of a run.
@@ -25,10 +27,11 @@ pub struct Electrical {
     pub supply_millivolts: u32,
 }
 
-impl Default for Electrical {
-    fn default() -> Self {
+impl Electrical {
+    /// Silicon, clocks and supply of `board`.
+    pub fn of(board: &Board) -> Self {
         Self {
-            clocks: Clocks::default(),
+            clocks: Clocks::of(board),
             revision: REVISION_V,
             brown_out_level: SET_BROWN_OUT_LEVEL,
             supply_millivolts: RAIL_MILLIVOLTS,

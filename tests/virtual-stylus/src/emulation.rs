@@ -10,6 +10,7 @@ use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
+use stylus_board::{ALL, Board};
 
 use crate::board::StylusBoard;
 use crate::core::Auditor;
@@ -26,6 +27,8 @@ const TICK_HANDLER: &str = "TIM6_DAC";
 /// Options of a run.
 #[derive(Debug)]
 pub struct Options {
+    /// The board.
+    pub board: &'static Board,
     /// Content of the flash before the image is put into it.
     pub flash: Contents,
     /// Does not put the image into the flash, and runs the flash's own content, as after a power cut.
@@ -43,13 +46,22 @@ pub struct Options {
 }
 
 impl Default for Options {
+    /// The first board.
     fn default() -> Self {
+        Self::on(&ALL[0])
+    }
+}
+
+impl Options {
+    /// Options on `board`.
+    pub fn on(board: &'static Board) -> Self {
         Self {
+            board,
             flash: Contents::default(),
             keep_flash: false,
             pins: Box::new(ConstantPins::default()),
             ram_noise: None,
-            electrical: Electrical::default(),
+            electrical: Electrical::of(board),
             watch_ticks: true,
             note_registers: false,
         }
@@ -176,6 +188,7 @@ pub(crate) fn start(image: &Path, options: Options) -> Result<Ends> {
     let ticks = TickWatch::new(handler, auditor.clone());
     let busy = Busy::default();
     let board = StylusBoard::new(
+        options.board,
         options.pins,
         options.electrical,
         unreadable.clone(),

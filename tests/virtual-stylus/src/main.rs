@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use clap::Parser;
+use stylus_board::{ALL, Board, named};
 use stylus_plant::{Parameters, Plant};
 use virtual_link::announcement::Announcement;
 use virtual_stylus::actuator::ActuatedPins;
@@ -37,6 +38,9 @@ const EXIT_UNUSABLE: u8 = 2;
 #[derive(Parser)]
 #[command(name = "virtual-stylus", version)]
 struct Arguments {
+    /// The board, by the name of its file in firmware/boards/
+    #[arg(long, value_parser = named, default_value = ALL[0].name)]
+    board: &'static Board,
     /// The ELF file that `cargo firmware` built
     #[arg(long)]
     image: PathBuf,
@@ -62,7 +66,7 @@ struct Arguments {
     /// Vary the actuator model by this seed
     #[arg(long, requires = "plant")]
     plant_seed: Option<u64>,
-    /// Hold the button B1 while power comes on, and during the run
+    /// Hold the button while power comes on, and during the run
     #[arg(long)]
     button: bool,
     /// Run as fast as this computer can, instead of in real time
@@ -178,29 +182,28 @@ fn announce(links: &[String]) -> Option<Announcement> {
 }
 
 fn options(arguments: &Arguments, flash: Contents, lines: Vec<MotionLine>) -> Result<Options> {
-    let mut pins = sensor_pins(lines);
+    let board = arguments.board;
+    let mut pins = sensor_pins(board.inputs[3], lines);
     if let Some(source) = &arguments.plant {
         let mut parameters = Parameters::read(source)?;
         let seed = arguments.plant_seed.unwrap_or_default();
         if arguments.plant_seed.is_some() {
             parameters = parameters.varied(seed);
         }
-        pins = Box::new(ActuatedPins::new(Plant::new(&parameters, seed), pins));
+        pins = Box::new(ActuatedPins::new(board, Plant::new(&parameters, seed), pins));
     }
     Ok(Options {
         flash,
         pins,
-        ..Options::default()
+        ..Options::on(board)
     })
 }
 
-/// Pins of the sensors: the accelerometer at rest, and the force of the motion.
-fn sensor_pins(lines: Vec<MotionLine>) -> Box<dyn Pins> {
-    /// Channel of the converter to which the force sensor is connected.
-    const FORCE: u8 = 5;
+/// Pins of the sensors: the accelerometer at rest, and the force of the motion on the channel `force`.
+fn sensor_pins(force: u8, lines: Vec<MotionLine>) -> Box<dyn Pins> {
     let (zero, scale) = (sensors::force_zero_volts(), sensors::newtons_per_volt());
     Box::new(FunctionPins(move |channel: u8, at_ns: u64| {
-        let code = if channel == FORCE {
+        let code = if channel == force {
             let volts = zero + force_at(&lines, at_ns as f64 / NANOS_PER_SECOND) / scale;
             volts / REFERENCE_VOLTS * FULL_SCALE
         } else {

@@ -14,6 +14,7 @@ use rigless::soc::stm32h743::peripherals::rcc::{Kernel, Rcc};
 use rigless::soc::stm32h743::peripherals::tim::{BASIC_TIMERS, Basic, General, TIMER_16, TIMERS, Tim, Tim16};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
+use stylus_board::Board;
 
 use crate::electrical::{Defects, Electrical, Interrupt, OldConverter};
 use crate::model::adc::{Injected, Pins};
@@ -34,13 +35,10 @@ use crate::model::watchdog::Watchdog;
 const TIM6: usize = 0;
 const TIM7: usize = 1;
 const TIM3: usize = 1;
+/// Names of the ports that a board may use.
+pub const PORTS: [&str; 5] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE"];
 /// Names of serial ports without their numbers. Of the emulator's own models only theirs look outside at a stop.
 const SERIAL_PORTS: [&str; 3] = ["USART", "UART", "LPUART"];
-/// Pin of port E that enables the amplifier.
-const AMPLIFIER_PIN: u32 = 9;
-/// The button B1: its port, C, and its pin.
-const PORT_C: usize = 2;
-const B1: Pin = Pin::new(13).expect("a port has 16 pins");
 
 #[derive(Clone, Copy, Debug)]
 struct Slots {
@@ -130,7 +128,7 @@ pub struct Part {
     pub timer: Extended<Tim<Basic>, TriggerOutput>,
     /// TIM7, the clock of the codes at the output.
     pub code_timer: Extended<Tim<Basic>, TriggerOutput>,
-    /// Port E, with the amplifier's enable on PE9.
+    /// The port with the amplifier's enable.
     pub amplifier: Extended<Gpio, PinRecord>,
     /// TIM3, which counts the encoder.
     pub encoder: Extended<Tim<General>, Quadrature>,
@@ -144,6 +142,7 @@ pub struct Part {
     /// The clock controller.
     pub rcc: Extended<Rcc, Oscillators>,
     trimming: Trimming,
+    board: &'static Board,
     electrical: Electrical,
     defects: Defects,
     slots: Slots,
@@ -153,8 +152,10 @@ pub struct Part {
 }
 
 impl Part {
-    /// The part as the power comes on, with `pins` at its converter. `defects` passes its defects to the core.
+    /// The part on `board` as the power comes on, with `pins` at its converter. `defects` passes its defects to the
+    /// core.
     pub fn new(
+        board: &'static Board,
         pins: Box<dyn Pins>,
         electrical: Electrical,
         unreadable: Unreadable,
@@ -165,6 +166,7 @@ impl Part {
         let usb_slot = rest.bus_mut().add_window(usb::window())?;
         let layout = rest.bus().slots()[usb_slot].peripheral().registers;
         let slot = |name| rest.bus().slot(name);
+        let enable = board.pins.amplifier;
         let slots = Slots {
             dac: slot("DAC")?,
             adc: slot("ADC1")?,
@@ -172,7 +174,7 @@ impl Part {
             low_speed: slot("TIM16")?,
             timer: slot("TIM6")?,
             code_timer: slot("TIM7")?,
-            amplifier: slot("GPIOE")?,
+            amplifier: slot(PORTS[enable.port])?,
             encoder: slot("TIM3")?,
             flash: slot("Flash")?,
             watchdog: slot("IWDG")?,
@@ -203,12 +205,12 @@ impl Part {
         let mut part = Self {
             rest,
             dac: Dac::default(),
-            adc: Extended::new(Adc::new(Converter::Adc1, 0), Injected::new(pins)),
+            adc: Extended::new(Adc::new(Converter::Adc1, 0), Injected::new(pins, board.driven)),
             read_back: Extended::new(Adc::new(Converter::Adc2, 0), ReadBack::default()),
             low_speed: Extended::new(Tim::new(TIMER_16), LowSpeedInput::default()),
             timer: Extended::new(Tim::new(BASIC_TIMERS[TIM6]), TriggerOutput::default()),
             code_timer: Extended::new(Tim::new(BASIC_TIMERS[TIM7]), TriggerOutput::default()),
-            amplifier: Extended::new(Gpio::default(), PinRecord::new(AMPLIFIER_PIN)),
+            amplifier: Extended::new(Gpio::default(), PinRecord::new(enable.number as u32)),
             encoder: Extended::new(Tim::new(TIMERS[TIM3]), Quadrature::default()),
             flash: Extended::new(Flash::new(), journal),
             watchdog: Watchdog::default(),
@@ -216,6 +218,7 @@ impl Part {
             usb_reset: UsbReset::default(),
             rcc: Extended::new(Rcc::new(), Oscillators::new(electrical.clocks)),
             trimming: Trimming::default(),
+            board,
             electrical,
             defects,
             slots,
@@ -294,11 +297,13 @@ impl Part {
         self.show_revision();
     }
 
-    /// Presses the button B1, which pulls PC13 up, or releases the button.
+    /// Presses the button, which pulls its pin up, or releases it. Panics if a port has no such pin.
     pub fn press_button(&mut self, at: VirtualNanos, pressed: bool) {
         let level = pressed.then_some(Level::High);
-        self.rest.drive_port(at, PORT_C, |gpio, registers, context| {
-            gpio.drive(B1, level, registers, context);
+        let button = self.board.pins.button;
+        let pin = Pin::new(button.number as u8).expect("a port has 16 pins");
+        self.rest.drive_port(at, button.port, |gpio, registers, context| {
+            gpio.drive(pin, level, registers, context);
         });
     }
 

@@ -226,7 +226,7 @@ impl VirtualStylus {
         self.board(move |board| board.part.set_supply(millivolts));
     }
 
-    /// Presses or releases the button B1.
+    /// Presses or releases the button.
     pub fn press_button(&mut self, pressed: bool) {
         let now = VirtualNanos(self.now_ns);
         self.board(move |board| board.part.press_button(now, pressed));

@@ -13,8 +13,8 @@ use fake_stylus::flash::{Cut, Memory, Mishap, Operation, SECTOR_BYTES, Simulated
 use fake_stylus::library;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError, SlotId, TRIAL_MS,
-    UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadError,
+    BoardName, DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError, SlotId,
+    TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadError,
 };
 use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
@@ -527,8 +527,12 @@ fn a_confirmation_that_was_cut_at_its_very_end_costs_no_image() {
     }
 }
 
+/// The board.
+pub const BOARD: BoardName = BoardName::new("NUCLEO-H743ZI2");
+
 /// The running image.
 pub const RUNNING: Running = Running {
+    board: BOARD,
     image: VERSION,
     bootloader: VERSION,
     key: DEVELOPMENT_KEY,
@@ -567,7 +571,7 @@ fn state(stylus: &mut SteppedStylus) -> UpdateReport {
 #[test]
 fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_or_allowed() {
     let image = pattern(5, 3_000);
-    let signed = |image: &[u8], version| sign(image, version, &DEVELOPMENT_SEED);
+    let signed = |image: &[u8], version| sign(BOARD, image, version, &DEVELOPMENT_SEED);
     let good = signed(&image, VERSION);
     let offered = ImageVersion::new([2, 3, 3]);
     let long = vec![0; MAX_IMAGE_BYTES as usize + 1];
@@ -587,7 +591,7 @@ fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_o
         (signed(&long, VERSION), UpdateError::Length { length }),
         (changed(40), UpdateError::Signature),
         (changed(120), UpdateError::Signature),
-        (sign(&image, VERSION, &[7; 32]), UpdateError::Signature),
+        (sign(BOARD, &image, VERSION, &[7; 32]), UpdateError::Signature),
         (unsigned, UpdateError::Signature),
         (signed(&image, offered), UpdateError::Downgrade { running, offered }),
     ];
@@ -625,7 +629,7 @@ fn an_update_asks_for_the_exchange_and_a_restart_and_leaves_the_active_library()
     let image = pattern(5, 140_001);
     let mut stylus = stylus(RUNNING, Record::NONE);
     let active = stylus.storage.slots().active.expect("it is ready");
-    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let begin = UpdateBegin::new(&image, &sign(BOARD, &image, VERSION, &DEVELOPMENT_SEED));
     let report = update(&mut stylus, &image, &begin).expect("it is signed");
     assert_eq!(report.phase, UpdatePhase::Committed { version: VERSION });
     assert!(stylus.storage.wants_restart());
@@ -639,7 +643,7 @@ fn an_update_asks_for_the_exchange_and_a_restart_and_leaves_the_active_library()
 fn bytes_other_than_the_signed_ones_are_not_committed() {
     let image = pattern(5, 3_000);
     let mut stylus = stylus(RUNNING, Record::NONE);
-    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let begin = UpdateBegin::new(&image, &sign(BOARD, &image, VERSION, &DEVELOPMENT_SEED));
     let refused = update(&mut stylus, &pattern(6, 3_000), &begin);
     assert_eq!(refused, Err(UpdateError::Digest));
     assert!(!stylus.storage.wants_restart());
@@ -651,7 +655,7 @@ fn bytes_other_than_the_signed_ones_are_not_committed() {
 fn an_update_that_is_refused_on_trial_leaves_a_device_that_plays_and_can_be_confirmed() {
     let image = pattern(5, 3_000);
     let mut stylus = stylus(RUNNING, trial());
-    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let begin = UpdateBegin::new(&image, &sign(BOARD, &image, VERSION, &DEVELOPMENT_SEED));
     let refused = update(&mut stylus, &image, &begin);
     assert_eq!(refused, Err(UpdateError::Unconfirmed));
     let confirmed = stylus.request(async |storage, stage| storage.update_confirm(stage).await);

@@ -2,7 +2,7 @@
 //!
 //! | source | core | 48 MHz of USB | tolerance |
 //! |---|---|---|---|
-//! | external: 8 MHz, which the board's ST-LINK drives into HSE | 400 MHz, PLL1 | PLL3 | that of a crystal |
+//! | external: HSE, of the board's frequency | 400 MHz, PLL1 | PLL3 | that of a crystal |
 //! | internal: HSI, 64 MHz | 400 MHz, PLL1 | HSI48, trimmed by the host's frames | 1 % |
 //! | unmultiplied: HSI | 64 MHz | HSI48, trimmed by the host's frames | 1 %; no samples |
 //!
@@ -23,6 +23,7 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 use model_format::link::{ClockSource, SiliconRevision, StartStage};
+use stylus_board::{BOARD, Clock};
 
 /// Clock of the core, Hz.
 pub const CORE_HZ: u32 = 400_000_000;
@@ -38,6 +39,9 @@ pub const CONVERTER_BOOST: Boost = Boost::LT12_5;
 
 /// Clock of the core from the reset until [`config`] is applied: HSI, Hz (RM0433 section 8.5.2).
 const RESET_HZ: u32 = 64_000_000;
+
+/// The external clock.
+const HSE: Clock = BOARD.clock;
 
 /// Longest wait for the external clock, ms. A crystal takes some 2 ms (DS12110, HSE oscillator characteristics). The
 /// ST-LINK's output takes less, once the ST-LINK's own firmware runs.
@@ -65,9 +69,9 @@ pub fn select(best: ClockSource) -> ClockSource {
     best
 }
 
-/// Turns HSE on, in bypass. Returns true once HSE is ready, and false if that takes too long.
+/// Turns HSE on. Returns true once HSE is ready, and false if that takes too long.
 fn starts_external() -> bool {
-    RCC.cr().modify(|w| w.set_hsebyp(true));
+    RCC.cr().modify(|w| w.set_hsebyp(!HSE.is_crystal));
     RCC.cr().modify(|w| w.set_hseon(true));
     let begin = DWT::cycle_count();
     while !RCC.cr().read().hserdy() {
@@ -105,30 +109,69 @@ pub fn config(source: ClockSource, revision: SiliconRevision) -> embassy_stm32::
     match source {
         ClockSource::External => {
             rcc.hse = Some(Hse {
-                freq: Hertz(8_000_000),
-                mode: HseMode::Bypass,
+                freq: Hertz(HSE.hz),
+                mode: if HSE.is_crystal {
+                    HseMode::Oscillator
+                } else {
+                    HseMode::Bypass
+                },
             });
             rcc.hsi48 = None;
             rcc.mux.usbsel = mux::Usbsel::PLL3_Q;
-            multiply(rcc, PllSource::HSE, PllPreDiv::DIV2, converter);
+            multiply(rcc, PllSource::HSE, const { Reference::of(HSE.hz) }, converter);
         }
-        ClockSource::Internal => multiply(rcc, PllSource::HSI, PllPreDiv::DIV16, converter),
+        ClockSource::Internal => multiply(rcc, PllSource::HSI, const { Reference::of(RESET_HZ) }, converter),
         ClockSource::InternalUnmultiplied => rcc.sys = Sysclk::HSI,
     }
     config
 }
 
-/// Sets the PLLs and buses for `source`. The divider `divided` brings `source` to 4 MHz, and the divider `converter` is
-/// for the ADC's clock.
-///
-/// At this reference of 4 MHz a PLL needs its wide range of 192 to 960 MHz, because the medium range is for references
-/// of 1 to 2 MHz (RM0433 section 8.5.5). embassy chooses the medium range for every frequency within it, so each PLL
-/// here runs above the medium range's end of 420 MHz.
-fn multiply(rcc: &mut embassy_stm32::rcc::Config, source: PllSource, divided: PllPreDiv, converter: PllDiv) {
+/// Frequencies of the oscillators of PLL1, PLL2 and PLL3, MHz. Above a reference of 2 MHz a PLL needs its wide range of
+/// 192 to 960 MHz (RM0433 section 8.5.5). embassy chooses the medium range for every frequency within it, so these lie
+/// above the medium range's end of 420 MHz.
+const OSCILLATORS_MHZ: [u32; 3] = [800, 500, 480];
+
+/// The dividers of all PLLs before and after their comparator.
+#[derive(Clone, Copy)]
+struct Reference {
+    divider: PllPreDiv,
+    multipliers: [PllMul; 3],
+}
+
+impl Reference {
+    /// The fastest reference that divides a clock of `hz`, lies above 2 MHz and at most at 16 MHz, and of which each
+    /// oscillator is a multiple. A clock without one ends the build.
+    const fn of(hz: u32) -> Self {
+        let mut divider = 1;
+        loop {
+            let reference = hz / divider;
+            assert!(reference > 2_000_000, "no reference for the PLLs");
+            let [core, adc, usb] = OSCILLATORS_MHZ;
+            // 20 MHz is the greatest common divisor of the oscillators' frequencies.
+            let is_whole = hz.is_multiple_of(divider) && 20_000_000_u32.is_multiple_of(reference);
+            if is_whole && reference <= 16_000_000 {
+                return Self {
+                    divider: PllPreDiv::from_bits(divider as u8),
+                    multipliers: [times(core, reference), times(adc, reference), times(usb, reference)],
+                };
+            }
+            divider += 1;
+        }
+    }
+}
+
+/// The multiplier that makes `mhz` of a reference.
+const fn times(mhz: u32, reference_hz: u32) -> PllMul {
+    PllMul::from_bits((mhz * 1_000_000 / reference_hz - 1) as u16)
+}
+
+/// Sets the PLLs and buses for `source`. The divider `converter` is for the ADC's clock.
+fn multiply(rcc: &mut embassy_stm32::rcc::Config, source: PllSource, reference: Reference, converter: PllDiv) {
+    let [core, adc, usb] = reference.multipliers;
     let pll = |mul, divp, divq| {
         Some(Pll {
             source,
-            prediv: divided,
+            prediv: reference.divider,
             mul,
             fracn: None,
             divp,
@@ -136,13 +179,11 @@ fn multiply(rcc: &mut embassy_stm32::rcc::Config, source: PllSource, divided: Pl
             divr: None,
         })
     };
-    // 4 MHz x 200 / 2.
-    rcc.pll1 = pll(PllMul::MUL200, Some(PllDiv::DIV2), None);
-    // For the ADC: 4 MHz x 125 / 20 or / 40.
-    rcc.pll2 = pll(PllMul::MUL125, Some(converter), None);
-    // For USB: 4 MHz x 120 / 10. PLL3 also runs, unused, on the internal clock, because embassy turns a PLL off by
+    rcc.pll1 = pll(core, Some(PllDiv::DIV2), None);
+    rcc.pll2 = pll(adc, Some(converter), None);
+    // PLL3 also runs, unused, on the internal clock, because embassy turns a PLL off by
     // writing the dividers of all PLLs.
-    rcc.pll3 = pll(PllMul::MUL120, None, Some(PllDiv::DIV10));
+    rcc.pll3 = pll(usb, None, Some(PllDiv::DIV10));
     rcc.sys = Sysclk::PLL1_P;
     rcc.ahb_pre = AHBPrescaler::DIV2;
     rcc.apb1_pre = APBPrescaler::DIV2;

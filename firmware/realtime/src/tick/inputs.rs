@@ -1,40 +1,31 @@
-//! Inputs of the tick: four channels of ADC1, started by TIM6, and the encoder's count.
-//!
-//! | signal | pin | input |
-//! |---|---|---|
-//! | acceleration X, Y, Z | PA3, PC0, PF12 | ADC1 INP15, INP10, INP6 |
-//! | normal force | PB1 | ADC1 INP5 |
-//! | encoder A, B | PA6, PC7 | TIM3 CH1, CH2 |
+//! Inputs of the tick: four channels of ADC1, started by TIM6, and the encoder's count by TIM3. `firmware/boards/` has
+//! their pins.
 //!
 //! embassy-stm32 calibrates and enables the converter and configures the encoder's timer. It does not support an
 //! injected sequence of this converter, so this module sets one up by RM0433 sections 25.4.19 to 25.4.22. A trigger
 //! starts the sequence. Its four results stay in JDR1 to JDR4 until the next sequence overwrites them. The first
 //! channel is sampled for longer than the others, so that the first result comes late. Therefore a tick that a critical
 //! section delays still reads the results of the previous trigger.
-//!
-//! Z is not on PC1, because on this board PC1 is the Ethernet transceiver's MDC (UM2407). PF11 (ADC1 INP2) is the other
-//! pin of this converter that nothing else drives.
 
 use embassy_stm32::Peri;
-use embassy_stm32::adc::Adc;
-use embassy_stm32::gpio::{Flex, Pull};
+use embassy_stm32::adc::{Adc, AdcChannel, AnyAdcChannel};
+use embassy_stm32::gpio::Pull;
 use embassy_stm32::pac::adc::vals::{Exten, Jqm, Pcsel, SampleTime};
 use embassy_stm32::pac::timer::vals::FilterValue;
 use embassy_stm32::pac::{ADC1, TIM3, TIM6};
-use embassy_stm32::peripherals::{self, PA3, PA6, PB1, PC0, PC7, PF12};
+use embassy_stm32::peripherals;
 use embassy_stm32::timer::qei::{self, Qei};
 use model_format::AdcCode;
 use stylus_app::SAMPLE_RATE_HZ;
+use stylus_board::pin;
 
 use crate::boot::clock::{CONVERTER_BOOST, CONVERTER_HZ, TIMER_HZ};
-
-/// Channels in the order of the sequence: acceleration X, Y, Z, and force.
-const CHANNELS: [u8; 4] = [15, 10, 6, 5];
 
 /// A sampling time, and its length in half cycles of the converter (RM0433 section 25.4.13).
 type Sampling = (SampleTime, u32);
 
-/// Sampling time of each channel. The sampling time of the first channel determines how late a tick may be.
+/// Sampling time of each channel, in the order of the sequence: acceleration X, Y, Z, and force. The sampling time of
+/// the first channel determines how late a tick may be.
 const SAMPLING: [Sampling; 4] = {
     const LONG: Sampling = (SampleTime::CYCLES387_5, 775);
     const SHORT: Sampling = (SampleTime::CYCLES64_5, 129);
@@ -87,19 +78,19 @@ pub struct Pins {
     /// The converter.
     pub adc: Peri<'static, peripherals::ADC1>,
     /// Acceleration along X.
-    pub acceleration_x: Peri<'static, PA3>,
+    pub acceleration_x: Peri<'static, pin!(peripherals::acceleration_x)>,
     /// Acceleration along Y.
-    pub acceleration_y: Peri<'static, PC0>,
+    pub acceleration_y: Peri<'static, pin!(peripherals::acceleration_y)>,
     /// Acceleration along Z.
-    pub acceleration_z: Peri<'static, PF12>,
+    pub acceleration_z: Peri<'static, pin!(peripherals::acceleration_z)>,
     /// Normal force.
-    pub force: Peri<'static, PB1>,
+    pub force: Peri<'static, pin!(peripherals::force)>,
     /// The encoder's timer.
     pub timer: Peri<'static, peripherals::TIM3>,
     /// The encoder's first signal.
-    pub encoder_a: Peri<'static, PA6>,
+    pub encoder_a: Peri<'static, pin!(peripherals::encoder_a)>,
     /// The encoder's second signal.
-    pub encoder_b: Peri<'static, PC7>,
+    pub encoder_b: Peri<'static, pin!(peripherals::encoder_b)>,
 }
 
 /// Sets up all inputs and arms the sequence, which TIM6 starts at each trigger.
@@ -114,15 +105,15 @@ pub fn start(pins: Pins) {
         encoder_a,
         encoder_b,
     } = pins;
-    // Dropping a `Flex` leaves its pin analogue.
-    drop((
-        Flex::new(acceleration_x),
-        Flex::new(acceleration_y),
-        Flex::new(acceleration_z),
-        Flex::new(force),
-    ));
+    // Each pin becomes analogue. embassy knows its channel.
+    let channels: [AnyAdcChannel<'_, peripherals::ADC1>; SAMPLING.len()] = [
+        acceleration_x.degrade_adc(),
+        acceleration_y.degrade_adc(),
+        acceleration_z.degrade_adc(),
+        force.degrade_adc(),
+    ];
     let _ = Adc::new(adc);
-    arm_sequence();
+    arm_sequence(channels.map(|channel| channel.get_hw_channel()));
     // Pull-ups, because many encoders have open collectors.
     let config = qei::Config {
         ch1_pull: Pull::Up,
@@ -138,15 +129,15 @@ pub fn start(pins: Pins) {
     });
 }
 
-fn arm_sequence() {
+fn arm_sequence(channels: [u8; SAMPLING.len()]) {
     // embassy sets the boost for the clock before the silicon halves it.
     ADC1.cr().modify(|w| w.set_boost(CONVERTER_BOOST));
     ADC1.pcsel().modify(|w| {
-        for channel in CHANNELS {
+        for channel in channels {
             w.set_pcsel(usize::from(channel), Pcsel::PRESELECTED);
         }
     });
-    for (channel, (time, _)) in CHANNELS.map(usize::from).into_iter().zip(SAMPLING) {
+    for (channel, (time, _)) in channels.map(usize::from).into_iter().zip(SAMPLING) {
         ADC1.smpr(channel / 10).modify(|w| w.set_smp(channel % 10, time));
     }
     ADC1.cfgr().modify(|w| {
@@ -155,10 +146,10 @@ fn arm_sequence() {
         w.set_jqm(Jqm::MODE0);
     });
     ADC1.jsqr().write(|w| {
-        w.set_jl(CHANNELS.len() as u8 - 1);
+        w.set_jl(channels.len() as u8 - 1);
         w.set_jextsel(TRIGGER_TIM6);
         w.set_jexten(Exten::RISING_EDGE);
-        for (rank, channel) in CHANNELS.into_iter().enumerate() {
+        for (rank, channel) in channels.into_iter().enumerate() {
             w.set_jsq(rank, channel);
         }
     });

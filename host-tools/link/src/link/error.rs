@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use model_format::link::{
-    ActivateError, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError, SelfTestError,
-    SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError, UploadError,
+    ActivateError, BoardName, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError,
+    SelfTestError, SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError, UploadError,
 };
 use postcard_rpc::standard_icd::WireError;
 
@@ -132,6 +132,16 @@ pub enum LinkError {
     },
     #[error("the device refuses the upload: {0}")]
     Upload(Box<UploadError>),
+    #[error(
+        "the update is for a {offered}, and the device is a {board}: give one that was built for it, by `cargo tasks \
+         image --board {board}`"
+    )]
+    OtherBoard {
+        /// Board of the update.
+        offered: BoardName,
+        /// Board of the device.
+        board: BoardName,
+    },
     #[error("the device refuses the update: {0}")]
     Update(Box<UpdateError>),
     #[error("the device cannot list its content: {0}")]

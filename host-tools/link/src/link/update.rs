@@ -81,6 +81,10 @@ pub fn update(
     mut step: impl FnMut(Step),
 ) -> Result<Updated> {
     let before = device.update_state()?.ok_or(UpdateError::NoBootloader)?;
+    let (offered, board) = (file.header.board, device.status()?.start.board);
+    if offered != board {
+        return Err(LinkError::OtherBoard { offered, board });
+    }
     let image = file.image();
     let begin = UpdateBegin {
         allow_downgrade,

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result};
+use stylus_board::{ALL, Board};
 
 use crate::process::{self, Progress};
 use crate::toolchain::Toolchain;
@@ -21,9 +22,6 @@ pub use memory::{Memory, Use};
 pub use placement::check as check_placement;
 pub use reproducible::check as check_reproducible;
 pub use update_file::{Arguments as UpdateArguments, make_keys, write as write_update};
-
-/// The part's name for probe-rs.
-const CHIP: &str = "STM32H743ZITx";
 
 /// Name of the folder of the firmware's builds.
 pub(crate) const FOLDER: &str = "firmware";
@@ -52,29 +50,38 @@ impl Image {
         }
     }
 
-    const fn file_name(self) -> &'static str {
-        match self {
-            Self::Product => "stylus-firmware.elf",
-            Self::FaultInjection => "stylus-firmware-faults.elf",
-            Self::DebugHalt => "stylus-firmware-debug-halt.elf",
-        }
+    fn file_name(self, board: &Board) -> String {
+        let variant = match self {
+            Self::Product => "",
+            Self::FaultInjection => "-faults",
+            Self::DebugHalt => "-debug-halt",
+        };
+        format!("stylus-firmware{}{variant}.elf", suffix(board))
     }
 }
 
-/// Builds `image` and returns its file. Checks that the tick's code reads no flash, that flashing writes only the
-/// bootloader, the image and the records' last pages, and that the product leaves free space in bootloader, flash and
-/// ITCM. A second file for the part's built-in loader is written next to it, with the extension dfu.
+/// What the names of a board's files have behind their first words: nothing for the first board.
+pub fn suffix(board: &Board) -> String {
+    if board.name == ALL[0].name {
+        return String::new();
+    }
+    format!("-{}", board.name.to_lowercase())
+}
+
+/// Builds `image` for `board` and returns its file. Checks that the tick's code reads no flash, that flashing writes
+/// only the bootloader, the image and the records' last pages, and that the product leaves free space in bootloader,
+/// flash and ITCM. A second file for the part's built-in loader is written next to it, with the extension dfu.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, the tick leads to flash, a segment is in another region, or the product is
 /// too large.
-pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
-    build_saying(toolchain, image, Progress::Quiet)
+pub fn build(toolchain: &Toolchain, board: &Board, image: Image) -> Result<PathBuf> {
+    build_saying(toolchain, board, image, Progress::Quiet)
 }
 
 /// Builds like [`build`]. `progress` decides how much of the build is shown.
-pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> Result<PathBuf> {
-    let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
+pub fn build_saying(toolchain: &Toolchain, board: &Board, image: Image, progress: Progress) -> Result<PathBuf> {
+    let kept = build_in(toolchain, board, image, &Folders::here(FOLDER), progress)?;
     let bytes = read(&kept)?;
     check_placement(&bytes)?;
     let dfu = kept.with_extension("dfu");
@@ -86,10 +93,20 @@ pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> 
     Ok(kept)
 }
 
-/// Returns cargo for a package that is flashed, with the flags that all such packages share.
-fn cargo(toolchain: &Toolchain, subcommand: &str, package: &str, folders: &Folders) -> Command {
+/// Returns cargo for a package that is flashed on `board`, with these `features` and the flags that all such packages
+/// share. The last feature is a crate's for each part.
+fn cargo(
+    toolchain: &Toolchain,
+    subcommand: &str,
+    package: &str,
+    features: &str,
+    board: &Board,
+    folders: &Folders,
+) -> Command {
     let mut cargo = toolchain.cargo(subcommand, &folders.sources, &folders.target);
-    cargo.args(["--package", package, "--profile", PROFILE]);
+    cargo.args(["--package", package, "--profile", PROFILE, "--no-default-features"]);
+    cargo.args(["--features", &format!("{features}/{}", board.part)]);
+    cargo.env("STYLUS_BOARD", board.name.to_lowercase());
     cargo.env("CARGO_HOME", &folders.cargo_home);
     cargo.env(
         "CARGO_ENCODED_RUSTFLAGS",
@@ -99,27 +116,38 @@ fn cargo(toolchain: &Toolchain, subcommand: &str, package: &str, folders: &Folde
 }
 
 /// Returns cargo for the bootloader.
-pub(crate) fn bootloader(toolchain: &Toolchain, subcommand: &str, folders: &Folders) -> Command {
-    let mut cargo = cargo(toolchain, subcommand, "stylus-boot", folders);
-    cargo.args(["--features", "image"]);
-    cargo
+pub(crate) fn bootloader(toolchain: &Toolchain, subcommand: &str, board: &Board, folders: &Folders) -> Command {
+    cargo(
+        toolchain,
+        subcommand,
+        "stylus-boot",
+        "image,stm32-metapac",
+        board,
+        folders,
+    )
 }
 
 /// Builds the bootloader, and returns the file that contains its bytes.
-fn build_bootloader(toolchain: &Toolchain, folders: &Folders, progress: Progress) -> Result<PathBuf> {
-    process::run(bootloader(toolchain, "build", folders).args(progress.argument()))?;
+fn build_bootloader(toolchain: &Toolchain, board: &Board, folders: &Folders, progress: Progress) -> Result<PathBuf> {
+    process::run(bootloader(toolchain, "build", board, folders).args(progress.argument()))?;
     let built = folders.target.join(TARGET).join("firmware/stylus-boot");
     let bytes = read(&process::built(built)?)?;
-    let kept = folders.target.join("stylus-boot.bin");
+    let kept = folders.target.join(format!("stylus-boot{}.bin", suffix(board)));
     fs::write(&kept, segments::flashed(&bytes, "BOOTLOADER")?)?;
     Ok(kept)
 }
 
-fn build_in(toolchain: &Toolchain, image: Image, folders: &Folders, progress: Progress) -> Result<PathBuf> {
-    let bootloader = build_bootloader(toolchain, folders, progress)?;
-    let mut cargo = cargo(toolchain, "build", "stylus-image", folders);
+fn build_in(
+    toolchain: &Toolchain,
+    board: &Board,
+    image: Image,
+    folders: &Folders,
+    progress: Progress,
+) -> Result<PathBuf> {
+    let bootloader = build_bootloader(toolchain, board, folders, progress)?;
+    let features = format!("{},embassy-stm32", image.features());
+    let mut cargo = cargo(toolchain, "build", "stylus-image", &features, board, folders);
     cargo.args(progress.argument());
-    cargo.args(["--features", image.features()]);
     cargo.env("STYLUS_BOOTLOADER", bootloader);
     // Without this variable, defmt drops all messages but errors.
     if std::env::var_os("DEFMT_LOG").is_none() {
@@ -128,7 +156,7 @@ fn build_in(toolchain: &Toolchain, image: Image, folders: &Folders, progress: Pr
     process::run(&mut cargo)?;
     let built = folders.target.join(TARGET).join("firmware/stylus-firmware");
     // All variants are built under one name, so each is copied to its own name.
-    let kept = folders.target.join(image.file_name());
+    let kept = folders.target.join(image.file_name(board));
     fs::copy(process::built(built)?, &kept)?;
     Ok(kept)
 }
@@ -144,7 +172,7 @@ fn read(file: &Path) -> Result<Vec<u8>> {
 
 /// Arguments of probe-rs. By default it halts the core at a HardFault and at a reset, before the image's handlers can
 /// put the output to mid-scale. Therefore both catches are switched off.
-const PROBE_RS: [&str; 5] = ["run", "--no-catch-hardfault", "--no-catch-reset", "--chip", CHIP];
+const PROBE_RS: [&str; 4] = ["run", "--no-catch-hardfault", "--no-catch-reset", "--chip"];
 
 /// Returns the program that flashes images.
 pub fn probe_rs() -> Result<PathBuf> {
@@ -152,11 +180,11 @@ pub fn probe_rs() -> Result<PathBuf> {
 }
 
 /// Flashes the image in `file` to the board on the probe and starts it, without staying attached.
-pub fn download(file: &Path) -> Result<()> {
+pub fn download(file: &Path, board: &Board) -> Result<()> {
     let program = probe_rs()?;
     let probe = |subcommand: &str| {
         let mut command = Command::new(&program);
-        command.args([subcommand, "--chip", CHIP]);
+        command.args([subcommand, "--chip", board.probe]);
         command
     };
     process::run(probe("download").arg(file))?;
@@ -164,9 +192,9 @@ pub fn download(file: &Path) -> Result<()> {
 }
 
 /// Flashes the image in `file` to the board on the probe, and shows its log until Ctrl-C.
-pub fn flash(file: &Path) -> Result<()> {
+pub fn flash(file: &Path, board: &Board) -> Result<()> {
     let mut command = Command::new(probe_rs()?);
-    command.args(PROBE_RS).arg(file);
+    command.args(PROBE_RS).arg(board.probe).arg(file);
     process::run(&mut command)
 }
 
@@ -179,7 +207,7 @@ mod tests {
     fn cargo_run_flashes_as_the_task_does() {
         let path = workspace::root().join(".cargo/config.toml");
         let config = fs::read_to_string(path).expect("it is there");
-        let runner = format!("runner = \"probe-rs {}\"", PROBE_RS.join(" "));
+        let runner = format!("runner = \"probe-rs {} {}\"", PROBE_RS.join(" "), ALL[0].probe);
         assert!(config.contains(&runner), "{runner}");
     }
 }

@@ -3,6 +3,7 @@
 use std::fs;
 
 use anyhow::{Context, Result, bail};
+use stylus_board::Board;
 
 use super::{FOLDER, Image, build, build_in, read};
 use crate::house::tree::Tree;
@@ -12,8 +13,8 @@ use crate::workspace::{self, Folders};
 
 /// Builds the image here, and again from a copy of the sources in another folder, with another output folder and, on
 /// Unix, another name for the folder of cargo's own files. Returns the image's length, bytes.
-pub fn check(toolchain: &Toolchain) -> Result<usize> {
-    let first = read(&build(toolchain, Image::Product)?)?;
+pub fn check(toolchain: &Toolchain, board: &Board) -> Result<usize> {
+    let first = read(&build(toolchain, board, Image::Product)?)?;
     let here = Folders::here(FOLDER);
     if let Some(name) = here.named_in(&first) {
         bail!("the image names {name}");
@@ -41,7 +42,7 @@ pub fn check(toolchain: &Toolchain) -> Result<usize> {
         std::os::unix::fs::symlink(&folders.cargo_home, &link)?;
         folders.cargo_home = link;
     }
-    let second = build_in(toolchain, Image::Product, &folders, Progress::Quiet)?;
+    let second = build_in(toolchain, board, Image::Product, &folders, Progress::Quiet)?;
     let second = read(&second)?;
     if first != second {
         let pairs = first.iter().zip(&second);

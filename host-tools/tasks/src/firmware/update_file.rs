@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
-use model_format::link::{DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, UNSIGNED};
+use model_format::link::{BoardName, DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, UNSIGNED};
 use stylus_app::update::{public_key, sign};
+use stylus_board::Board;
 
 use super::read;
 use super::segments::flashed;
@@ -24,12 +25,12 @@ pub struct Arguments {
     pub out: Option<PathBuf>,
 }
 
-/// Writes the update for the ELF file `image`, signed as `arguments` request, and returns the written file.
+/// Writes the update for the ELF file `image` of `board`, signed as `arguments` request, and returns the written file.
 ///
 /// # Errors
 /// The image or the key cannot be read, the image trusts the development key but another key is given, or the update
 /// cannot be written.
-pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
+pub fn write(image: &Path, board: &Board, arguments: &Arguments) -> Result<PathBuf> {
     let seed = match &arguments.key {
         Some(_) if env::var_os("STYLUS_UPDATE_KEY").is_none() => bail!(
             "this image trusts the development key, so it would take anybody's updates: set STYLUS_UPDATE_KEY to the \
@@ -40,7 +41,7 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     };
     let version = ImageVersion::read(env!("CARGO_PKG_VERSION")).context("a version has numbers")?;
     let body = flashed(&read(image)?, "FLASH")?;
-    let mut signed = sign(&body, version, &seed);
+    let mut signed = sign(BoardName::new(board.name), &body, version, &seed);
     if arguments.unsigned {
         // The signature follows the header.
         signed[HEADER_BYTES..].copy_from_slice(&UNSIGNED);

@@ -147,15 +147,18 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
     }
     match part {
         Part::Image => {
-            let image = firmware::build(&Toolchain::find()?, Image::Product)?;
-            let name = format!("stylus-image-{version}.elf");
-            keep(&image, &build.out, Some(&name))?;
-            let signed = UpdateArguments {
-                key: build.key.clone(),
-                unsigned: false,
-                out: Some(build.out.join(format!("stylus-update-{version}.image"))),
-            };
-            firmware::write_update(&image, &signed).map(drop)
+            for board in stylus_board::ALL {
+                let image = firmware::build(&Toolchain::find()?, board, Image::Product)?;
+                let name = format!("{version}{}", firmware::suffix(board));
+                keep(&image, &build.out, Some(&format!("stylus-image-{name}.elf")))?;
+                let signed = UpdateArguments {
+                    key: build.key.clone(),
+                    unsigned: false,
+                    out: Some(build.out.join(format!("stylus-update-{name}.image"))),
+                };
+                firmware::write_update(&image, board, &signed)?;
+            }
+            Ok(())
         }
         Part::Wheel => wheel::build(build).map(drop),
         Part::Module => {

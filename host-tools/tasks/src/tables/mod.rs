@@ -17,6 +17,7 @@ mod tests;
 use anyhow::{Context, Result, bail};
 use page::{OPENING, Page};
 pub use rows::memory;
+use stylus_board::ALL;
 
 use crate::toolchain::Toolchain;
 use crate::{firmware, workspace};
@@ -31,7 +32,8 @@ pub const TICKS: &str = "ticks";
 type Make = fn() -> String;
 
 /// Names of all tables that are computed within a second, each with its function.
-const INSTANT: [(&str, Make); 4] = [
+const INSTANT: [(&str, Make); 5] = [
+    ("boards", rows::boards),
     ("settings", rows::settings),
     ("scene-stages", rows::scene_stages),
     ("scene-limits", rows::scene_limits),
@@ -39,7 +41,8 @@ const INSTANT: [(&str, Make); 4] = [
 ];
 
 /// The page of each table, as a path from the workspace's folder.
-const PAGES: [(&str, &str); 6] = [
+const PAGES: [(&str, &str); 7] = [
+    ("boards", "firmware/BOARDS.md"),
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
     (MEMORY, "firmware/README.md"),
@@ -114,7 +117,7 @@ fn made(name: &str) -> Result<String> {
     let compiler = toolchain.compiler()?;
     match name {
         MEMORY => {
-            let image = firmware::build(&toolchain, firmware::Image::Product)?;
+            let image = firmware::build(&toolchain, &ALL[0], firmware::Image::Product)?;
             Ok(memory(&firmware::memory(&image)?, &compiler))
         }
         _ => bail!("'{name}' is not written by this"),

@@ -5,9 +5,59 @@ use std::fmt::Write;
 use model_format::limits;
 use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
+use stylus_board::{ALL, Board, Pin};
 use stylus_kernel::scene::cost::{self, StageCost};
 
 use crate::firmware::Memory;
+
+/// What the file of each board says.
+pub fn boards() -> String {
+    ALL.iter().map(board).collect::<Vec<_>>().join("\n")
+}
+
+fn board(board: &Board) -> String {
+    let (pins, clock) = (&board.pins, board.clock);
+    let row = |what: &str, pin: String, place: &str| [what.to_owned(), pin, place.to_owned()];
+    let digital = |what: &str, pin: Pin| row(what, pin.to_string(), pin.place);
+    let analogue =
+        |what: &str, pin: Pin, input: usize| row(what, format!("{pin}, ADC1 INP{}", board.inputs[input]), pin.place);
+    let mut rows = vec![
+        digital("output, to the amplifier", pins.output),
+        digital("enable of the amplifier", pins.amplifier),
+        analogue("accelerometer X", pins.acceleration_x, 0),
+        analogue("accelerometer Y", pins.acceleration_y, 1),
+        analogue("accelerometer Z", pins.acceleration_z, 2),
+        analogue("normal force", pins.force, 3),
+        digital("encoder, signal A", pins.encoder_a),
+        digital("encoder, signal B", pins.encoder_b),
+        digital("serial link, sends", pins.serial_tx),
+        digital("serial link, receives", pins.serial_rx),
+        row("USB", "PA11, PA12".to_owned(), board.usb),
+        digital("button", pins.button),
+    ];
+    let lamps = ["LED, blinks while all is well", "LED, lit after a fault"];
+    rows.extend(lamps.into_iter().zip(board.leds).map(|(what, &led)| digital(what, led)));
+    let kind = if clock.is_crystal {
+        "a crystal"
+    } else {
+        "driven from outside"
+    };
+    let powers = if board.usb_ma > 0 {
+        "powers it"
+    } else {
+        "does not power it"
+    };
+    format!(
+        "### {}\n\n{}, for probe-rs {}. HSE: {} MHz, {kind}. Its USB {powers}.\nSerial link: {}.\n\n{}\n{}\n",
+        board.name,
+        board.part.to_uppercase(),
+        board.probe,
+        clock.hz / 1_000_000,
+        board.serial,
+        table(["signal", "pin", "on the board"], rows),
+        board.lacks,
+    )
+}
 
 /// Every setting of the device with its unit, range, default and meaning.
 pub fn settings() -> String {

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::Path;
 
 use host_tools::support::bounded_file::Format;
-use model_format::link::{BOARD, ImageHeader, ImageVersion, SIGNED_BYTES};
+use model_format::link::{BoardName, ImageHeader, ImageVersion, SIGNED_BYTES};
 
 use super::target_of;
 
@@ -140,7 +140,7 @@ fn recordings() -> Vec<Vec<u8>> {
 /// An update with an image of four bytes, and a signature of zeros, which the device judges.
 fn update() -> Vec<u8> {
     let header = ImageHeader {
-        board: BOARD,
+        board: BoardName::new("NUCLEO-H743ZI2"),
         version: ImageVersion::new([1, 2, 3]),
         length: 4,
         digest: [7; 64],

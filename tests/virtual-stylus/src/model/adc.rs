@@ -48,13 +48,6 @@ const OTHER_MODE: &str = "RM0433 25.4.20, 25.4.21: JAUTO and JDISCEN are not mod
 const OVERSAMPLING: &str = "RM0433 25.4.31: JOVSE is not modelled, so a word is one conversion's";
 const OFFSETS: &str = "RM0433 25.4.27: OFRy is not modelled, so a word is not reduced";
 
-/// Inputs of ADC1 whose pins the board's Ethernet transceiver uses: PC1 (MDC), PA1 (REF_CLK), PA2 (MDIO), PA7 (CRS_DV),
-/// PC4 and PC5 (RXD0, RXD1). UM2407 assigns these pins to the transceiver, with its solder bridges closed.
-///
-/// A sensor on one of these pins cannot be read. The model keeps the line at its low level; on the real board the line
-/// also changes.
-const OF_TRANSCEIVER: [u64; 6] = [11, 17, 14, 7, 4, 8];
-
 /// Signals on the pins of the converter.
 pub trait Pins: Send + Debug {
     /// The 16-bit code of `channel` at `at_ns` of virtual time. Full scale is the reference voltage.
@@ -91,6 +84,9 @@ struct Sequence {
 #[derive(Debug)]
 pub struct Injected {
     pins: Box<dyn Pins>,
+    /// Inputs at pins that something on the board drives. A sensor there cannot be read. The model keeps the line at
+    /// its low level; on a real board it also changes.
+    driven: &'static [u8],
     hz: u64,
     /// True while `JADSTART` is set.
     started: bool,
@@ -103,10 +99,11 @@ pub struct Injected {
 }
 
 impl Injected {
-    /// Creates the sequence, which converts `pins`.
-    pub fn new(pins: Box<dyn Pins>) -> Self {
+    /// Creates the sequence, which converts `pins`, but for the inputs `driven` by something on the board.
+    pub fn new(pins: Box<dyn Pins>, driven: &'static [u8]) -> Self {
         Self {
             pins,
+            driven,
             hz: 0,
             started: false,
             sequence: None,
@@ -205,7 +202,7 @@ impl Injected {
         let channel = channel_at(done.rank, registers);
         let (sampling, whole) = Self::durations(channel, registers);
         let sampled = self.instant(done.began, done.half_cycles + sampling);
-        let code = if OF_TRANSCEIVER.contains(&channel) {
+        let code = if self.driven.contains(&(channel as u8)) {
             0
         } else {
             self.pins.code(channel as u8, sampled.0)

@@ -2,7 +2,7 @@
 //!
 //! | What | Section |
 //! |---|---|
-//! | HSE without a clock at its pin never becomes ready | 8.5.1 |
+//! | HSE without a clock at its pin never becomes ready, nor does a crystal in bypass or a clock without | 8.5.1 |
 //! | A PLL locks only with a reference of 1 to 16 MHz within the range of `PLLxRGE` | 8.5.5, 8.7.12 |
 //! | and a VCO within 192 to 960 MHz (wide) or 150 to 420 MHz (medium, reference of 1 to 2 MHz) | 8.5.5, 8.7.13 |
 //! | A failure of HSE under the clock security system is a non-maskable interrupt | 8.5.3 |
@@ -17,6 +17,7 @@ use rigless::device::RegisterFile;
 use rigless::soc::FieldSpec;
 use rigless::soc::stm32h743::generated::rcc::{Register, cr, pll1divr, pll2divr, pll3divr, pllcfgr, pllckselr};
 use rigless::soc::stm32h743::peripherals::rcc::Rcc;
+use stylus_board::Board;
 
 use super::around::{Around, Call};
 
@@ -42,6 +43,8 @@ const SOURCE_HSE: u64 = 2;
 pub struct Clocks {
     /// Rate of the clock at HSE's pin, Hz, or `None` if there is no clock.
     pub external_hz: Option<u64>,
+    /// True if that clock is a crystal.
+    pub is_crystal: bool,
     /// PLLs that never lock on the external clock, PLL1 first.
     pub unlocked_external: [bool; 3],
     /// PLLs that never lock on an internal clock.
@@ -53,10 +56,12 @@ pub struct Clocks {
     pub hsi48_ppm: i64,
 }
 
-impl Default for Clocks {
-    fn default() -> Self {
+impl Clocks {
+    /// The clocks of `board`.
+    pub fn of(board: &Board) -> Self {
         Self {
-            external_hz: Some(8_000_000),
+            external_hz: Some(board.clock.hz.into()),
+            is_crystal: board.clock.is_crystal,
             unlocked_external: [false; 3],
             unlocked_internal: [false; 3],
             hsi_ppm: 5_000,
@@ -170,7 +175,8 @@ impl Around<Rcc> for Oscillators {
         }
         let written = registers.get(Register::Cr);
         self.withheld = 0;
-        if cr::HSEON.is_set(written) && self.clocks.external_hz.is_none() {
+        let is_wrong = cr::HSEBYP.is_set(written) == self.clocks.is_crystal;
+        if cr::HSEON.is_set(written) && (is_wrong || self.clocks.external_hz.is_none()) {
             self.withheld |= cr::HSEON.mask();
         }
         for (pll, fields) in PLLS.iter().enumerate() {

@@ -6,22 +6,23 @@ use std::fs;
 use embassy_futures::block_on;
 use fake_stylus::flash::{Memory, SimulatedFlash};
 use model_format::link::{ImageVersion, UpdatePhase};
+use stylus_board::{ALL, Board, Pin};
 use stylus_boot::map::{RECORDS, SECTOR_BYTES, SLOTS, WORD_BYTES};
 use stylus_boot::record::{Record, Store, mark};
 use virtual_stylus::ResetCause;
 use virtual_stylus::model::flash::{BASE, Contents, ONES};
+use virtual_stylus::part::PORTS;
 
-use crate::device::{Device, SECOND, product, with_faults};
+use crate::device::{Device, SECOND, product, product_of, with_faults};
 use crate::library;
 use crate::update::{EXCHANGE_NS, active, image};
 
 /// Supplies, mV: the board's, and one that is too low to write flash.
 const SUPPLY: u32 = 3_300;
-const LOW_SUPPLY: u32 = 2_700;
-/// MODER and ODR of a port, and LD3's pin on port B.
+pub const LOW_SUPPLY: u32 = 2_700;
+/// MODER and ODR of a port.
 const MODER: u64 = 0;
 const ODR: u64 = 0x14;
-const LD3: u32 = 14;
 
 fn place(contents: &mut Contents, offset: u32, bytes: &[u8]) {
     let placed = contents.place(u64::from(BASE + offset), bytes);
@@ -30,7 +31,12 @@ fn place(contents: &mut Contents, offset: u32, bytes: &[u8]) {
 
 /// The flash with the product and with an update to `new` in the second slot, which the bootloader is to exchange.
 fn committed(new: &[u8]) -> Contents {
-    let mut contents = Device::new(&product(), library::options()).stylus.flash();
+    committed_on(&ALL[0], new)
+}
+
+/// The same on `board`.
+pub fn committed_on(board: &Board, new: &[u8]) -> Contents {
+    let mut contents = Device::new(&product_of(board), library::options()).stylus.flash();
     let memory = block_on(async {
         let flash = SimulatedFlash::new(Memory::blank(RECORDS.end as usize));
         let mut store = Store::open(flash, RECORDS).await;
@@ -45,14 +51,19 @@ fn committed(new: &[u8]) -> Contents {
 }
 
 impl Device {
-    /// Returns true if LD3 is lit.
+    /// Returns true if the LED of faults is lit.
     fn shows_fault(&mut self) -> bool {
-        let mut read = |offset| self.stylus.read_register("GPIOB", offset);
-        let [mode, level] = [MODER, ODR].map(|offset| read(offset).expect("there is one"));
-        mode >> (2 * LD3) & 0b11 == 1 && level >> LD3 & 1 == 1
+        self.is_lit(ALL[0].fault_led())
     }
 
-    fn flash_operations(&mut self) -> usize {
+    /// Returns true if the LED at `pin` is lit.
+    pub fn is_lit(&mut self, pin: Pin) -> bool {
+        let mut read = |offset| self.stylus.read_register(PORTS[pin.port], offset);
+        let [mode, level] = [MODER, ODR].map(|offset| read(offset).expect("there is one"));
+        mode >> (2 * pin.number) & 0b11 == 1 && level >> pin.number & 1 == 1
+    }
+
+    pub fn flash_operations(&mut self) -> usize {
         self.stylus.flash_operations().len()
     }
 }

@@ -11,6 +11,7 @@ use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use stylus_board::{ALL, Board};
 use virtual_stylus::chance::Chance;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::Driven;
@@ -65,7 +66,15 @@ fn image(variable: &str) -> PathBuf {
 
 /// The product's image.
 pub fn product() -> PathBuf {
-    image("STYLUS_IMAGE")
+    product_of(&ALL[0])
+}
+
+/// The product's image for `board`.
+pub fn product_of(board: &Board) -> PathBuf {
+    if board.name == ALL[0].name {
+        return image("STYLUS_IMAGE");
+    }
+    image(&format!("STYLUS_IMAGE_{}", board.name))
 }
 
 /// The image with fault injection.
@@ -152,9 +161,9 @@ impl Device {
         }
     }
 
-    /// The product's image, started and answering.
+    /// The product's image for the board, started and answering.
     pub fn started(options: Options) -> Self {
-        let mut device = Self::new(&product(), options);
+        let mut device = Self::new(&product_of(options.board), options);
         device.wait_for_start();
         device
     }
@@ -166,9 +175,9 @@ impl Device {
         device
     }
 
-    /// The product's image, started, enumerated and answering over USB.
+    /// The product's image for the board, started, enumerated and answering over USB.
     pub fn on_usb(options: Options) -> Self {
-        let mut device = Self::new(&product(), options);
+        let mut device = Self::new(&product_of(options.board), options);
         device.side = Side::new(Line::Usb(UsbHost::default(), None));
         device.run_for(300 * MS);
         device.enumerate().expect("it enumerates");

@@ -3,6 +3,7 @@
 
 use hil::injection::Injected;
 use model_format::link::{BLOCK_SAMPLES, RecordSample};
+use stylus_board::{ALL, Board};
 use virtual_stylus::Options;
 use virtual_stylus::model::adc::Sample;
 use virtual_stylus::motion::Motion;
@@ -118,10 +119,6 @@ fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_count
     );
 }
 
-/// Channels of the acceleration X, Y and Z and of the force, in the order of their ranks: PA3, PC0, PF12 and PB1
-/// (DS12110, pin definitions).
-const CHANNELS: [u8; 4] = [15, 10, 6, 5];
-
 /// Groups samples by the trigger that started them: X, Y, Z and force, in the order of their ranks.
 fn sequences(samples: &[Sample]) -> Vec<[Sample; 4]> {
     let first = samples
@@ -133,7 +130,11 @@ fn sequences(samples: &[Sample]) -> Vec<[Sample; 4]> {
 
 #[test]
 fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
-    let mut device = Device::started(Options::default());
+    ALL.iter().for_each(records_what_is_on_the_pins);
+}
+
+fn records_what_is_on_the_pins(board: &'static Board) {
+    let mut device = Device::started(Options::on(board));
     device.set_pins(code);
     device.move_at(150.0);
     device.run_for(5 * MS);
@@ -164,7 +165,7 @@ fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
     for (n, (sequence, sample)) in converted[begin..].iter().zip(&recorded).enumerate() {
         assert_eq!(words(sequence), sampled(sample), "sample {n}");
         // A sensor wired to another pin would be recorded as another sensor.
-        assert_eq!(sequence.map(|pin| pin.channel), CHANNELS, "sample {n}");
+        assert_eq!(sequence.map(|pin| pin.channel), board.inputs, "sample {n}");
         for pin in sequence {
             assert_eq!(pin.word, code(pin.channel, pin.at_ns), "sample {n}");
         }

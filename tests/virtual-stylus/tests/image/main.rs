@@ -1,8 +1,10 @@
 //! Tests of the image as it is flashed, on the virtual stylus.
 //!
 //! `STYLUS_IMAGE` and `STYLUS_FAULT_IMAGE` name the files that `cargo firmware` and `cargo firmware --fault-injection`
-//! build. `cargo tasks test-virtual-stylus` builds both and sets the variables.
+//! build for the first board, and `STYLUS_IMAGE_NAME` the product's image for each further one. `cargo tasks
+//! test-virtual-stylus` builds all and sets the variables.
 
+mod boards;
 mod bootloader;
 mod bounds;
 mod cost;

@@ -5,6 +5,7 @@ use hil::injection::Injected;
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{MuteReasons, Setting, Status};
 use stylus_app::safety;
+use stylus_board::ALL;
 use stylus_plant::{Parameters, Plant};
 use virtual_stylus::Options;
 use virtual_stylus::actuator::ActuatedPins;
@@ -284,7 +285,7 @@ fn a_plant_at_the_pin_moves_the_accelerometer_as_the_codes_and_the_enable_say() 
     let from_ns = device.stylus.now_ns();
     let others = Box::new(ConstantPins::default());
     let plant = Plant::new(&parameters, 0);
-    (device.stylus).set_pins(ActuatedPins::new(plant, others));
+    (device.stylus).set_pins(ActuatedPins::new(&ALL[0], plant, others));
     device.stylus.record_samples();
     device.run_for(100 * MS);
     let samples = device.stylus.take_samples();

@@ -4,6 +4,7 @@ use model_format::link::MuteReason;
 use model_format::{Library, PlayRate};
 use stylus_app::UPDATE_LEAD_TICKS;
 use stylus_app::safety::Config;
+use stylus_board::{ALL, Board};
 use stylus_kernel::scene::cost::BUDGET;
 use virtual_stylus::Options;
 
@@ -30,11 +31,12 @@ fn pins(channel: u8, at_ns: u64) -> u16 {
     }
 }
 
-fn a_texture_is_played(bytes: &[u8], texture: &str) {
+fn a_texture_is_played(board: &'static Board, bytes: &[u8], texture: &str) {
     // RAM holds noise, as after power-on.
     let mut device = Device::started(Options {
         ram_noise: Some(2),
-        ..library::with(bytes)
+        flash: library::with(bytes).flash,
+        ..Options::on(board)
     });
     device.set_pins(pins);
     let library = Library::decode(bytes).expect("a valid library");
@@ -47,14 +49,16 @@ fn a_texture_is_played(bytes: &[u8], texture: &str) {
 
 #[test]
 fn a_lattice_is_put_out_as_the_host_computes_it_code_for_code() {
-    a_texture_is_played(&library::small(), "lattice");
+    for board in ALL {
+        a_texture_is_played(board, &library::small(), "lattice");
+    }
 }
 
 /// Plays, with the image itself, the texture whose digest all platforms compare. The image puts out codes instead of
 /// words.
 #[test]
 fn the_texture_of_the_digest_is_put_out_as_the_host_computes_it_code_for_code() {
-    a_texture_is_played(&kernel_vectors::digest_library(), "digest");
+    a_texture_is_played(&ALL[0], &kernel_vectors::digest_library(), "digest");
 }
 
 /// A device with a force that taps.

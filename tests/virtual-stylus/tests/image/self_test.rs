@@ -30,11 +30,11 @@ fn ask(device: &mut Device, request: SelfTestRequest) -> Result<SelfTestValues, 
 }
 
 /// Makes one measurement, and returns its lines.
-fn lines(device: &mut Device, request: SelfTestRequest) -> Vec<Line> {
+pub fn lines(device: &mut Device, request: SelfTestRequest) -> Vec<Line> {
     match ask(device, request).expect("nothing is played") {
         SelfTestValues::Chip(values) => judge::chip(&values, &device.request::<InfoEndpoint>(&())),
         SelfTestValues::OptionBytes(values) => judge::option_bytes(&values),
-        SelfTestValues::Clocks(values) => judge::clocks(&values),
+        SelfTestValues::Clocks(values) => judge::clocks(&values, device.status().start.board),
         SelfTestValues::ErrorCorrection(values) => judge::memory(&values),
         SelfTestValues::Output(values) => judge::output(&values, device.status().tick_histogram.core_hz),
         SelfTestValues::Rest(values) => judge::rest(&values),
@@ -44,7 +44,7 @@ fn lines(device: &mut Device, request: SelfTestRequest) -> Vec<Line> {
 }
 
 /// Names of the lines that fail.
-fn failing(lines: &[Line]) -> Vec<&str> {
+pub fn failing(lines: &[Line]) -> Vec<&str> {
     show(lines);
     (lines.iter())
         .filter(|line| line.verdict == Verdict::Fail)

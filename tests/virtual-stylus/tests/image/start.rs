@@ -4,10 +4,11 @@
 use fake_stylus::device::change;
 use hil::injection::Injected;
 use model_format::link::{
-    ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError, QUICK_FAULTS,
-    ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport, StartStage, UploadBeginEndpoint,
-    UploadError,
+    BoardName, ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError,
+    QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport, StartStage,
+    UploadBeginEndpoint, UploadError,
 };
+use stylus_board::ALL;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::{Electrical, Options, ResetCause};
 
@@ -74,6 +75,7 @@ fn a_healthy_start_reports_itself_and_never_comes_near_the_watchdogs_end() {
     let mut device = Device::started(library::of(flash));
     assert_eq!(device.resets(), []);
     let healthy = StartReport {
+        board: BoardName::new(ALL[0].name),
         revision: SiliconRevision(0x2003),
         brown_out_level: 3,
         ..StartReport::default()

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use hil::injection::Injected;
 use model_format::link::{
-    DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED, UPLOAD_WINDOW, UpdateBegin,
-    UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport,
-    UpdateStateEndpoint,
+    BoardName, DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED, UPLOAD_WINDOW,
+    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateError, UpdatePhase,
+    UpdateReport, UpdateStateEndpoint,
 };
 use stylus_app::update::sign;
+use stylus_board::ALL;
 use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS, WORD_BYTES};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::flash::{BASE, Contents, Kind, Moment};
@@ -20,6 +21,9 @@ use crate::upload::state_of;
 
 /// Time in which the bootloader exchanges two images, with a margin, ns.
 pub const EXCHANGE_NS: u64 = 30 * SECOND;
+
+/// Name of the first board.
+pub const NAME: BoardName = BoardName::new(ALL[0].name);
 
 /// Steps that a test performs with a device.
 type Work<'a> = &'a dyn Fn(&mut Device);
@@ -120,7 +124,7 @@ impl Device {
 
     /// Sends `image`, and commits it.
     pub fn update(&mut self, image: &[u8]) -> UpdateReport {
-        let begin = UpdateBegin::new(image, &sign(image, version(), &DEVELOPMENT_SEED));
+        let begin = UpdateBegin::new(image, &sign(NAME, image, version(), &DEVELOPMENT_SEED));
         let begun = self.request::<UpdateBeginEndpoint>(&begin);
         begun.expect("it is signed, and nothing is played");
         self.send_ahead(image, UPLOAD_WINDOW);
@@ -235,14 +239,14 @@ fn a_new_image_that_faults_on_its_trial_is_put_back_and_one_that_lasts_a_minute_
 #[test]
 fn an_unsigned_image_is_refused_before_anything_is_erased_unless_power_came_with_the_button_held() {
     let image = vec![1; 1000];
-    let mut unsigned = sign(&image, version(), &DEVELOPMENT_SEED);
+    let mut unsigned = sign(NAME, &image, version(), &DEVELOPMENT_SEED);
     unsigned[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
     for is_held in [false, true] {
         let mut device = Device::new(&product(), library::options());
         device.stylus.press_button(is_held);
         device.wait_for_start();
         let operations = device.stylus.flash_operations().len();
-        let by_another = sign(&image, version(), &[9; 32]);
+        let by_another = sign(NAME, &image, version(), &[9; 32]);
         for (signed, is_taken) in [(by_another, false), (unsigned, is_held)] {
             let begun = device.request::<UpdateBeginEndpoint>(&UpdateBegin::new(&image, &signed));
             let is_same = device.stylus.flash_operations().len() == operations;

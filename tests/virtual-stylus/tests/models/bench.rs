@@ -4,6 +4,7 @@ use rigless::emulator::{Error, Memory};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
+use stylus_board::ALL;
 use virtual_stylus::electrical::{Defects, Electrical};
 use virtual_stylus::model::flash::{Busy, Unreadable};
 use virtual_stylus::part::Part;
@@ -35,6 +36,7 @@ impl EmulatedPart {
     /// A part with all clocks off.
     pub fn new(electrical: Electrical) -> Self {
         let part = Part::new(
+            &ALL[0],
             Box::new(ConstantPins::default()),
             electrical,
             Unreadable::default(),

@@ -1,5 +1,6 @@
 //! Registers written one by one without a core: DAC1, which DMA feeds at the triggers of TIM7, and the watchdog.
 
+use stylus_board::ALL;
 use virtual_stylus::Electrical;
 
 use crate::bench::{AHB1ENR, EmulatedPart, RCC};
@@ -11,7 +12,7 @@ const IWDG1: u64 = 0x5800_4800;
 
 /// The part with the clocks of the converters on.
 pub fn converters() -> EmulatedPart {
-    let mut bench = EmulatedPart::new(Electrical::default());
+    let mut bench = EmulatedPart::new(Electrical::of(&ALL[0]));
     bench.write(APB1LENR, 1 << 29);
     bench.write(AHB1ENR, 1 << 5);
     // The converters run on the peripherals' common clock, 64 MHz.

@@ -1,6 +1,7 @@
 //! The USB core, register by register, and the host at the other end of the cable.
 
 use rigless::time::VirtualNanos;
+use stylus_board::ALL;
 use virtual_stylus::Electrical;
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
@@ -211,7 +212,7 @@ const MS: u64 = 1_000_000;
 
 /// A part whose USB runs on HSI48, which deviates by `ppm`.
 fn part(ppm: i64) -> EmulatedPart {
-    let mut electrical = Electrical::default();
+    let mut electrical = Electrical::of(&ALL[0]);
     electrical.clocks.hsi48_ppm = ppm;
     let mut bench = EmulatedPart::new(electrical);
     bench.write(AHB1ENR, USB2OTG);

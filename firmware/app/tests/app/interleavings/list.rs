@@ -22,7 +22,7 @@ use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 use stylus_app::update::sign;
 
-use crate::update::RUNNING;
+use crate::update::{BOARD, RUNNING};
 
 /// A request: its name, and its message.
 #[derive(Clone)]
@@ -135,7 +135,7 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
     let id = response.id();
     // Its chunks never come, so that no commit restarts the device.
     let image = &LIBRARIES[1];
-    let update = UpdateBegin::new(image, &sign(image, RUNNING.image, &DEVELOPMENT_SEED));
+    let update = UpdateBegin::new(image, &sign(BOARD, image, RUNNING.image, &DEVELOPMENT_SEED));
     let [whole, first, second] = [(0, usize::MAX), (0, HALF), (HALF, usize::MAX)].map(chunk);
     vec![
         renews::<PlayEndpoint>("play", &slow),

@@ -1,4 +1,4 @@
-//! The amplifier's enable: PE9, active high.
+//! The amplifier's enable, active high.
 //!
 //! In every reset the pin floats, so a pull-down on the board must hold it low. `boot/startup.rs` drives it low before
 //! anything else runs. The enable is raised last, after mid-scale has been put out for a while (`tick/raising.rs`), and
@@ -6,11 +6,10 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use embassy_stm32::pac::{GPIOE, RCC};
+use stylus_board::{BOARD, Pin};
 use stylus_boot::supply;
 
-/// The pin's number in port E.
-const PIN: usize = 9;
+const PIN: Pin = BOARD.pins.amplifier;
 
 /// True while the amplifier is to be on.
 static WANTED: AtomicBool = AtomicBool::new(false);
@@ -52,7 +51,7 @@ pub fn raise() {
     critical_section::with(|_| {
         if !supply::is_low() && WANTED.load(Ordering::Relaxed) {
             ON.store(true, Ordering::Relaxed);
-            GPIOE.bsrr().write(|w| w.set_bs(PIN, true));
+            PIN.registers().bsrr().write(|w| w.set_bs(PIN.number, true));
         }
     });
 }
@@ -61,8 +60,7 @@ pub fn raise() {
 #[inline(always)]
 pub fn off_now() {
     // A fault may come before the clock of the port is on.
-    RCC.ahb4enr().modify(|w| w.set_gpioeen(true));
-    let _ = RCC.ahb4enr().read();
-    GPIOE.bsrr().write(|w| w.set_br(PIN, true));
+    PIN.start_clock();
+    PIN.registers().bsrr().write(|w| w.set_br(PIN.number, true));
     ON.store(false, Ordering::Relaxed);
 }

@@ -1,7 +1,7 @@
 //! The output: channel 1 of DAC1 on PA4, fed by DMA from a ring of codes.
 //!
 //! ```text
-//! tick -> ring in SRAM 1 -> DMA1 stream 0 -> DHR12R1 -> DOR1 -> PA4 -> amplifier, enabled by PE9
+//! tick -> ring in SRAM 1 -> DMA1 stream 0 -> DHR12R1 -> DOR1 -> PA4 -> amplifier
 //!           ^ DMA1 stream 1 writes mid-scale     ^ TIM7, 40 kHz: moves DHR to DOR and requests the next code
 //! ```
 //! TIM7 counts 25 µs. Its update is the trigger of the converter, so that neither software nor DMA shifts the instant
@@ -27,11 +27,12 @@ mod ring;
 use embassy_stm32::pac::dma::vals::{Dir, Pl, Size};
 use embassy_stm32::pac::timer::vals::{Mms, Urs};
 use embassy_stm32::pac::{DAC1, DMA1, DMAMUX1, RCC, TIM7};
-use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, PE9};
+use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1};
 use embassy_stm32::{Peri, peripherals, rcc};
 use model_format::DacCode;
 use stylus_app::ring::{ERASED_BEHIND, FADED_SLOTS, HELD_SLOTS, LENGTH, Slot, faded};
 use stylus_app::safety::{OVERSAMPLING, PIN_RATE_HZ};
+use stylus_board::pin;
 
 use crate::boot::clock::TIMER_HZ;
 
@@ -71,7 +72,7 @@ pub struct Hardware {
     /// Stream that overwrites codes with mid-scale.
     pub eraser: Peri<'static, DMA1_CH1>,
     /// The amplifier's enable.
-    pub amplifier: Peri<'static, PE9>,
+    pub amplifier: Peri<'static, pin!(peripherals::amplifier)>,
 }
 
 /// The output, as the tick sees it.

@@ -141,7 +141,7 @@ fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec
     Ok(match device.self_test(request) {
         Ok(SelfTestValues::Chip(values)) => judge::chip(&values, device.info()),
         Ok(SelfTestValues::OptionBytes(values)) => judge::option_bytes(&values),
-        Ok(SelfTestValues::Clocks(values)) => judge::clocks(&values),
+        Ok(SelfTestValues::Clocks(values)) => judge::clocks(&values, device.status()?.start.board),
         Ok(SelfTestValues::ErrorCorrection(values)) => judge::memory(&values),
         Ok(SelfTestValues::Output(values)) => judge::output(&values, device.status()?.tick_histogram.core_hz),
         Ok(SelfTestValues::Rest(values)) => judge::rest(&values),

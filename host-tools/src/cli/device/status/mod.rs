@@ -167,8 +167,8 @@ fn counter_lines(status: &Status) -> [String; 7] {
 /// Returns the lines on the start: clock, silicon and supply, and one for each item that needs attention.
 fn start(start: StartReport) -> Vec<String> {
     let mut lines = vec![format!(
-        "start    {} clock, silicon revision {}, brown-out level {}, {} quick faults",
-        start.clock, start.revision, start.brown_out_level, start.quick_faults
+        "start    {}, {} clock, silicon revision {}, brown-out level {}, {} quick faults",
+        start.board, start.clock, start.revision, start.brown_out_level, start.quick_faults
     )];
     if start.safe_mode {
         lines.push(

@@ -20,7 +20,7 @@ use crate::link::wrong;
 use crate::requests::announced;
 use crate::scenes::force_code;
 use crate::self_test::quiet;
-use crate::update::version;
+use crate::update::{NAME, version};
 use crate::usb_mishaps::{arm, go_on, has_happened};
 
 /// Longest time from a fault to the reset by the watchdog, and to the reset by a handler.
@@ -423,7 +423,7 @@ fn update(world: &mut World) {
     let image = world.other_image();
     if world.once_in(2) {
         let before = world.device.stylus.flash_operations().len();
-        let forged = UpdateBegin::new(&image, &sign(&image, version(), &[9; 32]));
+        let forged = UpdateBegin::new(&image, &sign(NAME, &image, version(), &[9; 32]));
         let refused = world.device.request::<UpdateBeginEndpoint>(&forged);
         assert_eq!(refused, Err(UpdateError::Signature));
         assert_eq!(world.device.stylus.flash_operations().len(), before);

@@ -2,16 +2,17 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{
-    ChipValues, ClockCount, ClockValues, DeviceInfo, ErrorCorrectionValues, FlashValues, LEAST_BROWN_OUT_LEVEL,
-    OptionByteValues, RAM_MONITORS, SiliconRevision,
+    BoardName, ChipValues, ClockCount, ClockValues, DeviceInfo, ErrorCorrectionValues, FlashValues,
+    LEAST_BROWN_OUT_LEVEL, OptionByteValues, RAM_MONITORS, SiliconRevision,
 };
 
+use super::words;
 use crate::procedures::self_test::line::Line;
 
 /// `DEV_ID` of the STM32H742, H743, H753 and H750 (RM0433 section 60.5.8).
 const DEVICE: u16 = 0x450;
 
-/// Size of the flash of the STM32H743ZI, KB.
+/// Size of the flash, KB.
 const FLASH_KB: u16 = 2048;
 
 /// Judges the silicon of the device that `info` describes.
@@ -25,7 +26,7 @@ pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
             "chip",
             format!("{:#05x}", values.device),
             format!("{DEVICE:#05x}"),
-            "the board has another processor: use a NUCLEO-H743ZI2",
+            "the board has another processor: use a board with an STM32H743",
         ),
         Line::judged(
             "silicon revision",
@@ -46,7 +47,7 @@ pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
             f64::from(values.flash_kb),
             (f64::from(FLASH_KB), f64::from(FLASH_KB)),
             ("KB", 0),
-            "libraries need both banks of 1 MB: use an STM32H743ZI",
+            "libraries need both banks of 1 MB: use a part whose name ends in I, such as the STM32H743ZI",
         ),
     ]
 }
@@ -71,8 +72,9 @@ fn ppm(value: f64, expected: f64) -> f64 {
     (value / expected - 1.0) * 1e6
 }
 
-/// Judges the clocks.
-pub fn clocks(values: &ClockValues) -> Vec<Line> {
+/// Judges the clocks of this board.
+pub fn clocks(values: &ClockValues, board: BoardName) -> Vec<Line> {
+    let [clock, socket] = words(board);
     let low_speed = match values.low_speed {
         Some(count) => Line::number(
             "LSI",
@@ -96,10 +98,12 @@ pub fn clocks(values: &ClockValues) -> Vec<Line> {
             -ppm(hertz(count, values.core_hz), 1_000.0),
             (-USB_PPM, USB_PPM),
             ("ppm", 0),
-            "the core does not run from the probe's 8 MHz: power the board through the probe's USB (CN1), and see the \
-             clock in `status`",
+            &format!("the core does not run from the board's clock: {clock}, and see the clock in `status`"),
         ),
-        None => Line::not_measured("core against USB", "connect the stylus's own USB (CN13) to measure it"),
+        None => Line::not_measured(
+            "core against USB",
+            &format!("connect the stylus's own USB ({socket}) to measure it"),
+        ),
     };
     let tick = ppm(hertz(values.ticks, values.core_hz), f64::from(SAMPLE_RATE_HZ));
     vec![

@@ -14,3 +14,13 @@ pub use board::{chip, clocks, flash, memory, option_bytes};
 pub use output::{output, rest};
 pub use run::{Traffic, state, traffic};
 pub use sensors::{at_rest, moved};
+
+use model_format::link::BoardName;
+
+/// Returns what helps if the clock of this board does not come, and the socket of its own USB.
+fn words(board: BoardName) -> [&'static str; 2] {
+    let board = stylus_board::named(board.as_str());
+    board.map_or(["look at its oscillator", "its socket"], |board| {
+        [board.clock.remedy, board.usb]
+    })
+}

@@ -97,12 +97,13 @@ pub fn state(status: &Status) -> Vec<Line> {
 
 /// Judges the start.
 fn started(start: StartReport) -> Vec<Line> {
+    let [clock, _] = super::words(start.board);
     vec![
         Line::exact(
             "clock",
             start.clock.to_string(),
             ClockSource::External.to_string(),
-            "the probe's 8 MHz did not come: power the board through the probe's USB (CN1), and restart",
+            &format!("the board's clock did not come: {clock}, and restart"),
         ),
         Line::exact(
             "safe mode",
