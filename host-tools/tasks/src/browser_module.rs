@@ -16,6 +16,9 @@ use crate::{process, toolchain, workspace};
 /// The compilation target of modules for pages.
 pub const TARGET: &str = "wasm32-unknown-unknown";
 
+/// The package of the kernel's module.
+const PACKAGE: &str = "stylus-browser";
+
 /// The profile in the workspace's manifest.
 const PROFILE: &str = "browser";
 
@@ -29,15 +32,17 @@ const KEPT_COMPILER: &str = "host-tools/report/src/rub_page/kernel.txt";
 pub const MODULE_VARIABLE: &str = "STYLUS_BROWSER_MODULE";
 
 /// A module that was built.
-struct Built {
-    file: PathBuf,
-    bytes: Vec<u8>,
+pub struct Built {
+    /// The file.
+    pub file: PathBuf,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
     compiler: String,
 }
 
 /// Builds the module and keeps it. Returns a message on the result.
 pub fn write() -> Result<String> {
-    let Built { bytes, compiler, .. } = build()?;
+    let Built { bytes, compiler, .. } = build(PACKAGE, PROFILE)?;
     std::fs::write(workspace::root().join(KEPT), &bytes)?;
     std::fs::write(workspace::root().join(KEPT_COMPILER), format!("{compiler}\n"))?;
     Ok(format!("{KEPT}: {} bytes by {compiler}", bytes.len()))
@@ -49,7 +54,7 @@ pub fn write() -> Result<String> {
 /// There is no toolchain, the build fails, the module names a folder of this machine, a file cannot be read, or the
 /// modules differ: in their bytes if one compiler built both, else in what they play.
 pub fn check() -> Result<String> {
-    let built = build()?;
+    let built = build(PACKAGE, PROFILE)?;
     let kept = std::fs::read(workspace::root().join(KEPT)).context(KEPT)?;
     let compiler = std::fs::read_to_string(workspace::root().join(KEPT_COMPILER))?;
     let (compiler, own) = (compiler.trim(), &built.compiler);
@@ -101,17 +106,21 @@ fn play(file: &Path) -> Result<()> {
     process::run(&mut cargo)
 }
 
-fn build() -> Result<Built> {
+/// Builds the module of a `package` by this profile.
+///
+/// # Errors
+/// There is no toolchain, the build fails, or the module names a folder of this machine.
+pub fn build(package: &str, profile: &str) -> Result<Built> {
     if !toolchain::has_target(TARGET) {
         bail!("the Rust toolchain here does not build for {TARGET}; install it: `rustup target add {TARGET}`");
     }
-    let folders = Folders::here("browser");
+    let folders = Folders::here(profile);
     let mut cargo = Command::new("cargo");
     toolchain::without_inherited(&mut cargo);
     cargo
         .current_dir(&folders.sources)
-        .args(["build", "--locked", "--package", "stylus-browser", "--lib"])
-        .args(["--target", TARGET, "--profile", PROFILE])
+        .args(["build", "--locked", "--package", package, "--lib"])
+        .args(["--target", TARGET, "--profile", profile])
         .args(Progress::Quiet.argument())
         .env("CARGO_HOME", &folders.cargo_home)
         .env("CARGO_TARGET_DIR", &folders.target)
@@ -119,7 +128,8 @@ fn build() -> Result<Built> {
         // Incremental compilation would divide the code differently.
         .env("CARGO_INCREMENTAL", "0");
     process::run(&mut cargo)?;
-    let file = folders.target.join(TARGET).join(PROFILE).join("stylus_browser.wasm");
+    let name = format!("{}.wasm", package.replace('-', "_"));
+    let file = folders.target.join(TARGET).join(profile).join(name);
     let bytes = std::fs::read(process::built(file.clone())?)?;
     // Then the same sources would give other bytes in another folder.
     if let Some(name) = folders.named_in(&bytes) {
