@@ -41,8 +41,7 @@ pub const MAX_CODEBOOK_SAMPLES: usize = MAX_EXCITATION_BYTES / 25 * 64;
 /// Smallest mean length of a texture's moments (recorded snippets), samples.
 pub const MIN_MOMENT_SAMPLES: u16 = 250;
 
-/// Largest mean length of a texture's moments (recorded snippets), samples: 1 s at 5 kHz. It bounds the spectral
-/// density of an excitation from codebooks, see the kernel's `lattice`.
+/// Largest mean length of a texture's moments (recorded snippets), samples: 1 s at 5 kHz.
 pub const MAX_MOMENT_SAMPLES: u16 = 5000;
 
 /// Highest peak of a codebook, standard deviations. The full scale of a fed excitation is 64 standard deviations.

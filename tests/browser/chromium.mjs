@@ -33,18 +33,21 @@ export function launched(more = []) {
 export const PHONE = { viewport: { width: 400, height: 800 }, hasTouch: true, isMobile: true };
 
 export class Opened {
-  // Opens the file at `place`, in virtual time unless `isReal`. Nothing but that file can be reached.
-  static async open(browser, place, options = {}, { waits = true, isReal = false, init } = {}) {
+  // Opens the file at `place`, as if it came from `address` if that is given, in virtual time unless `isReal`. Nothing
+  // but that file can be reached.
+  static async open(browser, place, options = {}, { waits = true, isReal = false, init, address } = {}) {
     const context = await browser.newContext({ offline: true, viewport: { width: 1240, height: 1000 }, ...options });
     context.setDefaultTimeout(PATIENCE_MS);
     const page = await context.newPage();
     if (!isReal) await page.addInitScript(virtualTime);
     if (init) await page.addInitScript(init);
     const opened = new Opened(context, page, isReal);
-    const own = `file://${place}`;
+    const own = address ?? `file://${place}`;
+    if (address) await context.route(address, (route) => route.fulfill({ path: place, contentType: "text/html" }));
     // Data of the page itself is no request of the network.
     page.on("request", (request) => {
-      if (request.url() !== own && !request.url().startsWith("data:")) opened.requests.push(request.url());
+      const [url] = request.url().split("#");
+      if (url !== own && !url.startsWith("data:")) opened.requests.push(url);
     });
     page.on("console", (message) => {
       if (["error", "warning"].includes(message.type())) opened.complaints.push(message.text());

@@ -73,6 +73,7 @@ async function answered(page, number) {
   const frame = page.page.frameLocator("iframe");
   if (number === 0) {
     await there(page, frame.locator("#begin"));
+    await frame.locator("#listener").fill("4");
     await frame.locator("#begin").click();
   }
   if (number > 0 && number % plan.break_every === 0) await frame.locator("#go-on").click();

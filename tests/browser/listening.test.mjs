@@ -25,6 +25,11 @@ async function checkLooks(page, at) {
   assert.deepEqual(await page.unnamed(), [], at);
 }
 
+async function begun(page, listener) {
+  await page.page.fill("#listener", String(listener));
+  await page.page.click("#begin");
+}
+
 const RELOADS_IN = 5;
 
 // A listener who answers right but in every third trial, by keys and by the mouse, and reloads the page in between.
@@ -97,7 +102,11 @@ test("a listener answers, reloads and saves, and the score is that of the seed's
   const page = await Opened.open(browser, file, {}, { waits: false });
   assert.ok((await page.page.innerText("body")).includes("X is of the same kind as A"));
   await checkLooks(page, "start");
+  // Without a number of the listener's own it does not begin.
+  assert.equal(await page.page.inputValue("#listener"), "");
   await page.page.click("#begin");
+  assert.ok(await page.page.isVisible("#start"));
+  await begun(page, 1);
   await checkLooks(page, "trial");
   const given = [];
   for (let number = 0; number < total; number++) given.push(await answer(page, number));
@@ -127,19 +136,21 @@ test("a finger finds every control, and no key is named", async () => {
   for (const place of [file, file.replace(".html", "-similarity.html")]) {
     const page = await Opened.open(browser, place, PHONE, { waits: false });
     assert.deepEqual(await page.unfitForFingers(), []);
-    await page.page.click("#begin");
+    await begun(page, 1);
     assert.deepEqual(await page.unfitForFingers(), []);
     await closed(page);
   }
 });
 
-test("ratings come in the listener's own order of the Latin square, and are kept as they were given", async () => {
+test("ratings come in the listener's own order, and are kept as they were given, also on a page by http", async () => {
   const place = file.replace(".html", "-similarity.html");
   const { orders, trials } = planOf(place);
-  const page = await Opened.open(browser, place, {}, { waits: false });
+  const page = await Opened.open(browser, place, {}, { waits: false, address: "http://192.168.7.7/listen.html" });
   assert.ok((await page.page.innerText("body")).includes("Rate how alike"));
   await checkLooks(page, "start");
-  await page.page.fill("#listener", "3");
+  // A link brings the number.
+  await page.page.goto(`${page.page.url()}#listener=3`);
+  await page.page.reload();
   await page.page.click("#begin");
   const width = orders[0].length;
   const expected = [];
@@ -189,7 +200,7 @@ test("a staircase finds the strength from which on a listener is right, and says
   const { tracks, rule } = planOf(place);
   const page = await Opened.open(browser, place, {}, { waits: false });
   await checkLooks(page, "start");
-  await page.page.click("#begin");
+  await begun(page, 1);
   // The strength that the listener of each part can just tell.
   const least = new Map(tracks.map(({ part }, index) => [part, 4 + 2 * index]));
   const done = () => page.value(() => !document.getElementById("end").hidden);

@@ -463,6 +463,60 @@ test("the sound begins with the first touch, a move is in it within a block, and
   });
 });
 
+// A tablet that got the page from a computer beside it, which a browser does not trust with an audio worklet.
+const ADDRESS = "http://192.168.7.7/rub.html";
+
+test("a page that came by plain http sounds at its level, and plays what stylus render plays, bit for bit", async () => {
+  // The last 32768 samples of what goes to the loudspeaker.
+  const init = `const { connect } = AudioNode.prototype;
+    AudioNode.prototype.connect = function connected(to, ...list) {
+      if (to === this.context.destination) {
+        globalThis.output = new AnalyserNode(this.context, { fftSize: 32768 });
+        connect.call(this, output);
+      }
+      return connect.call(this, to, ...list);
+    };`;
+  const use = async (page) => {
+    assert.deepEqual(await page.value(() => [isSecureContext, "audioWorklet" in rubPage.context]), [false, false]);
+    const output = () => page.value(() => {
+      const samples = new Float32Array(32768);
+      output.getFloatTimeDomainData(samples);
+      return Array.from(samples);
+    });
+    const { name, speed, force, fullScale } = await page.value(() => {
+      const { surface, keySpeed, force, fullScale } = rubPage;
+      return { name: surface.name, speed: keySpeed, force, fullScale };
+    });
+    const take = await taken(page, async () => {
+      await page.advance(100);
+      assert.ok((await output()).every((sample) => sample === 0));
+      await page.press("Space");
+      await page.advance(2000);
+    });
+    assertRendered(take, name);
+    const level = rms(await output());
+    const along = [0, 60].map((time) => `${time},${speed},${force}`).join("\n");
+    const motion = { csv: `time_s,speed_mm_s,force_n\n${along}\n`, rate: 5000, words: { length: 300_000 } };
+    const expected = rms(rendered("http", motion, ["--texture", name])) / fullScale;
+    assert.ok(Math.abs(20 * Math.log10(level / expected)) < 2, `${level} of ${expected} of full scale`);
+    const { latency, played } = await page.value(() => ({ latency: rubPage.latency(), played: rubPage.played }));
+    assert.ok(latency.baseMs > 40 && played.gaps === 0, JSON.stringify(latency));
+    page.complaints = page.complaints.filter((text) => !text.startsWith("The ScriptProcessorNode is deprecated"));
+  };
+  await opened({}, use, { init, address: ADDRESS });
+});
+
+test("a browser that lets no page by http sound says how to open it, also after a touch", async () => {
+  const init = "delete BaseAudioContext.prototype.createScriptProcessor;";
+  const page = await Opened.open(browser, file, {}, { waits: false, init, address: ADDRESS });
+  await page.loaded(() => Boolean(globalThis.rubPage?.newKernel));
+  await page.rub(2);
+  assert.match(await page.value(() => document.getElementById("trouble").textContent), /as a file, or by https/);
+  assert.ok(await page.value(() => rubPage.spectrum.compared.model !== undefined), "the pictures follow the hand");
+  assert.deepEqual(page.complaints, []);
+  await page.close();
+});
+
 // Firefox without an output device, and a policy that lets no sound begin.
 for (const [name, stub] of [
   ["whose sound's thread never starts", "AudioWorklet.prototype.addModule = () => new Promise(() => {});"],

@@ -86,45 +86,48 @@ export function virtualTime() {
     }
   };
 
-  globalThis.AudioWorkletNode = class extends AudioWorkletNode {
-    constructor(context, ...list) {
-      super(context, ...list);
-      const { port } = this;
-      // Before the page's own listener, which is to hear nothing of this.
-      port.addEventListener("message", (event) => {
-        if (event.data.type !== "virtual time") return;
-        event.stopImmediatePropagation();
-        port.answered();
-      });
-      port.postMessage = (...list) => {
-        context.isTold = true;
-        postMessage.apply(port, list);
-      };
-      context.ports.push(port);
-    }
-  };
-
-  // In the worklet: its computer's clock goes with the sound.
-  const prelude = `
-    const virtual = { date: 0, frame: 0 };
-    const Date = { now: () => virtual.date + (1000 * (currentFrame - virtual.frame)) / sampleRate };
-    const registerProcessor = (name, kind) => globalThis.registerProcessor(name, class extends kind {
-      constructor(options) {
-        super(options);
-        const hear = this.port.onmessage;
-        this.port.onmessage = (event) => {
-          if (event.data.type !== "virtual time") return hear(event);
-          [virtual.date, virtual.frame] = [event.data.date, currentFrame];
-          this.port.postMessage(event.data);
+  // A page that came by plain http has none.
+  if (globalThis.AudioWorklet) {
+    globalThis.AudioWorkletNode = class extends AudioWorkletNode {
+      constructor(context, ...list) {
+        super(context, ...list);
+        const { port } = this;
+        // Before the page's own listener, which is to hear nothing of this.
+        port.addEventListener("message", (event) => {
+          if (event.data.type !== "virtual time") return;
+          event.stopImmediatePropagation();
+          port.answered();
+        });
+        port.postMessage = (...list) => {
+          context.isTold = true;
+          postMessage.apply(port, list);
         };
+        context.ports.push(port);
       }
-    });`;
-  const { addModule } = AudioWorklet.prototype;
-  AudioWorklet.prototype.addModule = function added(url) {
-    // The page's policy lets nothing be fetched, and the text is in its address.
-    const [head, text] = url.split(";base64,");
-    return addModule.call(this, `${head};base64,${btoa(prelude + atob(text))}`);
-  };
+    };
+
+    // In the worklet: its computer's clock goes with the sound.
+    const prelude = `
+      const virtual = { date: 0, frame: 0 };
+      const Date = { now: () => virtual.date + (1000 * (currentFrame - virtual.frame)) / sampleRate };
+      const registerProcessor = (name, kind) => globalThis.registerProcessor(name, class extends kind {
+        constructor(options) {
+          super(options);
+          const hear = this.port.onmessage;
+          this.port.onmessage = (event) => {
+            if (event.data.type !== "virtual time") return hear(event);
+            [virtual.date, virtual.frame] = [event.data.date, currentFrame];
+            this.port.postMessage(event.data);
+          };
+        }
+      });`;
+    const { addModule } = AudioWorklet.prototype;
+    AudioWorklet.prototype.addModule = function added(url) {
+      // The page's policy lets nothing be fetched, and the text is in its address.
+      const [head, text] = url.split(";base64,");
+      return addModule.call(this, `${head};base64,${btoa(prelude + atob(text))}`);
+    };
+  }
 
   // ---- What a test does.
   const sounded = (time) => Promise.all(contexts.map((context) => context.render(time)));

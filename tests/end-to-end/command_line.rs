@@ -13,7 +13,8 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
     let said = bench.succeed("fit set --out textures.lib");
     holds(&said, &["8 trials -> textures.lib"]);
     holds(&bench.succeed("inspect textures.lib"), &["silk", "2 x 2"]);
-    let judged = bench.succeed("evaluate set --library textures.lib --json figures.json --report report --synthesis 2");
+    let judged =
+        bench.succeed("evaluate set --library textures.lib --json-out figures.json --report report --synthesis 2");
     holds(&judged, &["felt", "report/index.html"]);
     let figures = bench.report("figures.json");
     assert_eq!(figures["trials"].as_array().unwrap().len(), 8);
@@ -45,7 +46,23 @@ fn reports_for_scripts_are_json() {
     let bench = small_set();
     let report = json(&bench.succeed("fit set --out textures.lib --json"));
     assert_eq!(report["trials"].as_array().unwrap().len(), 8);
-    assert!(report["trials"][0]["energy_share"].as_f64().unwrap() > 0.98);
+    let trial = &report["trials"][0];
+    assert!(trial["energy_share"].as_f64().unwrap() > 0.98);
+    // What a method section states: how much of each recording is behind its model, and the order of each model.
+    assert_eq!(
+        trial["samples"].as_f64().unwrap() / 5000.0,
+        trial["seconds"].as_f64().unwrap()
+    );
+    assert!(trial["seconds"].as_f64().unwrap() > 0.5, "{trial}");
+    for texture in report["textures"].as_array().unwrap() {
+        assert!(
+            texture["nodes"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .all(|node| node["order"].is_u64())
+        );
+    }
     let content = json(&bench.succeed("inspect textures.lib --json"));
     assert_eq!(content["textures"][0]["nodes"].as_array().unwrap().len(), 4);
     assert_eq!(content["scenes"].as_array().unwrap().len(), 0);

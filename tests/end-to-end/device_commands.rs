@@ -7,7 +7,7 @@ use crate::support::{Bench, attached, connected, holds, interrupt, json, near, p
 use fake_stylus::actuator::Actuator;
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
-use model_format::link::UploadChunk;
+use model_format::link::{Setting, UploadChunk};
 use serde_json::Value;
 use stylus_plant::Parameters;
 
@@ -262,6 +262,7 @@ fn settings_are_shown_changed_read_back_and_reset() {
     let all = bench.succeed("settings");
     assert_eq!(all.lines().count(), 2 + model_format::link::SETTING_COUNT);
     holds(&all, &["acceleration-per-volt-z", "m/s²/V"]);
+    holds(&all, &Setting::ALL.map(Setting::meaning));
     holds(&bench.refuse("settings reset"), &["give --yes"]);
     assert_eq!(value("get force-per-volt"), -3.5);
     bench.succeed("settings reset --yes");

@@ -10,7 +10,7 @@ use fake_stylus::device::response_for;
 use fake_stylus::library::texture;
 use host_tools::dsp::response::PERIOD;
 use host_tools::link::LinkError;
-use host_tools::procedures::response::{Bench, DeviceBench, Failure, Probe};
+use host_tools::procedures::response::{DeviceBench, Failure, Probe, ProbedStylus};
 use model_format::encode;
 use model_format::link::{
     Activity, LINK_LOST_AFTER_MS, MAX_PROBE_SAMPLES, ProbeError, ProbeStart, ProbeThrough, ResponseChange,

@@ -23,7 +23,7 @@ const CORE_HZ: u32 = 400_000_000;
 
 /// Everything that a self test measures.
 #[derive(Clone)]
-struct Measured {
+struct SelfTestAnswers {
     info: DeviceInfo,
     chip: ChipValues,
     option_bytes: OptionByteValues,
@@ -65,7 +65,7 @@ fn lying(n: u32) -> RecordSample {
     }
 }
 
-impl Measured {
+impl SelfTestAnswers {
     /// The measurements of a healthy device.
     fn healthy() -> Self {
         let stylus = FakeStylus::start();
@@ -152,13 +152,13 @@ impl Measured {
 }
 
 /// A line's name, and a change to a healthy device that makes the line fail.
-type Row = (&'static str, fn(&mut Measured));
+type Row = (&'static str, fn(&mut SelfTestAnswers));
 
 /// The part of a line's name after the sensor's name, and a change to that sensor.
-type SensorRow = (&'static str, fn(&mut Measured, usize));
+type SensorRow = (&'static str, fn(&mut SelfTestAnswers, usize));
 
 /// A change to a healthy device.
-type Change = Box<dyn Fn(&mut Measured)>;
+type Change = Box<dyn Fn(&mut SelfTestAnswers)>;
 
 /// Lines about the board, the flash, the encoder, the link and the state.
 const LINES: &[Row] = &[
@@ -334,7 +334,7 @@ fn rows() -> Vec<(String, Change)> {
     }
     for (sensor, name) in SENSORS.into_iter().enumerate() {
         for (line, change) in OF_SENSOR {
-            let change = move |measured: &mut Measured| change(measured, sensor);
+            let change = move |measured: &mut SelfTestAnswers| change(measured, sensor);
             rows.push((format!("{name} {line}"), Box::new(change)));
         }
     }
@@ -343,7 +343,7 @@ fn rows() -> Vec<(String, Change)> {
 
 #[test]
 fn each_line_fails_when_what_it_measures_is_wrong_and_says_what_to_do() {
-    let healthy = Measured::healthy();
+    let healthy = SelfTestAnswers::healthy();
     for (name, change) in rows() {
         let mut measured = healthy.clone();
         change(&mut measured);
@@ -358,7 +358,7 @@ fn each_line_fails_when_what_it_measures_is_wrong_and_says_what_to_do() {
 #[test]
 fn no_line_that_is_printed_is_without_a_change_that_makes_it_fail() {
     let known: BTreeSet<String> = rows().into_iter().map(|(name, _)| name).collect();
-    let judged = Measured::healthy().lines();
+    let judged = SelfTestAnswers::healthy().lines();
     for line in &judged {
         assert_eq!(line.verdict, Verdict::Pass, "{line:?}");
     }

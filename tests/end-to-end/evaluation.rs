@@ -27,7 +27,7 @@ fn mean_of(test: &serde_json::Value, row: &str, measure: &str) -> f64 {
 fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_worse_than_a_nodes_own_model() {
     let bench = simulated();
     let run = |threads: &str, out: &str| {
-        let evaluate = "evaluate rig --leave-one-out --synthesis 2 --order 150 --json";
+        let evaluate = "evaluate rig --leave-one-out --synthesis 2 --order 150 --json-out";
         let mut command = bench.command(evaluate.split(' ').chain([out]));
         let output = command.env("RAYON_NUM_THREADS", threads).output().unwrap();
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -70,7 +70,7 @@ fn white_takes() -> Bench {
 fn what_a_model_was_fitted_to_does_not_judge_it() {
     let bench = white_takes();
     bench.succeed("fit one --out felt.lib --order 400");
-    let said = bench.succeed("evaluate one --library felt.lib --json blocks.json");
+    let said = bench.succeed("evaluate one --library felt.lib --json-out blocks.json");
     let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
     holds(&said, &[words]);
     let felt = &bench.report("blocks.json")["textures"][0];
@@ -84,10 +84,10 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     near(distance(&felt["other"]), distance(felt), 1.5);
 
     // If the record of the fit does not name a recording, the recording judges the library as it is.
-    let said = bench.succeed("evaluate two --library felt.lib --json unseen.json");
+    let said = bench.succeed("evaluate two --library felt.lib --json-out unseen.json");
     holds(&said, &["recordings that its fit did not use"]);
     assert_eq!(bench.report("unseen.json")["trials"][0]["judge"], "unseen");
-    let said = bench.succeed("evaluate one --library felt.lib --takes two --json takes.json");
+    let said = bench.succeed("evaluate one --library felt.lib --takes two --json-out takes.json");
     holds(&said, &["judged on another take"]);
     let takes = bench.report("takes.json");
     let verdict = &takes["textures"][0]["verdict"];
@@ -95,7 +95,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let unseen = bench.report("unseen.json");
     assert_eq!(takes["trials"][0]["judge"], "other_take");
     // This is the same recording at a quarter of its level.
-    let loud = "evaluate two --scale 0.25 --library felt.lib --json loud.json --full";
+    let loud = "evaluate two --scale 0.25 --library felt.lib --json-out loud.json --full";
     let said = bench.succeed(loud);
     holds(&said, &["JND off (target", "dB too strong at", "silent"]);
     let distance = |figures: &serde_json::Value| figures["trials"][0]["log_spectral_distance_db"].as_f64().unwrap();
@@ -109,7 +109,7 @@ fn without_a_record_of_the_fit_no_figure_counts() {
     let bench = white_takes();
     bench.succeed("fit one --out felt.lib");
     std::fs::remove_file(bench.path("felt.lib.fit.json")).unwrap();
-    let said = bench.succeed("evaluate one --library felt.lib --json a.json");
+    let said = bench.succeed("evaluate one --library felt.lib --json-out a.json");
     holds(&said, &["not known to be held out"]);
     holds(&said, &["felt: not judged: nobody knows"]);
     let felt = &bench.report("a.json")["textures"][0];
@@ -124,7 +124,7 @@ fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
     for (name, scale) in [("copy", 1.0), ("scaled", -0.4)] {
         let file = wav(&[&scaled(&noise(1, 10_000), scale)], RATE_HZ);
         bench.write_set(name, &[("felt", 100.0, 1.0, file)]);
-        let evaluate = "evaluate one --library felt.lib --json a.json --takes";
+        let evaluate = "evaluate one --library felt.lib --json-out a.json --takes";
         let warned = bench.told(&format!("{evaluate} {name}"));
         holds(&warned, &["judges nothing", &format!("take {name}/0.wav")]);
         let judge = &bench.report("a.json")["trials"][0]["judge"];
@@ -139,7 +139,7 @@ fn nothing_above_a_recordings_own_rate_is_judged() {
     let signal = all_pole(&[-0.9, 0.5], &noise(4, 4000));
     bench.write("slow.wav", wav(&[&signal], 1000));
     bench.succeed("fit slow.wav --out slow.lib --duration 4");
-    let said = bench.succeed("evaluate slow.wav --library slow.lib --duration 4 --json a.json");
+    let said = bench.succeed("evaluate slow.wav --library slow.lib --duration 4 --json-out a.json");
     holds(&said, &["18 to 450 Hz"]);
     let trial = &bench.report("a.json")["trials"][0];
     assert_eq!(trial["range"]["high_hz"], 450.0);
@@ -198,7 +198,7 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     let (fitted, judges) = (files(0..12), files(12..16));
     bench.succeed(&format!("segment {fitted} --texture felt --out pieces"));
     bench.succeed("fit pieces --out felt.lib");
-    let command = format!("evaluate {fitted} --library felt.lib --strokes {judges} --json n.json");
+    let command = format!("evaluate {fitted} --library felt.lib --strokes {judges} --json-out n.json");
     let judged = || {
         let said = bench.succeed(&command);
         (said, bench.report("n.json")["nearness"].clone())

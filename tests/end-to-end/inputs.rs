@@ -183,14 +183,14 @@ fn samples_without_a_value_are_interpolated_or_cut_with_and_without_times() {
 fn what_is_not_read_is_refused_with_the_way_to_what_is() {
     let bench = Bench::new();
     for (file, content, words) in [
-        ("a.xlsx", "PK", "save the sheet as .csv; or Python"),
+        ("a.xlsx", "PK", "stylus-convert FILE.xlsx --out"),
         ("a.mp3", "ID3", "`ffmpeg -i FILE.mp3 FILE.wav`"),
-        ("a.mat", "MATLAB", "scipy.io.loadmat('FILE.mat')"),
-        ("a.tdms", "TDSm", "from nptdms import TdmsFile"),
-        ("a.h5", "HDF", "h5py.File('FILE.h5')"),
-        ("a.npz", "PK", "numpy.load('FILE.npz')"),
-        ("a.npy", "NUMPY", "numpy.load('FILE.npy').squeeze()"),
-        ("a.parquet", "PAR1", "pandas.read_parquet('FILE.parquet')"),
+        ("a.mat", "MATLAB", "stylus-convert FILE.mat --out"),
+        ("a.tdms", "TDSm", "stylus-convert FILE.tdms --out"),
+        ("a.h5", "HDF", "stylus-convert FILE.h5 --out"),
+        ("a.npz", "PK", "stylus-convert FILE.npz --out"),
+        ("a.npy", "NUMPY", "stylus-convert FILE.npy --out"),
+        ("a.parquet", "PAR1", "stylus-convert FILE.parquet --out"),
         ("a.bag", "#ROSBAG", "rostopic echo -b FILE.bag -p /TOPIC"),
         ("a.bin", "?", "export the samples as .csv"),
         ("a.csv", "", "is empty: give a row for each sample"),
@@ -480,7 +480,7 @@ fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid
     let speeds = content["textures"][0]["speeds_mm_s"].as_array();
     assert_eq!(speeds, json("[50.0, 100.0, 150.0, 200.0]").as_array());
     // The evaluation must recognise the trials as those of the fit.
-    bench.succeed("evaluate set --library b.lib --synthesis 2 --json b.json");
+    bench.succeed("evaluate set --library b.lib --synthesis 2 --json-out b.json");
     let judged = bench.report("b.json");
     for trial in judged["trials"].as_array().expect("trials") {
         assert!(speeds.expect("speeds").contains(&trial["speed_mm_s"]), "{trial}");

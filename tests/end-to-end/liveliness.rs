@@ -119,7 +119,7 @@ fn difference(evaluation: &Value, role: &str, measure: &str) -> f64 {
 
 fn evaluated(bench: &Bench, library: &str, more: &str) -> (String, Value) {
     let said = bench.succeed(&format!(
-        "evaluate set --library {library} --takes takes --synthesis 40 --json e.json {more}"
+        "evaluate set --library {library} --takes takes --synthesis 40 --json-out e.json {more}"
     ));
     (said, bench.report("e.json"))
 }
@@ -181,7 +181,7 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
     bench.succeed("simulate-rig --rig rig.toml --out set");
     let said = bench.succeed("fit set --out weave.lib");
     holds(&said, &["tied to position", "and its harmonics wander by"]);
-    bench.succeed("evaluate set --library weave.lib --json e.json");
+    bench.succeed("evaluate set --library weave.lib --json-out e.json");
     let evaluation = bench.report("e.json");
     let number = |role: &str, measure: &str| difference(&evaluation, role, measure);
     for measure in ["modulation_db", "level_spread_db"] {
@@ -195,7 +195,7 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
     let list = text(&bench.read("takes/trials.csv"));
     let (few, _) = list.trim_end().rsplit_once('\n').unwrap();
     bench.write("takes/trials.csv", few);
-    let output = bench.run("evaluate set --library weave.lib --takes takes --json t.json");
+    let output = bench.run("evaluate set --library weave.lib --takes takes --json-out t.json");
     holds(&text(&output.stderr), &["1 of 8 trials are judged without --takes"]);
     let last = |of: &Value| {
         let mut last = of["trials"].as_array().unwrap().last().cloned().unwrap();

@@ -33,7 +33,7 @@ const HIL: &str = include_str!("../../host-tools/tasks/src/hil.rs");
 const GROUPS: [&str; 2] = ["scene", "settings"];
 
 /// Options of other programs that the pages name.
-const OF_OTHERS: [&str; 4] = ["--port", "--version", "--range", "--warm"];
+const OF_OTHERS: [&str; 5] = ["--path", "--port", "--version", "--range", "--warm"];
 
 /// Options of `cargo tasks hil` that are named only in pages about boards.
 const OF_HIL: [&str; 2] = ["--flash", "--minutes"];
@@ -49,13 +49,12 @@ fn help(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("help is text")
 }
 
-/// The names in the list of commands in `help`.
+/// The names in the lists of commands in `help`.
 pub fn commands(help: &str) -> Vec<String> {
-    let list = help.split_once("Commands:\n").map_or("", |(_, list)| list);
-    let names = list
-        .lines()
-        .take_while(|line| line.starts_with("  "))
-        .filter_map(|line| line.split_whitespace().next());
+    let lists = help.split("\nOptions:").next().unwrap_or_default();
+    let lines = lists.lines().filter_map(|line| line.strip_prefix("  "));
+    let names = lines.filter(|line| line.starts_with(|c: char| c.is_ascii_lowercase()));
+    let names = names.filter_map(|line| line.split_whitespace().next());
     names.filter(|&name| name != "help").map(str::to_owned).collect()
 }
 

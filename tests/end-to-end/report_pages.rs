@@ -47,7 +47,7 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     let bench = simulated();
     let said = bench.succeed(
         "evaluate set --library a.lib --takes set --leave-one-out --order 30 --synthesis 2 --report folder \
-         --json numbers.json",
+         --json-out numbers.json",
     );
     holds(&said, &["folder/index.html", "SIMULATED"]);
     let page = text(&bench.read("folder/index.html"));
@@ -68,6 +68,7 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
         "<li>denim: spectrum",
         "<p class=\"verdict\">spectrum",
         "<details><summary>Waveforms",
+        "<details><summary>Mean power spectral density",
         "What the spectrum does not show, of this trial",
         "mismatch C, %",
     ];
@@ -93,6 +94,22 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let pictures = names.filter(|name| name.rsplit('.').next() == Some("svg"));
     assert_eq!(pictures.count(), page.matches("class=\"plot\"").count());
+    // A recording and its synthesis have one mean spectrum, in decibels, and a table of it.
+    let table = text(&bench.read("folder/denim-psd.csv"));
+    let rows = table
+        .strip_prefix("# SIMULATED\nfrequency_hz,recorded_db,synthesised_db\n")
+        .unwrap();
+    let rows = rows
+        .lines()
+        .map(|line| line.split(',').map(|value| value.parse().unwrap()).collect());
+    let rows: Vec<Vec<f64>> = rows.collect();
+    let apart = rows
+        .iter()
+        .filter(|row| (50.0..500.0).contains(&row[0]))
+        .map(|row| row[2] - row[1]);
+    let apart: Vec<f64> = apart.collect();
+    let mean = apart.iter().sum::<f64>() / apart.len() as f64;
+    assert!(apart.len() > 200 && mean.abs() < 1.5, "{mean} dB of {}", apart.len());
     let numbers = bench.report("numbers.json");
     assert_eq!(numbers["trials"].as_array().unwrap().len(), 18);
     let removed = numbers["removed_nodes"]["removed"].as_array().unwrap();

@@ -195,7 +195,7 @@ fn a_motors_tone_is_a_line_of_the_texture_only_while_it_is_not_taken_off() {
 fn what_is_fitted_without_the_noise_is_judged_without_it() {
     let bench = recorded(1.0, 1);
     bench.succeed(&format!("fit set --out own.lib --floor subtract {PLAIN}"));
-    let evaluate = "evaluate set --library own.lib --json f.json --overwrite";
+    let evaluate = "evaluate set --library own.lib --json-out f.json --overwrite";
     let said = bench.succeed(evaluate);
     let words = "noise is taken off the recordings as it was for the fit";
     holds(&said, &[words, "spectrum as near"]);

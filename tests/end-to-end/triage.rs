@@ -331,8 +331,8 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
     ("wrong units, whole set", |t, s| one(scaled(&t.clean, [10.0, 300.0, 1000.0][s])),
         [Alike(21.0), Caught("scale"), Refused("check scale_m_s2")]),
     ("wrong units, one trial", |t, s| {
-        let own = scaled(&t.clean, [0.1, 5.0, 100.0][s] * 0.1);
-        let others = [1, 2, 3].map(|number| scaled(&t.other(number), 0.02));
+        let own = scaled(&t.clean, [0.1, 5.0, 100.0][s]);
+        let others = [1, 2, 3].map(|number| scaled(&t.other(number), 0.2));
         let names = ["a.wav", "b.wav", "c.wav"];
         let mut all: Vec<_> = names.into_iter().zip(&others).map(|(n, x)| (n, wav(&[x], RATE_HZ))).collect();
         let own = if s == 2 { scaled(&own, 0.5) } else { own };

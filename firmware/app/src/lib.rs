@@ -2,7 +2,7 @@
 //! it computes the device's output.
 //!
 //! Nothing here allocates, waits for hardware, or knows a register. Hardware stands behind small traits:
-//! [`control::Device`], [`slots::MappedFlash`], [`storage::Stage`], [`self_test::Bench`].
+//! [`control::Device`], [`slots::MappedFlash`], [`storage::Stage`], [`self_test::SelfTestHardware`].
 //!
 //! | module | runs in |
 //! |---|---|

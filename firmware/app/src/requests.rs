@@ -1,4 +1,4 @@
-//! Dispatch of requests: each is served at once, or becomes a [`Job`] of the storage.
+//! Dispatch of requests: each is served at once, or waits for the storage as a job.
 //!
 //! Every request gets the answer of its endpoint, or an error of postcard-rpc with its sequence number: for an unknown
 //! or shortened key, a body that is not of the key's type, or a storage that takes no more jobs. A topic is not
@@ -10,14 +10,13 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use heapless::Vec;
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkCounters, LinkId, ListEndpoint, ListRequest,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkCounters, LinkId, ListEndpoint,
     ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionEndpoint, MotionTopic, PlayEndpoint,
-    ProbeLoadEndpoint, ProbeStartEndpoint, ProposalToken, RecordBlock, RecordBlockTopic, RecordStartEndpoint,
-    RecordStopEndpoint, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
-    SelfTestEndpoint, SelfTestRequest, SettingsApplyEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId,
-    SlotsEndpoint, StatusEndpoint, StopEndpoint, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
-    UpdateConfirmEndpoint, UpdateStateEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
+    ProbeLoadEndpoint, ProbeStartEndpoint, RecordBlock, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint,
+    ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint, SelfTestEndpoint, SettingsApplyEndpoint,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotsEndpoint, StatusEndpoint, StopEndpoint, UPLOAD_WINDOW,
+    UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateStateEndpoint, UploadAbortEndpoint,
+    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::{ERROR_KEY, PingEndpoint, WireError};
@@ -25,7 +24,7 @@ use postcard_rpc::{Endpoint, Key, Topic};
 use serde::{Deserialize, Serialize};
 
 use crate::control::Control;
-use crate::self_test::Bench;
+use crate::self_test::SelfTestHardware;
 use crate::slots::MappedFlash;
 use crate::storage::{Stage, Storage};
 
@@ -48,44 +47,20 @@ pub trait Link {
     fn queue(&self, job: QueuedJob) -> bool;
 }
 
-/// A request for the storage, because it needs the flash, takes long, or asks for the state of an update.
-#[derive(Clone, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "the queue reserves a few, each for the largest"
-)]
-pub enum Job {
-    /// `UploadBeginEndpoint`.
-    UploadBegin(UploadBegin),
-    /// `UploadChunkEndpoint`: offset and bytes, which are copied, because the request's frame is gone when they are
-    /// written.
-    UploadChunk(u32, Vec<u8, MAX_CHUNK_BYTES>),
-    /// `UploadCommitEndpoint`.
-    UploadCommit,
-    /// `UploadAbortEndpoint`.
-    UploadAbort,
-    /// `SlotsEndpoint`.
-    Slots,
-    /// `ListEndpoint`.
-    List(ListRequest),
-    /// `ListSceneEndpoint`.
-    ListScene(ListRequest),
-    /// `ActivateEndpoint`.
-    Activate(SlotId),
-    /// `SettingsApplyEndpoint`.
-    SettingsApply(ProposalToken),
-    /// `ResponseSetEndpoint`.
-    ResponseSet(ResponseChange),
-    /// `SelfTestEndpoint`.
-    SelfTest(SelfTestRequest),
-    /// `UpdateBeginEndpoint`.
-    UpdateBegin(UpdateBegin),
-    /// `UpdateCommitEndpoint`.
-    UpdateCommit,
-    /// `UpdateConfirmEndpoint`.
-    UpdateConfirm,
-    /// `UpdateStateEndpoint`.
-    UpdateState,
+/// The chunk of an upload as it waits: with its bytes, because the request's frame is gone when they are written.
+#[derive(Clone, Debug, Deserialize)]
+struct WaitingChunk {
+    offset: u32,
+    data: Vec<u8, MAX_CHUNK_BYTES>,
+}
+
+impl WaitingChunk {
+    fn as_sent(&self) -> UploadChunk<'_> {
+        UploadChunk {
+            offset: self.offset,
+            data: &self.data,
+        }
+    }
 }
 
 /// A job, with the link and the sequence number of its answer.
@@ -132,42 +107,6 @@ pub fn encode_block(block: &RecordBlock, frame: &mut Frame) -> Option<usize> {
     encode(RecordBlockTopic::TOPIC_KEY, sequence, block, frame)
 }
 
-/// Does a job and writes its answer into `answer`. Returns the answer's length.
-pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
-    storage: &mut Storage<F, N>,
-    stage: &mut S,
-    bench: &mut impl Bench,
-    queued: QueuedJob,
-    answer: &mut Frame,
-) -> Option<usize> {
-    let from = queued.from;
-    let to = Reply {
-        sequence: queued.sequence,
-        answer,
-    };
-    match queued.job {
-        Job::UploadBegin(begin) => to.of::<UploadBeginEndpoint>(&storage.upload_begin(stage, begin).await),
-        Job::UploadChunk(offset, data) => {
-            let data = &data;
-            let chunk = UploadChunk { offset, data };
-            to.of::<UploadChunkEndpoint>(&storage.upload_chunk(stage, chunk).await)
-        }
-        Job::UploadCommit => to.of::<UploadCommitEndpoint>(&storage.upload_commit(stage).await),
-        Job::UploadAbort => to.of::<UploadAbortEndpoint>(&storage.upload_abort(stage)),
-        Job::Slots => to.of::<SlotsEndpoint>(&storage.read_slots().await),
-        Job::List(request) => to.of::<ListEndpoint>(&storage.list(request).await),
-        Job::ListScene(request) => to.of::<ListSceneEndpoint>(&storage.list_scene(request).await),
-        Job::Activate(slot) => to.of::<ActivateEndpoint>(&storage.activate(stage, slot).await),
-        Job::SettingsApply(token) => to.of::<SettingsApplyEndpoint>(&storage.settings_apply(stage, from, token).await),
-        Job::ResponseSet(change) => to.of::<ResponseSetEndpoint>(&storage.response_set(stage, from, change).await),
-        Job::SelfTest(request) => to.of::<SelfTestEndpoint>(&storage.self_test(stage, bench, request).await),
-        Job::UpdateBegin(begin) => to.of::<UpdateBeginEndpoint>(&storage.update_begin(stage, &begin).await),
-        Job::UpdateCommit => to.of::<UpdateCommitEndpoint>(&storage.update_commit(stage).await),
-        Job::UpdateConfirm => to.of::<UpdateConfirmEndpoint>(&storage.update_confirm(stage).await),
-        Job::UpdateState => to.of::<UpdateStateEndpoint>(&storage.update_state(stage)),
-    }
-}
-
 /// The buffer of an answer, and the sequence number of its request.
 struct Reply<'a> {
     sequence: VarSeq,
@@ -201,13 +140,7 @@ struct Request<'a, S, L> {
 impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     /// Decodes the body, and counts the frame if the body is of the key's type.
     fn read<T: Deserialize<'a>>(&self) -> Result<T, WireError> {
-        self.read_as(Some)
-    }
-
-    /// Decodes the body by `convert`, and counts the frame if there is a result.
-    fn read_as<T: Deserialize<'a>, U>(&self, convert: impl FnOnce(T) -> Option<U>) -> Result<U, WireError> {
-        let read = postcard::from_bytes(self.body).ok().and_then(convert);
-        let read = read.ok_or(WireError::DeserFailed)?;
+        let read = postcard::from_bytes(self.body).map_err(|_| WireError::DeserFailed)?;
         self.link.count(|counters| &mut counters.frames);
         Ok(read)
     }
@@ -226,8 +159,8 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     }
 
     /// Queues a job for the storage, which will answer it.
-    fn queue<T: Deserialize<'a>>(self, job: impl FnOnce(T) -> Option<Job>) -> Result<Answered, WireError> {
-        let job = self.read_as(job)?;
+    fn queue<T: Deserialize<'a>>(self, job: fn(T) -> Job) -> Result<Answered, WireError> {
+        let job = job(self.read()?);
         let queued = QueuedJob {
             from: self.link.id(),
             sequence: self.to.sequence,
@@ -252,68 +185,108 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     }
 }
 
-/// Serves a request at once, or leaves it to the storage.
-fn dispatch<S: Stage, L: Link>(key: Key, request: Request<'_, S, L>) -> Result<Answered, WireError> {
-    let from = request.link.id();
-    match key {
-        PingEndpoint::REQ_KEY => request.answer::<PingEndpoint>(|_, number| number),
-        InfoEndpoint::REQ_KEY => request.answer::<InfoEndpoint>(|control, ()| control.info()),
-        StatusEndpoint::REQ_KEY => request.answer::<StatusEndpoint>(|control, ()| control.status()),
-        CyclesEndpoint::REQ_KEY => request.answer::<CyclesEndpoint>(|control, ()| control.take_cycles()),
-        PlayEndpoint::REQ_KEY => request.answer::<PlayEndpoint>(|control, play| control.play(from, play)),
-        StopEndpoint::REQ_KEY => request.answer::<StopEndpoint>(|control, ()| control.stop()),
-        MotionEndpoint::REQ_KEY => request.answer::<MotionEndpoint>(|control, motion| control.motion(from, motion)),
-        MotionTopic::TOPIC_KEY => {
-            // A motion that is refused is dropped. The endpoint of the same name would report the refusal.
-            Ok(request.take::<MotionTopic>(|control, motion| {
-                let _ = control.motion(from, motion);
-            }))
+/// Writes, from one line per request, the match that serves it or queues it, the [`Job`] in which it waits, and the
+/// match that does the job. A line is an endpoint, a pattern for its request and the expression of its answer. A
+/// request that borrows from its frame names the type in which it waits.
+macro_rules! requests {
+    (
+        at once, |$control:ident, $link:ident| { $($quick:ident($quick_request:pat) => $quick_answer:expr,)* }
+        by the storage, |$storage:ident, $stage:ident, $bench:ident, $from:ident| {
+            $($slow:ident($slow_request:pat $(, $waiting:ty)?) => $slow_answer:expr,)*
         }
-        KeepAliveTopic::TOPIC_KEY => Ok(request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from))),
-        RecordStartEndpoint::REQ_KEY => request.answer::<RecordStartEndpoint>(|control, ()| control.record_start(from)),
-        RecordStopEndpoint::REQ_KEY => request.answer::<RecordStopEndpoint>(|control, ()| control.record_stop()),
-        SettingsGetEndpoint::REQ_KEY => request.answer::<SettingsGetEndpoint>(|control, ()| Ok(control.settings())),
-        SettingsProposeEndpoint::REQ_KEY => {
-            request.answer::<SettingsProposeEndpoint>(|control, change| control.propose(from, change))
+    ) => {
+        /// A request that waits for the storage, because it needs the flash, takes long, or asks for the state of an
+        /// update.
+        #[derive(Clone, Debug)]
+        #[expect(
+            clippy::large_enum_variant,
+            clippy::enum_variant_names,
+            reason = "the queue reserves a few, each for the largest; their names are their endpoints'"
+        )]
+        enum Job {
+            $($slow(requests!(@type $slow $($waiting)?)),)*
         }
-        ProbeLoadEndpoint::REQ_KEY => {
-            request.answer::<ProbeLoadEndpoint>(|control, load| control.load_probe(from, &load))
+
+        /// Serves a request at once, or leaves it to the storage.
+        fn dispatch<S: Stage, L: Link>(key: Key, request: Request<'_, S, L>) -> Result<Answered, WireError> {
+            let $link = request.link.id();
+            match key {
+                PingEndpoint::REQ_KEY => request.answer::<PingEndpoint>(|_, number| number),
+                MotionTopic::TOPIC_KEY => Ok(request.take::<MotionTopic>(|control, motion| {
+                    // A motion that is refused is dropped. The endpoint of the same name would report the refusal.
+                    let _ = control.motion($link, motion);
+                })),
+                KeepAliveTopic::TOPIC_KEY => {
+                    Ok(request.take::<KeepAliveTopic>(|control, ()| control.keep_alive($link)))
+                }
+                $($quick::REQ_KEY => request.answer::<$quick>(|$control, $quick_request| $quick_answer),)*
+                _ => queue_job(key, request),
+            }
         }
-        ProbeStartEndpoint::REQ_KEY => {
-            request.answer::<ProbeStartEndpoint>(|control, start| control.start_probe(from, &start))
+
+        /// Queues the job of a request for the storage. Not inlined, because the image is larger with this code in
+        /// [`dispatch`].
+        #[inline(never)]
+        fn queue_job<S: Stage, L: Link>(key: Key, request: Request<'_, S, L>) -> Result<Answered, WireError> {
+            match key {
+                $($slow::REQ_KEY => request.queue(Job::$slow),)*
+                _ => Err(WireError::UnknownKey),
+            }
         }
-        ResponseGetEndpoint::REQ_KEY => request.answer::<ResponseGetEndpoint>(|control, ()| control.response()),
-        ResponseProposeEndpoint::REQ_KEY => {
-            request.answer::<ResponseProposeEndpoint>(|control, response| control.propose_response(from, response))
+
+        /// Does a job and writes its answer into `answer`. Returns the answer's length.
+        pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
+            $storage: &mut Storage<F, N>,
+            $stage: &mut S,
+            $bench: &mut impl SelfTestHardware,
+            queued: QueuedJob,
+            answer: &mut Frame,
+        ) -> Option<usize> {
+            let $from = queued.from;
+            let sequence = queued.sequence;
+            let to = Reply { sequence, answer };
+            match queued.job {
+                $(Job::$slow($slow_request) => to.of::<$slow>(&$slow_answer),)*
+            }
         }
-        UploadProgressEndpoint::REQ_KEY => request.answer::<UploadProgressEndpoint>(|control, ()| control.upload()),
-        _ => queue_job(key, request),
-    }
+    };
+    (@type $endpoint:ident) => { <$endpoint as Endpoint>::Request };
+    (@type $endpoint:ident $waiting:ty) => { $waiting };
 }
 
-/// Queues the job of a request for the storage. Not inlined, because the image is larger with this code in
-/// [`dispatch`].
-#[inline(never)]
-fn queue_job<S: Stage, L: Link>(key: Key, request: Request<'_, S, L>) -> Result<Answered, WireError> {
-    match key {
-        SettingsApplyEndpoint::REQ_KEY => request.queue(|token| Some(Job::SettingsApply(token))),
-        ResponseSetEndpoint::REQ_KEY => request.queue(|change| Some(Job::ResponseSet(change))),
-        UploadBeginEndpoint::REQ_KEY => request.queue(|begin| Some(Job::UploadBegin(begin))),
-        UploadChunkEndpoint::REQ_KEY => request.queue(|UploadChunk { offset, data }| {
-            let data = Vec::from_slice(data).ok()?;
-            Some(Job::UploadChunk(offset, data))
-        }),
-        UploadCommitEndpoint::REQ_KEY => request.queue(|()| Some(Job::UploadCommit)),
-        UploadAbortEndpoint::REQ_KEY => request.queue(|()| Some(Job::UploadAbort)),
-        SlotsEndpoint::REQ_KEY => request.queue(|()| Some(Job::Slots)),
-        ListEndpoint::REQ_KEY => request.queue(|list| Some(Job::List(list))),
-        ListSceneEndpoint::REQ_KEY => request.queue(|list| Some(Job::ListScene(list))),
-        ActivateEndpoint::REQ_KEY => request.queue(|slot| Some(Job::Activate(slot))),
-        SelfTestEndpoint::REQ_KEY => request.queue(|request| Some(Job::SelfTest(request))),
-        UpdateBeginEndpoint::REQ_KEY => request.queue(|begin| Some(Job::UpdateBegin(begin))),
-        UpdateCommitEndpoint::REQ_KEY => request.queue(|()| Some(Job::UpdateCommit)),
-        UpdateConfirmEndpoint::REQ_KEY => request.queue(|()| Some(Job::UpdateConfirm)),
-        UpdateStateEndpoint::REQ_KEY => request.queue(|()| Some(Job::UpdateState)),
-        _ => Err(WireError::UnknownKey),
+requests! {
+    at once, |control, from| {
+        InfoEndpoint(()) => control.info(),
+        StatusEndpoint(()) => control.status(),
+        CyclesEndpoint(()) => control.take_cycles(),
+        PlayEndpoint(play) => control.play(from, play),
+        StopEndpoint(()) => control.stop(),
+        MotionEndpoint(motion) => control.motion(from, motion),
+        RecordStartEndpoint(()) => control.record_start(from),
+        RecordStopEndpoint(()) => control.record_stop(),
+        SettingsGetEndpoint(()) => Ok(control.settings()),
+        SettingsProposeEndpoint(change) => control.propose(from, change),
+        ProbeLoadEndpoint(load) => control.load_probe(from, &load),
+        ProbeStartEndpoint(start) => control.start_probe(from, &start),
+        ResponseGetEndpoint(()) => control.response(),
+        ResponseProposeEndpoint(response) => control.propose_response(from, response),
+        UploadProgressEndpoint(()) => control.upload(),
+    }
+    by the storage, |storage, stage, bench, from| {
+        SettingsApplyEndpoint(token) => storage.settings_apply(stage, from, token).await,
+        ResponseSetEndpoint(change) => storage.response_set(stage, from, change).await,
+        UploadBeginEndpoint(begin) => storage.upload_begin(stage, begin).await,
+        UploadChunkEndpoint(chunk, WaitingChunk) => storage.upload_chunk(stage, chunk.as_sent()).await,
+        UploadCommitEndpoint(()) => storage.upload_commit(stage).await,
+        UploadAbortEndpoint(()) => storage.upload_abort(stage),
+        SlotsEndpoint(()) => storage.read_slots().await,
+        ListEndpoint(request) => storage.list(request).await,
+        ListSceneEndpoint(request) => storage.list_scene(request).await,
+        ActivateEndpoint(slot) => storage.activate(stage, slot).await,
+        SelfTestEndpoint(request) => storage.self_test(stage, bench, request).await,
+        UpdateBeginEndpoint(begin) => storage.update_begin(stage, &begin).await,
+        UpdateCommitEndpoint(()) => storage.update_commit(stage).await,
+        UpdateConfirmEndpoint(()) => storage.update_confirm(stage).await,
+        UpdateStateEndpoint(()) => storage.update_state(stage),
     }
 }

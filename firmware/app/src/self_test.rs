@@ -16,7 +16,7 @@ use crate::slots::{Claim, LastLibrary, MappedFlash, SlotStore};
 use crate::storage::{Stage, Storage};
 
 /// The hardware that is measured.
-pub trait Bench {
+pub trait SelfTestHardware {
     /// Identity of the silicon.
     fn chip(&self) -> ChipValues;
 
@@ -59,7 +59,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     pub async fn self_test(
         &mut self,
         stage: &mut impl Stage,
-        bench: &mut impl Bench,
+        bench: &mut impl SelfTestHardware,
         request: SelfTestRequest,
     ) -> Result<SelfTestValues, SelfTestError> {
         stage
@@ -91,7 +91,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 
     async fn flash_values(
         &mut self,
-        bench: &impl Bench,
+        bench: &impl SelfTestHardware,
         slot: SlotId,
         erases_library: bool,
     ) -> Result<FlashValues, SelfTestError> {
@@ -119,7 +119,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 /// again.
 ///
 /// The word of the header is never written, so that a power loss at any time leaves a slot without a library.
-async fn measure<F: MappedFlash>(slots: &mut SlotStore<F>, bench: &impl Bench, claim: Claim) -> FlashValues {
+async fn measure<F: MappedFlash>(slots: &mut SlotStore<F>, bench: &impl SelfTestHardware, claim: Claim) -> FlashValues {
     let slot = claim.slot();
     let sector = SlotStore::<F>::header_sector();
     let begin = bench.now_us();

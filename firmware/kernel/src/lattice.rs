@@ -18,8 +18,8 @@
 //! highest spectral density, relative to white noise. `fit` whitens its codebooks ([`crate::feed`]), so that this
 //! density is nearly 1. Another program's codebook may be a tone on a resonance. Its pieces of at most 80 ms have
 //! random signs, which keeps the density below 280 at 5 kHz and 560 at 10 kHz: signals of 17 or 24 standard deviations.
-//! Moments, with a mean length of at most 5000 samples, allow 5600: 75 standard deviations, more than a fed texture's
-//! full scale. Signals that reach full scale saturate, and `status` counts this.
+//! Snippets are played on, so that a tone in them lasts, and may reach more than a fed texture's full scale. Signals
+//! that reach full scale saturate, and `status` counts this.
 //!
 //! A codebook has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two pieces. The lattice
 //! of a fed texture therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations.

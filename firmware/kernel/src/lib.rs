@@ -2,6 +2,7 @@
 #![no_std]
 
 pub mod arithmetic;
+pub mod dc_blocker;
 pub mod digest;
 #[cfg(feature = "direct-form")]
 pub mod direct_form;

@@ -27,7 +27,7 @@ use crate::fault::heat;
 use crate::flash::banks::{Bank1, Bank2};
 use crate::flash::word;
 use crate::link::wire::Wire;
-use crate::self_test::Measured;
+use crate::self_test::BoardHardware;
 use crate::tick;
 
 static CONTROL: Mutex<ThreadModeRawMutex, RefCell<Option<Control<Hardware>>>> = Mutex::new(RefCell::new(None));
@@ -124,7 +124,7 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
             continue;
         };
         let wire = Wire::of(job.from);
-        let length = work(stores, &mut ControlStage, &mut Measured, job, answer).await;
+        let length = work(stores, &mut ControlStage, &mut BoardHardware, job, answer).await;
         if let Some(length) = length {
             // The wire counts an answer that it cannot send. The host repeats its request.
             wire.send(&answer[..length]).await;

@@ -15,14 +15,14 @@ use model_format::link::{
     ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, OptionByteValues, OutputValues, RestValues,
     SelfTestError,
 };
-use stylus_app::self_test::Bench;
+use stylus_app::self_test::SelfTestHardware;
 
 use crate::tick::inputs;
 
 /// The hardware that is measured.
-pub struct Measured;
+pub struct BoardHardware;
 
-impl Bench for Measured {
+impl SelfTestHardware for BoardHardware {
     fn chip(&self) -> ChipValues {
         chip::identity()
     }

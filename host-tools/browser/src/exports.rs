@@ -7,7 +7,7 @@ use std::cell::RefCell;
 
 use model_format::{Library, OutputSample};
 use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS};
-use stylus_player::{BLOCK_NUMBERS, BlockMotion, Selection, Without};
+use stylus_player::{BLOCK_NUMBERS, BlockMotion, Filter, Selection, Without, delay_s};
 
 use crate::fault::{Fault, MOST_BLOCKS};
 use crate::session::{MOST_SAMPLES, STATE_NUMBERS, Session, motion_of_digest};
@@ -26,6 +26,7 @@ struct Module {
     words: Vec<i32>,
     samples: Vec<f32>,
     state: [f64; STATE_NUMBERS],
+    filter: Option<Filter>,
 }
 
 thread_local! {
@@ -46,6 +47,7 @@ impl Module {
             words: vec![0; MOST_SAMPLES],
             samples: vec![0.0; MOST_SAMPLES],
             state: [0.0; STATE_NUMBERS],
+            filter: None,
         }
     }
 
@@ -113,6 +115,11 @@ fn status(done: Result<(), Fault>) -> u32 {
 /// The status of a call that needs a session.
 fn of_session(call: impl FnOnce(&mut Session<'static>) -> Result<(), Fault>) -> u32 {
     status(with(|module| call(module.session()?)))
+}
+
+/// Returns what `call` finds in the filter, or 0 without one.
+fn of_filter(call: impl FnOnce(&Filter) -> usize) -> usize {
+    with(|module| module.filter.as_ref().map_or(0, call))
 }
 
 /// Returns what `call` finds in the session, or 0 without one.
@@ -223,6 +230,31 @@ exports! {
     /// Address of the state after the last run.
     fn state() -> *const f64 {
         with(|module| module.state.as_ptr())
+    }
+
+    /// Makes the filter of a resampler between two rates, Hz, and returns the address of its rows of taps.
+    fn filter(from_hz: u32, to_hz: u32) -> *const f32 {
+        with(|module| module.filter.insert(Filter::new(from_hz, to_hz)).rows.as_ptr())
+    }
+
+    /// Taps of a row of the filter, from the newest sample on.
+    fn filter_taps() -> usize {
+        of_filter(|filter| filter.taps)
+    }
+
+    /// Number of the filter's rows: phases per sample that it takes.
+    fn filter_phases() -> usize {
+        of_filter(|filter| filter.phases)
+    }
+
+    /// Phases of the filter per sample that it gives.
+    fn filter_step() -> usize {
+        of_filter(|filter| filter.step)
+    }
+
+    /// Delay of a filter between two rates, s.
+    fn filter_delay_s(from_hz: u32, to_hz: u32) -> f64 {
+        delay_s(from_hz, to_hz)
     }
 
     /// Writes blocks of the digest's motion.

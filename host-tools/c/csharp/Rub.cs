@@ -22,7 +22,7 @@ static class Rub
         try
         {
             using (var library = new Library(arguments[0]))
-            using (var player = new Player(RateHz))
+            using (var player = new Player(RateHz, asRendered: true))
             using (var file = new BinaryWriter(File.Create(arguments[5])))
             {
                 player.Choose(library, arguments[1]);

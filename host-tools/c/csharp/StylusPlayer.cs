@@ -64,13 +64,17 @@ namespace Stylus
     {
         readonly PlayerHandle handle;
 
-        /// <summary>A player of 5000 or 10000 Hz, or a multiple of 25 Hz from 8000 to 192000 Hz.</summary>
-        public Player(int outputRateHz)
+        /// <summary>A player at a multiple of 25 Hz from 1000 to 192000 Hz. asRendered leaves the DC blocker out, for
+        /// the bits of `stylus render`.</summary>
+        public Player(int outputRateHz, bool asRendered = false)
         {
             if (Native.stylus_player_abi() != Native.Abi)
                 throw new InvalidOperationException("the library is of another version than StylusPlayer.cs");
             OutputRateHz = outputRateHz;
-            Native.Check(Native.stylus_player_open((uint)outputRateHz, out handle));
+            uint rateHz = (uint)outputRateHz;
+            Native.Check(asRendered
+                ? Native.stylus_player_open_as_rendered(rateHz, out handle)
+                : Native.stylus_player_open(rateHz, out handle));
         }
 
         public int OutputRateHz { get; }
@@ -108,16 +112,23 @@ namespace Stylus
             Native.Check(Native.stylus_player_set_gain(handle, gain, limit));
         }
 
+        /// <summary>Protects a coil: its resistance, the volts for each m/s², its lasting power. The output is then the
+        /// coil's voltage, whose size, slew and power are limited for good.</summary>
+        public void SetCoil(float ohms, float voltsPerMS2, float watts)
+        {
+            Native.Check(Native.stylus_player_set_coil(handle, ohms, voltsPerMS2, watts));
+        }
+
         /// <summary>Plays the next samples into a part of an array. For the audio thread: it throws only for a part
-        /// that is not there, allocates nothing, and returns whether it played; else the part is silent.</summary>
+        /// that is not there, allocates nothing, and returns whether it played; else the part is silent, such as after
+        /// Dispose.</summary>
         public bool Fill(float[] samples, int offset, int count)
         {
             if (samples == null) throw new ArgumentNullException(nameof(samples));
             if (offset < 0 || count < 0 || offset > samples.Length - count)
                 throw new ArgumentOutOfRangeException(nameof(count));
             if (count == 0) return true;
-            // The first sample stays where it is during the call, and with it the array.
-            if (Native.stylus_player_fill(handle, ref samples[offset], (UIntPtr)count) == 0) return true;
+            if (Play(ref samples[offset], count)) return true;
             Array.Clear(samples, offset, count);
             return false;
         }
@@ -126,22 +137,43 @@ namespace Stylus
         /// <summary>The same into a span.</summary>
         public bool Fill(Span<float> samples)
         {
-            if (samples.IsEmpty) return true;
-            UIntPtr count = (UIntPtr)samples.Length;
-            if (Native.stylus_player_fill(handle, ref MemoryMarshal.GetReference(samples), count) == 0) return true;
+            if (samples.IsEmpty || Play(ref MemoryMarshal.GetReference(samples), samples.Length)) return true;
             samples.Clear();
             return false;
         }
 #endif
 
-        /// <summary>Longest time from a move to the middle of its change, s, of a texture at 5000 or 10000 Hz.</summary>
+        /// <summary>Time from a move to the middle of its change, s, of a texture at 5000 or 10000 Hz: at most so much
+        /// in the mean, and 1 ms more for a move just after a block began.</summary>
         public double LatencyS(int sampleRateHz)
         {
             Native.Check(Native.stylus_player_latency((uint)sampleRateHz, (uint)OutputRateHz, out double seconds));
             return seconds;
         }
 
+        /// <summary>Band, Hz, that the output rate has left of a texture at 5000 or 10000 Hz.</summary>
+        public double BandHz(int sampleRateHz)
+        {
+            Native.Check(Native.stylus_player_band((uint)sampleRateHz, (uint)OutputRateHz, out double hz));
+            return hz;
+        }
+
         public void Dispose() { handle.Dispose(); }
+
+        // The first sample stays where it is during the call, and with it all of them.
+        bool Play(ref float first, int count)
+        {
+            if (handle.IsClosed) return false;
+            try
+            {
+                return Native.stylus_player_fill(handle, ref first, (UIntPtr)count) == 0;
+            }
+            catch (ObjectDisposedException)
+            {
+                // Another thread has disposed of the player since the line above.
+                return false;
+            }
+        }
 
         void Choose(Library library, uint kind, UIntPtr index, ulong seed)
         {
@@ -196,8 +228,7 @@ namespace Stylus
             Marshal.Copy(address, said, 0, length);
             string text = Encoding.UTF8.GetString(said);
             var more = new byte[512];
-            // Of a file, a library or a choice there is more to say.
-            bool hasMore = status >= 6 && status <= 8 && stylus_last_text(more, (UIntPtr)more.Length) == 0;
+            bool hasMore = stylus_last_text(more, (UIntPtr)more.Length) == 0 && more[0] != 0;
             return hasMore ? text + ": " + FromUtf8(more) : text;
         }
 
@@ -214,6 +245,8 @@ namespace Stylus
         internal static extern int stylus_library_find(
             LibraryHandle library, uint kind, byte[] name, out UIntPtr index);
         [DllImport(Name)] internal static extern int stylus_player_open(uint outputRateHz, out PlayerHandle player);
+        [DllImport(Name)]
+        internal static extern int stylus_player_open_as_rendered(uint outputRateHz, out PlayerHandle player);
         [DllImport(Name)] internal static extern int stylus_player_close(IntPtr player);
         [DllImport(Name)]
         internal static extern int stylus_player_choose(
@@ -227,9 +260,14 @@ namespace Stylus
         [DllImport(Name)]
         internal static extern int stylus_player_set_gain(PlayerHandle player, float gain, float limit);
         [DllImport(Name)]
+        internal static extern int stylus_player_set_coil(
+            PlayerHandle player, float ohms, float voltsPerMS2, float watts);
+        [DllImport(Name)]
         internal static extern int stylus_player_fill(PlayerHandle player, ref float first, UIntPtr length);
         [DllImport(Name)]
         internal static extern int stylus_player_latency(uint sampleRateHz, uint outputRateHz, out double seconds);
+        [DllImport(Name)]
+        internal static extern int stylus_player_band(uint sampleRateHz, uint outputRateHz, out double hz);
         [DllImport(Name)] internal static extern int stylus_last_text(byte[] buffer, UIntPtr length);
         [DllImport(Name)] internal static extern IntPtr stylus_status_text(int status);
         [DllImport(Name)] internal static extern uint stylus_player_abi();

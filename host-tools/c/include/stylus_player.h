@@ -38,11 +38,11 @@ typedef enum stylus_status {
   STYLUS_LIBRARY = 7,
   // The library has no such texture or scene, or it cannot be played.
   STYLUS_CHOICE = 8,
-  // A speed, force, position or time is not finite.
+  // A speed, force, position or time is not finite, or no hand has it.
   STYLUS_MOTION = 9,
   // The output rate is not played.
   STYLUS_RATE = 10,
-  // The gain or the limit cannot be.
+  // The gain, the limit or the coil cannot be.
   STYLUS_GAIN = 11,
   // Another thread fills from this player at this moment.
   STYLUS_BUSY = 12,
@@ -100,10 +100,15 @@ enum stylus_status stylus_library_name(const stylus_library *library,
 enum stylus_status stylus_library_find(const stylus_library *library, uint32_t kind, const char *name, size_t *index);
 
 // Makes a player of an output rate, which plays nothing yet, and writes its handle to `player`.
-// Rates are 5000, 10000, and multiples of 25 Hz from 8000 to 192000 Hz.
+// Rates are multiples of 25 Hz from 1000 to 192000 Hz.
 enum stylus_status stylus_player_open(uint32_t output_rate_hz, stylus_player **player);
 
-// Closes a player. No thread may fill or move any more. NULL is none.
+// The same without the DC blocker: at a texture's own rate, samples are those of `stylus render`, to the bit. Not for
+// an amplifier that passes a steady voltage on.
+enum stylus_status stylus_player_open_as_rendered(uint32_t output_rate_hz, stylus_player **player);
+
+// Closes a player. No thread may move any more, or begin to fill; while one fills, `STYLUS_BUSY` is returned and the
+// player stays open. NULL is none.
 enum stylus_status stylus_player_close(stylus_player *player);
 
 // Plays a texture or scene with the noise of `seed`, as soon as what sounds has faded. From any thread; it allocates.
@@ -131,16 +136,26 @@ enum stylus_status stylus_player_follow(const stylus_player *player, const struc
 // the limit at once. From any thread, without waiting.
 enum stylus_status stylus_player_set_gain(const stylus_player *player, float gain, float limit);
 
+// Protects a coil, for as long as the player lives, by its resistance, the volts for each m/s2, and its lasting power.
+// The volts become the gain, and the output is the coil's voltage. It is then at most four times that at this power,
+// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an
+// amplifier of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
+enum stylus_status stylus_player_set_coil(const stylus_player *player, float ohms, float volts_per_m_s2, float watts);
+
 // Plays the next `length` samples into `samples`. Only one thread at a time may call the function: another gets
 // `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 enum stylus_status stylus_player_fill(const stylus_player *player, float *samples, size_t length);
 
-// Writes the longest time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
-// `sample_rate_hz`, 5000 or 10000.
+// Writes the time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
+// `sample_rate_hz`, 5000 or 10000. It is at most so much in the mean, and 1 ms more for a move just after a block
+// began.
 enum stylus_status stylus_player_latency(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *seconds);
 
-// Writes the text of this thread's last fault that had more to say than its status, with a 0 at its end, to `length`
-// bytes at `buffer`.
+// Writes the band, Hz, of a texture at `sample_rate_hz`, 5000 or 10000, that an output rate has left to `hz`.
+enum stylus_status stylus_player_band(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *hz);
+
+// Writes the text of this thread's last failure, with a 0 at its end, to `length` bytes at `buffer`. It is empty if
+// the status of that failure says all.
 enum stylus_status stylus_last_text(char *buffer, size_t length);
 
 // Meaning of a status: a text that stays. An unknown status has one too.

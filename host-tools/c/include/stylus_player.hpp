@@ -26,8 +26,7 @@ private:
     {
         std::string said = stylus_status_text(status);
         char more[512];
-        const bool has_more = status == STYLUS_FILE || status == STYLUS_LIBRARY || status == STYLUS_CHOICE;
-        if (has_more && stylus_last_text(more, sizeof more) == STYLUS_OK)
+        if (stylus_last_text(more, sizeof more) == STYLUS_OK && more[0] != 0)
             said += std::string(": ") + more;
         return said;
     }
@@ -97,10 +96,11 @@ private:
 /// A player. One thread at a time may fill; any may do the rest.
 class player {
 public:
-    explicit player(std::uint32_t output_rate_hz)
+    /// `as_rendered` leaves the DC blocker out, for the bits of `stylus render`.
+    explicit player(std::uint32_t output_rate_hz, bool as_rendered = false)
     {
         stylus_player *opened = nullptr;
-        check(stylus_player_open(output_rate_hz, &opened));
+        check((as_rendered ? stylus_player_open_as_rendered : stylus_player_open)(output_rate_hz, &opened));
         handle_.reset(opened);
     }
 
@@ -120,6 +120,12 @@ public:
     void set_gain(float gain, float limit = std::numeric_limits<float>::infinity())
     {
         check(stylus_player_set_gain(get(), gain, limit));
+    }
+
+    /// The output is the coil's voltage, whose size, slew and power are limited for good.
+    void set_coil(float ohms, float volts_per_m_s2, float watts)
+    {
+        check(stylus_player_set_coil(get(), ohms, volts_per_m_s2, watts));
     }
 
     void move(double speed_mm_s, double force_n) { check(stylus_player_move(get(), speed_mm_s, force_n)); }

@@ -11,7 +11,7 @@ use std::io::Read;
 
 use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
-use stylus_player::{BlockMotion, Fault, Selection, SharedLibrary, Without, latency_s};
+use stylus_player::{BlockMotion, Fault, Selection, SharedLibrary, Without, band_hz, latency_s};
 
 use crate::handle::{Handle, LibraryHandle, Player, PlayerHandle, check, guarded, put, room, slice, text};
 use crate::status::{self, Failure, Status, last};
@@ -52,7 +52,7 @@ impl From<Fault> for Failure {
         match fault {
             // The moving side allocates nothing.
             Fault::Motion(_) => Status::STYLUS_MOTION.into(),
-            Fault::Gain => Status::STYLUS_GAIN.into(),
+            Fault::Gain | Fault::Coil => Status::STYLUS_GAIN.into(),
             Fault::OutputRate(_) => Self::new(Status::STYLUS_RATE, &fault),
             Fault::Choice(_) | Fault::SampleRate(_) => Self::new(Status::STYLUS_CHOICE, &fault),
         }
@@ -196,7 +196,7 @@ pub unsafe extern "C" fn stylus_library_find(
 }
 
 /// Makes a player of an output rate, which plays nothing yet, and writes its handle to `player`.
-/// Rates are 5000, 10000, and multiples of 25 Hz from 8000 to 192000 Hz.
+/// Rates are multiples of 25 Hz from 1000 to 192000 Hz.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_open(output_rate_hz: u32, player: *mut *mut PlayerHandle) -> Status {
     guarded(|| {
@@ -207,7 +207,20 @@ pub unsafe extern "C" fn stylus_player_open(output_rate_hz: u32, player: *mut *m
     })
 }
 
-/// Closes a player. No thread may fill or move any more. NULL is none.
+/// The same without the DC blocker: at a texture's own rate, samples are those of `stylus render`, to the bit. Not for
+/// an amplifier that passes a steady voltage on.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_open_as_rendered(output_rate_hz: u32, player: *mut *mut PlayerHandle) -> Status {
+    guarded(|| {
+        check(player)?;
+        let (mover, filler) = stylus_player::player_as_rendered(output_rate_hz)?;
+        // SAFETY: the caller says what the addresses are.
+        unsafe { put(player, Handle::open(Player::new(mover, filler))) }
+    })
+}
+
+/// Closes a player. No thread may move any more, or begin to fill; while one fills, `STYLUS_BUSY` is returned and the
+/// player stays open. NULL is none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_close(player: *mut PlayerHandle) -> Status {
     guarded(|| {
@@ -310,6 +323,24 @@ pub unsafe extern "C" fn stylus_player_set_gain(player: *const PlayerHandle, gai
     })
 }
 
+/// Protects a coil, for as long as the player lives, by its resistance, the volts for each m/s2, and its lasting power.
+/// The volts become the gain, and the output is the coil's voltage. It is then at most four times that at this power,
+/// reaches it in 0.4 ms or more, and is attenuated before its mean power over 10 s exceeds the limit. Behind an
+/// amplifier of gain a, give ohms / a^2 and volts / a. From any thread, without waiting.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_set_coil(
+    player: *const PlayerHandle,
+    ohms: f32,
+    volts_per_m_s2: f32,
+    watts: f32,
+) -> Status {
+    guarded(|| {
+        // SAFETY: the caller says what the addresses are.
+        let player = unsafe { Handle::of(player) }?;
+        Ok(player.mover.set_coil(ohms, volts_per_m_s2, watts)?)
+    })
+}
+
 /// Plays the next `length` samples into `samples`. Only one thread at a time may call the function: another gets
 /// `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 #[unsafe(no_mangle)]
@@ -322,28 +353,44 @@ pub unsafe extern "C" fn stylus_player_fill(player: *const PlayerHandle, samples
     })
 }
 
-/// Writes the longest time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
-/// `sample_rate_hz`, 5000 or 10000.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn stylus_player_latency(sample_rate_hz: u32, output_rate_hz: u32, seconds: *mut f64) -> Status {
+/// Checks both rates, and writes what `of` says of them to `number`.
+unsafe fn told(of: fn(u32, u32) -> f64, rates_hz: (u32, u32), number: *mut f64) -> Status {
     guarded(|| {
         // A player is made only because it checks the rate.
-        stylus_player::player(output_rate_hz)?;
-        if ![5000, 10_000].contains(&sample_rate_hz) {
-            return Err(Fault::SampleRate(sample_rate_hz).into());
+        stylus_player::player(rates_hz.1)?;
+        if ![5000, 10_000].contains(&rates_hz.0) {
+            return Err(Fault::SampleRate(rates_hz.0).into());
         }
         // SAFETY: the caller says what the addresses are.
-        unsafe { put(seconds, latency_s(sample_rate_hz, output_rate_hz)) }
+        unsafe { put(number, of(rates_hz.0, rates_hz.1)) }
     })
 }
 
-/// Writes the text of this thread's last fault that had more to say than its status, with a 0 at its end, to `length`
-/// bytes at `buffer`.
+/// Writes the time from a move to the middle of the change that it makes, s, to `seconds`, for a texture at
+/// `sample_rate_hz`, 5000 or 10000. It is at most so much in the mean, and 1 ms more for a move just after a block
+/// began.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_latency(sample_rate_hz: u32, output_rate_hz: u32, seconds: *mut f64) -> Status {
+    // SAFETY: the caller says what the addresses are.
+    unsafe { told(latency_s, (sample_rate_hz, output_rate_hz), seconds) }
+}
+
+/// Writes the band, Hz, of a texture at `sample_rate_hz`, 5000 or 10000, that an output rate has left to `hz`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn stylus_player_band(sample_rate_hz: u32, output_rate_hz: u32, hz: *mut f64) -> Status {
+    // SAFETY: the caller says what the addresses are.
+    unsafe { told(band_hz, (sample_rate_hz, output_rate_hz), hz) }
+}
+
+/// Writes the text of this thread's last failure, with a 0 at its end, to `length` bytes at `buffer`. It is empty if
+/// the status of that failure says all.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_last_text(buffer: *mut c_char, length: usize) -> Status {
     guarded(|| {
         // SAFETY: the caller says what the addresses are.
-        last(|said| unsafe { say(said, buffer, length) })
+        let told = last(|said| unsafe { say(said, buffer, length) });
+        // A buffer that is too short leaves the text for a longer one.
+        told.map_err(|Failure(status, _)| Failure::new(status, &last(str::to_owned)))
     })
 }
 

@@ -7,7 +7,7 @@
 use std::cell::UnsafeCell;
 use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 
 use stylus_player::{Filler, Mover, SharedLibrary};
 
@@ -22,13 +22,18 @@ pub type PlayerHandle = Handle<Player>;
 /// Both sides of a player.
 pub struct Player {
     pub mover: Mover,
-    /// One thread's at a time, while `is_filling`.
+    /// Of the one thread that has changed `use_of_filler` from `FREE` to `TAKEN`.
     filler: UnsafeCell<Filler>,
-    is_filling: AtomicBool,
+    use_of_filler: AtomicU8,
 }
 
+const FREE: u8 = 0;
+const TAKEN: u8 = 1;
+/// A fault has left the filler amid a sample.
+const FAULTY: u8 = 2;
+
 // SAFETY: the one part that is not `Sync` is `filler`, which only `fill` reaches by a shared reference, and only the
-// thread that has set `is_filling`. The filler may be used by one thread after another, as below.
+// thread that has taken it. The filler may be used by one thread after another, as below.
 unsafe impl Sync for Player {}
 
 const fn is_send<T: Send>() {}
@@ -39,27 +44,40 @@ impl Player {
         Self {
             mover,
             filler: UnsafeCell::new(filler),
-            is_filling: AtomicBool::new(false),
+            use_of_filler: AtomicU8::new(FREE),
         }
     }
 
-    /// Fills `samples`, unless another thread does. A fault leaves the player busy for ever, because its state is that
-    /// of a half-made sample.
+    /// Takes the filler for the calling thread, unless another has it. A faulty one stays what it is.
+    fn take(&self) -> Result<(), Failure> {
+        let taken = self
+            .use_of_filler
+            .compare_exchange(FREE, TAKEN, Ordering::Acquire, Ordering::Relaxed);
+        taken.map(drop).map_err(|now| match now {
+            FAULTY => Status::STYLUS_FAULT.into(),
+            _ => Status::STYLUS_BUSY.into(),
+        })
+    }
+
+    /// Fills `samples`, unless another thread does.
     pub fn fill(&self, samples: &mut [f32]) -> Result<(), Failure> {
-        if self.is_filling.swap(true, Ordering::Acquire) {
-            return Err(Status::STYLUS_BUSY.into());
-        }
-        // SAFETY: this thread alone has found `is_filling` false, and no other reaches the filler until it is again.
-        let filler = unsafe { &mut *self.filler.get() };
-        filler.fill(samples);
-        self.is_filling.store(false, Ordering::Release);
-        Ok(())
+        self.take()?;
+        let filled = catch_unwind(AssertUnwindSafe(|| {
+            // SAFETY: this thread has taken the filler, which no other can take until it is free again.
+            let filler = unsafe { &mut *self.filler.get() };
+            filler.fill(samples);
+        }));
+        let now = if filled.is_ok() { FREE } else { FAULTY };
+        self.use_of_filler.store(now, Ordering::Release);
+        Ok(filled.map_err(|_| Status::STYLUS_FAULT)?)
     }
 }
 
 /// Thing of which another language holds the address.
+#[repr(C)]
 pub struct Handle<T> {
-    /// Mark of an open handle of this kind. A closed one loses it, so that most mistakes are told.
+    /// Mark of an open handle of this kind. A closed one loses it, so that most mistakes are told. It comes first, so
+    /// that it is found in a handle of any kind, however small.
     mark: AtomicU64,
     it: T,
 }
@@ -68,6 +86,11 @@ pub struct Handle<T> {
 pub trait Marked {
     /// A number that memory is unlikely to hold by accident.
     const MARK: u64;
+
+    /// Refuses to close what a call uses now, and keeps later calls from it.
+    fn retire(&self) -> Result<(), Failure> {
+        Ok(())
+    }
 }
 
 impl Marked for SharedLibrary {
@@ -76,6 +99,13 @@ impl Marked for SharedLibrary {
 
 impl Marked for Player {
     const MARK: u64 = u64::from_le_bytes(*b"stylusP1");
+
+    fn retire(&self) -> Result<(), Failure> {
+        match self.take() {
+            Err(Failure(Status::STYLUS_FAULT, _)) => Ok(()),
+            taken => taken,
+        }
+    }
 }
 
 impl<T: Marked> Handle<T> {
@@ -90,15 +120,18 @@ impl<T: Marked> Handle<T> {
     /// Content of the handle at `address`.
     ///
     /// # Safety
-    /// `address` is NULL, or memory that can be read as a handle, which nobody closes while the result is used.
+    /// `address` is NULL, or memory of which 8 bytes can be read; of an open handle all can be read. Nobody closes the
+    /// handle while the result is used.
     pub unsafe fn of<'a>(address: *const Self) -> Result<&'a T, Failure> {
         check(address)?;
-        // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be read.
-        let handle = unsafe { &*address };
-        if handle.mark.load(Ordering::Acquire) != T::MARK {
+        // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be read. Nothing after the mark is
+        // touched: the handle may be of a smaller kind.
+        let mark = unsafe { &(*address).mark };
+        if mark.load(Ordering::Acquire) != T::MARK {
             return Err(Status::STYLUS_HANDLE.into());
         }
-        Ok(&handle.it)
+        // SAFETY: its mark says that `open` made it, of this kind.
+        Ok(unsafe { &(*address).it })
     }
 
     /// Closes the handle at `address`; NULL is none.
@@ -109,8 +142,9 @@ impl<T: Marked> Handle<T> {
         if address.is_null() {
             return Ok(());
         }
-        check(address)?;
-        // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be read.
+        // SAFETY: the caller says the same.
+        unsafe { Self::of(address) }?.retire()?;
+        // SAFETY: it is a handle of this kind.
         let mark = unsafe { &(*address).mark };
         let closed = mark.compare_exchange(T::MARK, 0, Ordering::AcqRel, Ordering::Acquire);
         closed.map_err(|_| Status::STYLUS_HANDLE)?;
@@ -196,5 +230,36 @@ pub fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> Status {
         Ok(Ok(())) => Status::STYLUS_OK,
         Ok(Err(failure)) => failure.tell(),
         Err(_) => Status::STYLUS_FAULT,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn status(of: Result<(), Failure>) -> Status {
+        of.map_or_else(|Failure(status, _)| status, |()| Status::STYLUS_OK)
+    }
+
+    #[test]
+    fn a_player_that_fills_is_not_closed_and_one_with_a_fault_is() {
+        for (now, filled, closed) in [
+            (TAKEN, Status::STYLUS_BUSY, Status::STYLUS_BUSY),
+            (FAULTY, Status::STYLUS_FAULT, Status::STYLUS_OK),
+            (FREE, Status::STYLUS_OK, Status::STYLUS_OK),
+        ] {
+            let (mover, filler) = stylus_player::player(5000).expect("the rate is played");
+            let player = Handle::open(Player::new(mover, filler));
+            // SAFETY: the handle is open until it is closed.
+            unsafe {
+                (*player).it.use_of_filler.store(now, Ordering::Relaxed);
+                assert_eq!(status((*player).it.fill(&mut [0.0])), filled);
+                assert_eq!(status(Handle::close(player)), closed);
+                if closed == Status::STYLUS_BUSY {
+                    (*player).it.use_of_filler.store(FREE, Ordering::Relaxed);
+                    assert_eq!(status(Handle::close(player)), Status::STYLUS_OK);
+                }
+            }
+        }
     }
 }

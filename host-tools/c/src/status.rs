@@ -1,6 +1,6 @@
 //! Results of calls, and the text of the last that failed.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
 use std::fmt::Display;
 
@@ -28,11 +28,11 @@ pub enum Status {
     STYLUS_LIBRARY = 7,
     /// The library has no such texture or scene, or it cannot be played.
     STYLUS_CHOICE = 8,
-    /// A speed, force, position or time is not finite.
+    /// A speed, force, position or time is not finite, or no hand has it.
     STYLUS_MOTION = 9,
     /// The output rate is not played.
     STYLUS_RATE = 10,
-    /// The gain or the limit cannot be.
+    /// The gain, the limit or the coil cannot be.
     STYLUS_GAIN = 11,
     /// Another thread fills from this player at this moment.
     STYLUS_BUSY = 12,
@@ -51,9 +51,9 @@ static TEXTS: [&CStr; 14] = [
     c"the file cannot be read",
     c"this is no library that can be played",
     c"the library has no such texture or scene, or it cannot be played",
-    c"a speed, force, position or time is not finite",
-    c"the output rate is not played: give 5000, 10000, or a multiple of 25 Hz from 8000 to 192000 Hz",
-    c"give a finite gain and a limit that is not negative",
+    c"a speed, force, position or time is not finite, or no hand has it: give mm/s, N, mm and s",
+    c"the output rate is not played: give a multiple of 25 Hz from 1000 to 192000 Hz",
+    c"give a finite gain, a limit that is not negative, and ohms and watts above zero",
     c"another thread fills from this player: fill from one at a time",
     c"a fault of the library itself: close the handle, and report it",
 ];
@@ -66,10 +66,12 @@ pub fn text(status: i32) -> &'static CStr {
 
 thread_local! {
     static LAST: RefCell<String> = const { RefCell::new(String::new()) };
+    /// True if the last failure had a text. It is apart, because a call that may not allocate sets it.
+    static HAS_TEXT: Cell<bool> = const { Cell::new(false) };
 }
 
 /// A call that failed. Only calls that may allocate give more than their status.
-pub struct Failure(Status, Option<String>);
+pub struct Failure(pub Status, pub Option<String>);
 
 impl Failure {
     pub fn new(status: Status, detail: &dyn Display) -> Self {
@@ -79,6 +81,7 @@ impl Failure {
     /// The status, whose detail becomes the thread's text.
     pub fn tell(self) -> Status {
         let Self(status, detail) = self;
+        HAS_TEXT.set(detail.is_some());
         if let Some(detail) = detail {
             LAST.with_borrow_mut(|last| *last = detail);
         }
@@ -92,7 +95,11 @@ impl From<Status> for Failure {
     }
 }
 
-/// Text of the thread's last fault that had one.
+/// Text of the thread's last failure; empty if its status says all.
 pub fn last<R>(look: impl FnOnce(&str) -> R) -> R {
-    LAST.with_borrow(|last| look(last))
+    if HAS_TEXT.get() {
+        LAST.with_borrow(|last| look(last))
+    } else {
+        look("")
+    }
 }

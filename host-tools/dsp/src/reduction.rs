@@ -32,6 +32,8 @@ pub struct Reduced {
     pub signal: Vec<f64>,
     /// Energy as a fraction of the energy of all axes about their means; 1 if the axes have no energy.
     pub energy_share: f64,
+    /// Direction on which several axes were projected, one component per axis; empty for other reductions.
+    pub direction: Vec<f64>,
 }
 
 /// The requested axis does not exist.
@@ -50,8 +52,13 @@ pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxi
         remove_mean(axis);
     }
     let total: f64 = axes.iter().map(|axis| energy(axis)).sum();
+    let direction = match by {
+        Reduction::Pca if axes.len() > 1 => weights(axes),
+        _ => Vec::new(),
+    };
     let mut signal = match by {
-        Reduction::Pca => principal_component(axes),
+        Reduction::Pca if axes.len() > 1 => projected(axes, &direction),
+        Reduction::Pca => axes.first().cloned().unwrap_or_default(),
         Reduction::Dft321 => dft321(axes),
         Reduction::X => single(axes, 0)?,
         Reduction::Y => single(axes, 1)?,
@@ -64,7 +71,11 @@ pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxi
     } else {
         1.0
     };
-    Ok(Reduced { signal, energy_share })
+    Ok(Reduced {
+        signal,
+        energy_share,
+        direction,
+    })
 }
 
 /// The way in which a recording was reduced, so that other recordings of the same sensor can be reduced alike.
@@ -118,13 +129,6 @@ pub fn remove_mean(signal: &mut [f64]) {
     let mean = mean(signal);
     for sample in signal {
         *sample -= mean;
-    }
-}
-
-fn principal_component(axes: &[Vec<f64>]) -> Vec<f64> {
-    match axes {
-        [axis] => axis.clone(),
-        _ => projected(axes, &weights(axes)),
     }
 }
 

@@ -27,7 +27,7 @@ pub enum Role {
 
 /// The measures of one signal of a comparison.
 #[derive(Clone, Debug, Serialize)]
-pub struct Measured {
+pub struct SignalMeasures {
     /// The signal's role.
     pub role: Role,
     /// The parts of the texture that are played, in words; none of recordings.
@@ -57,7 +57,7 @@ pub struct TrialLiveliness {
     /// Frequency of the judge's strongest narrow line, Hz, if it has one.
     pub line_hz: Option<f64>,
     /// The recording first, then what was played, then the other recording.
-    pub signals: Vec<Measured>,
+    pub signals: Vec<SignalMeasures>,
 }
 
 /// Magnitudes of the differences of a signal's measures from those of the recording.
@@ -110,13 +110,13 @@ impl TrialLiveliness {
         };
         let played = |role, parts: &str, synthesised: &[f64]| {
             let of: Vec<&[f64]> = synthesised.chunks_exact(len.max(1)).collect();
-            Measured {
+            SignalMeasures {
                 role,
                 parts: Some(parts.to_owned()),
                 measures: in_pieces(&of),
             }
         };
-        let recorded = |role, measures| Measured {
+        let recorded = |role, measures| SignalMeasures {
             role,
             parts: None,
             measures,
@@ -196,7 +196,7 @@ pub fn summaries<'a>(trials: impl Iterator<Item = &'a TrialLiveliness>) -> Vec<S
         Role::Other,
     ];
     let summary = |role: Role| {
-        let signals: Vec<(Liveliness, &Measured)> = trials
+        let signals: Vec<(Liveliness, &SignalMeasures)> = trials
             .iter()
             .flat_map(|trial| trial.signals.iter().map(|signal| (trial.recording(), signal)))
             .filter(|(_, signal)| signal.role == role)

@@ -8,6 +8,7 @@ use super::held_out::JudgeKind;
 use super::impulses::{AtSpeed, Impulses, OFF_OCTAVES, speeds_in_words};
 use super::liveliness::{Differences, Role, Summary};
 use super::loudness::{Loudness, TOO_STRONG};
+use super::perception::{DISTANCE_RANGE_HZ, ScoringRange};
 use super::summary::{Means, Scores, TextureEvaluation, TrialEvaluation, mean};
 use crate::dsp::liveliness::median;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
@@ -62,7 +63,19 @@ pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation
         evenness(&texture.liveliness, &heard),
         (judged < heard.len()).then(|| format!("judged in {judged} of {} trials", heard.len())),
     ];
-    clauses.into_iter().flatten().collect::<Vec<_>>().join("; ")
+    let words = clauses.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    match narrow(heard.iter().filter_map(|trial| trial.range)) {
+        Some(band) => format!("{band}: {words}"),
+        None => words,
+    }
+}
+
+/// Returns the band that was judged in all trials of these `ranges`, in words, if recordings of a low rate leave out
+/// much of what skin feels.
+fn narrow(ranges: impl Iterator<Item = ScoringRange>) -> Option<String> {
+    let edges = ranges.map(|range| range.band_edges_hz());
+    let (low, high) = edges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))?;
+    (high < DISTANCE_RANGE_HZ.1).then(|| format!("judged from {low:.0} to {high:.0} Hz alone"))
 }
 
 /// Returns the distance that `own` has in excess of `target`, the other recording's. Squares are subtracted, because
@@ -240,6 +253,13 @@ mod tests {
             of(Role::Synthesis, measures(octaves, spread_db)),
             of(Role::Other, measures(0.1, 0.1)),
         ]
+    }
+
+    #[test]
+    fn a_band_that_a_low_rate_narrows_is_named_and_another_is_not() {
+        let of = |rates_hz: &[f64]| narrow(rates_hz.iter().filter_map(|rate_hz| ScoringRange::of(*rate_hz, 5000)));
+        holds(&of(&[5000.0, 400.0]).unwrap(), &["judged from", "to 180 Hz alone"]);
+        assert_eq!((of(&[5000.0, 2800.0]), of(&[])), (None, None));
     }
 
     #[test]

@@ -12,6 +12,9 @@ const MOST_BUFFERED_BLOCKS: u32 = 500;
 /// Longest time between two places from which a speed is computed, s.
 const LONGEST_STEP_S: f64 = 0.1;
 
+/// Highest speed, mm/s, and farthest position, mm: no hand has them, and the kernel's positions are finite.
+pub const MOST_MOTION: (f64, f64) = (1e6, 1e9);
+
 /// A message of the mover.
 #[derive(Clone, Copy, Debug)]
 pub enum Told {
@@ -69,6 +72,8 @@ pub struct Follower {
     age: u32,
     /// Number of blocks for which a motion is held.
     held_blocks: u32,
+    /// True from the block on in which no motion is held.
+    is_over: bool,
     /// The last place and its time, s.
     place: Option<(f64, f64)>,
 }
@@ -81,6 +86,7 @@ impl Follower {
             // No motion was told yet.
             age: u32::MAX,
             held_blocks: HELD_BLOCKS,
+            is_over: true,
             place: None,
         }
     }
@@ -109,10 +115,11 @@ impl Follower {
                 ..motion
             };
             // The block that begins now is the first of those for which the motion is held.
-            (self.taken, self.age) = (ticket, 1);
+            (self.taken, self.age, self.is_over) = (ticket, 1, false);
             return motion;
         }
-        if self.age >= self.held_blocks {
+        self.is_over = self.age >= self.held_blocks;
+        if self.is_over {
             let contact = 0.0;
             return BlockMotion {
                 contact,
@@ -121,6 +128,11 @@ impl Follower {
         }
         self.age += 1;
         self.held
+    }
+
+    /// Returns whether the last block had no motion.
+    pub fn is_over(&self) -> bool {
+        self.is_over
     }
 
     fn motion_of(&mut self, told: Told, last_s: f64) -> BlockMotion {
@@ -143,6 +155,9 @@ impl Follower {
             Some((step_s, way_mm)) if step_s > 0.0 && step_s <= LONGEST_STEP_S => way_mm / step_s,
             _ => 0.0,
         };
+        // A jump is no motion of a hand.
+        let is_of_a_hand = speed_mm_s.abs() <= MOST_MOTION.0;
+        let speed_mm_s = if is_of_a_hand { speed_mm_s } else { 0.0 };
         BlockMotion {
             begin_mm: position_mm,
             end_mm: position_mm + speed_mm_s * last_s,

@@ -2,18 +2,19 @@
 
 use core::fmt;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use model_format::{OutputSample, PlayRate};
 use stylus_kernel::update_interval_samples;
 
 use crate::choice::{ChoiceError, Selection, Without, plan_of};
-use crate::follow::{Follower, HELD_BLOCKS, Moves, Told};
+use crate::follow::{Follower, HELD_BLOCKS, MOST_MOTION, Moves, Told};
 use crate::handover::{Given, Handover};
 use crate::library::SharedLibrary;
 use crate::motion::BlockMotion;
 use crate::playing::Playing;
-use crate::resampler::{Resampler, delay_s};
+use crate::resampler::{self, Resampler};
+use crate::stages::{Blocker, Output, Scale};
 
 /// Duration of a block, s.
 const BLOCK_S: f64 = 0.002;
@@ -26,9 +27,9 @@ pub const HELD_S: f64 = HELD_BLOCKS as f64 * BLOCK_S;
 /// Samples of the longest block.
 const MOST_SAMPLES: usize = 20;
 
-/// Output rates in addition to those of textures, Hz: the lowest, the highest, and a number that divides them all. The
-/// divisor bounds the number of phases.
-const OUTPUT_RATES_HZ: (u32, u32, u32) = (8000, 192_000, 25);
+/// Output rates, Hz: the lowest, the highest, and a number that divides them all. The divisor bounds the number of
+/// phases.
+const OUTPUT_RATES_HZ: (u32, u32, u32) = (1000, 192_000, 25);
 
 /// A call that was refused. What is playing continues.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +44,8 @@ pub enum Fault {
     Motion(&'static str),
     /// A gain or limit that is not a number, an infinite gain, or a negative limit.
     Gain,
+    /// A resistance or power of a coil that is not a number above zero, or a product of them that is none.
+    Coil,
 }
 
 impl fmt::Display for Fault {
@@ -51,8 +54,7 @@ impl fmt::Display for Fault {
         match self {
             Self::OutputRate(rate) => write!(
                 f,
-                "an output rate of {rate} Hz is not played: give 5000, 10000, or a multiple of {step} Hz from {least} \
-                 to {most} Hz"
+                "an output rate of {rate} Hz is not played: give a multiple of {step} Hz from {least} to {most} Hz"
             ),
             Self::Choice(error) => error.fmt(f),
             Self::SampleRate(rate) => write!(
@@ -61,6 +63,7 @@ impl fmt::Display for Fault {
             ),
             Self::Motion(problem) => f.write_str(problem),
             Self::Gain => f.write_str("give a finite gain and a limit that is not negative"),
+            Self::Coil => f.write_str("give a coil's resistance, Ω, and power, W, as finite numbers above zero"),
         }
     }
 }
@@ -84,36 +87,54 @@ struct Shared {
     choices: Handover<Choice>,
     /// Gain and limit, both `f32`.
     scale: AtomicU64,
+    /// Mean square of the coil's voltage at its power limit, `f32`; infinite without a coil.
+    coil: AtomicU32,
 }
 
 /// Creates a player at `output_rate_hz`: the handle that moves it and the one that fills buffers. It is silent until
-/// something is chosen.
+/// something is chosen. A DC blocker takes the mean out of what it plays.
 pub fn player(output_rate_hz: u32) -> Result<(Mover, Filler), Fault> {
+    with(output_rate_hz, Some(Blocker::new()))
+}
+
+/// Like [`player`], without the DC blocker: at a texture's own rate, samples are those of `stylus render`, to the bit.
+pub fn player_as_rendered(output_rate_hz: u32) -> Result<(Mover, Filler), Fault> {
+    with(output_rate_hz, None)
+}
+
+fn with(output_rate_hz: u32, blocker: Option<Blocker>) -> Result<(Mover, Filler), Fault> {
     let (least, most, step) = OUTPUT_RATES_HZ;
     let is_played = (least..=most).contains(&output_rate_hz) && output_rate_hz.is_multiple_of(step);
-    if !is_played && PlayRate::of(output_rate_hz).is_none() {
+    if !is_played {
         return Err(Fault::OutputRate(output_rate_hz));
     }
     let shared = Arc::new(Shared {
         moves: Moves::new(),
         choices: Handover::new(),
         scale: AtomicU64::new(packed(1.0, f32::INFINITY)),
+        coil: AtomicU32::new(f32::INFINITY.to_bits()),
     });
     let mover = Mover {
         shared: Arc::clone(&shared),
     };
-    Ok((mover, Filler::new(shared, output_rate_hz)))
+    Ok((mover, Filler::new(shared, output_rate_hz, blocker)))
 }
 
-/// Returns the longest time from a move to the middle of the change that it makes, s, for a texture at
-/// `sample_rate_hz`. It is the duration of a block plus the interpolator's delay, which is 0 between equal rates.
+/// Returns the time from a move to the middle of the change that it makes, s, for a texture at `sample_rate_hz`: at
+/// most so much in the mean, and 1 ms more for a move just after a block began. It is the duration of a block plus the
+/// interpolator's delay, which is 0 between equal rates.
 pub fn latency_s(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
-    let delay_s = if sample_rate_hz == output_rate_hz {
-        0.0
-    } else {
-        delay_s(sample_rate_hz, output_rate_hz)
-    };
-    BLOCK_S + delay_s
+    let is_resampled = sample_rate_hz != output_rate_hz;
+    let delay_s = is_resampled.then(|| resampler::delay_s(sample_rate_hz, output_rate_hz));
+    BLOCK_S + delay_s.unwrap_or(0.0)
+}
+
+/// Returns the band, Hz, of a texture at `sample_rate_hz` that an output of `output_rate_hz` has left.
+pub fn band_hz(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
+    if sample_rate_hz == output_rate_hz {
+        return f64::from(sample_rate_hz) / 2.0;
+    }
+    resampler::band_hz(sample_rate_hz, output_rate_hz)
 }
 
 /// The side that moves and chooses, from any thread. Moving never waits and never allocates.
@@ -130,7 +151,7 @@ impl Mover {
 
     /// Moves by `motion` in the next block, and continues at its speed in the blocks after it.
     pub fn follow(&self, motion: BlockMotion) -> Result<(), Fault> {
-        motion.check().map_err(Fault::Motion)?;
+        checked(&motion)?;
         self.shared.moves.put(Told::Block(motion).words());
         Ok(())
     }
@@ -143,7 +164,7 @@ impl Mover {
             end_mm: position_mm,
             ..BlockMotion::new(0.0, force_n)
         };
-        motion.check().map_err(Fault::Motion)?;
+        checked(&motion)?;
         // NaN stands for an unknown position in the check before, which lets it pass.
         if !time_s.is_finite() || position_mm.is_nan() {
             let problem = "the time or the position is not finite: give them in s and mm";
@@ -191,10 +212,47 @@ impl Mover {
         }
         self.shared
             .scale
-            // Both in one word, so that the filler never sees the one without the other. Nothing else is ordered by it.
-            .store(packed(gain, limit), Ordering::Relaxed);
+            // Both in one word, so that the filler never sees the one without the other.
+            .store(packed(gain, limit), Ordering::Release);
         Ok(())
     }
+
+    /// Protects a coil for as long as the player lives, by its resistance, the volts for each m/s², and its lasting
+    /// power.
+    ///
+    /// The volts become the gain, and the output is the coil's voltage whatever gain is set later. It is then at most
+    /// four times the voltage at that power, reaches that in 0.4 ms or more, and is attenuated before its mean power
+    /// over 10 s exceeds the limit. Behind an amplifier of gain a, give `ohms` / a² and `volts_per_m_s2` / a: the
+    /// output is the amplifier's input.
+    pub fn set_coil(&self, ohms: f32, volts_per_m_s2: f32, watts: f32) -> Result<(), Fault> {
+        let is_above_zero = |value: f32| value > 0.0 && value.is_finite();
+        let mean_square = ohms * watts;
+        if ![ohms, watts, mean_square].into_iter().all(is_above_zero) {
+            return Err(Fault::Coil);
+        }
+        if !volts_per_m_s2.is_finite() {
+            return Err(Fault::Gain);
+        }
+        self.shared.coil.store(mean_square.to_bits(), Ordering::Relaxed);
+        // Whoever sees the gain sees the coil, too.
+        let gain = |scale: u64| packed(volts_per_m_s2, f32::from_bits(scale as u32));
+        self.shared.scale.update(Ordering::Release, Ordering::Relaxed, gain);
+        Ok(())
+    }
+}
+
+/// Checks that the motion can be played, and that a hand could have it.
+fn checked(motion: &BlockMotion) -> Result<(), Fault> {
+    motion.check().map_err(Fault::Motion)?;
+    let (fastest, farthest) = MOST_MOTION;
+    if motion.speed_mm_s.abs() > fastest {
+        return Err(Fault::Motion("no hand has this speed: give it in mm/s"));
+    }
+    // NaN is a position that is not known.
+    if motion.begin_mm.abs() > farthest || motion.end_mm.abs() > farthest {
+        return Err(Fault::Motion("no path is as long: give the position in mm"));
+    }
+    Ok(())
 }
 
 const fn packed(gain: f32, limit: f32) -> u64 {
@@ -208,20 +266,11 @@ pub struct Filler {
     /// Interpolators of [`PlayRate::ALL`]; none where the output has that rate.
     resamplers: [Option<Resampler>; PlayRate::ALL.len()],
     output_rate_hz: u32,
-    gain: Option<Gain>,
-}
-
-/// A gain that moves to the one that was set. The way between two numbers of single precision, and its product with a
-/// sample, fit double precision.
-#[derive(Clone, Copy)]
-struct Gain {
-    target: f64,
-    step: f64,
-    left: u32,
+    output: Output,
 }
 
 impl Filler {
-    fn new(shared: Arc<Shared>, output_rate_hz: u32) -> Self {
+    fn new(shared: Arc<Shared>, output_rate_hz: u32, blocker: Option<Blocker>) -> Self {
         let resampler = |rate: PlayRate| {
             let differs = rate.hz() != output_rate_hz;
             differs.then(|| Resampler::new(rate.hz(), output_rate_hz))
@@ -229,8 +278,8 @@ impl Filler {
         Self {
             resamplers: PlayRate::ALL.map(resampler),
             output_rate_hz,
-            source: Source::new(shared),
-            gain: None,
+            source: Source::new(shared, blocker),
+            output: Output::new(output_rate_hz),
         }
     }
 
@@ -246,33 +295,16 @@ impl Filler {
         self.source
             .follower
             .begin_buffer(u32::try_from(blocks).unwrap_or(u32::MAX));
-        let scale = self.source.shared.scale.load(Ordering::Relaxed);
-        let (target, limit) = (f32::from_bits((scale >> 32) as u32), f32::from_bits(scale as u32));
-        self.aim(target.into());
-        // Whatever the gain, an amplifier gets no infinity.
-        let limit = f64::from(limit.min(f32::MAX));
-        for sample in samples {
-            let gain = self.gain.as_mut().map_or(target.into(), Gain::next);
-            *sample = (f64::from(self.next()) * gain).clamp(-limit, limit) as f32;
-        }
-    }
-
-    /// Changes the gain to `target` over a block, or at once the first time.
-    fn aim(&mut self, target: f64) {
-        let ramp = self.output_rate_hz / BLOCKS_PER_S as u32;
-        // Nothing was heard before the first samples, so their gain needs no ramp.
-        let gain = self.gain.get_or_insert(Gain {
-            target,
-            step: 0.0,
-            left: 0,
+        let shared = &self.source.shared;
+        let scale = shared.scale.load(Ordering::Acquire);
+        self.output.aim(Scale {
+            gain: f32::from_bits((scale >> 32) as u32),
+            limit: f32::from_bits(scale as u32),
+            mean_square: f32::from_bits(shared.coil.load(Ordering::Relaxed)),
         });
-        if gain.target != target {
-            let step = (target - gain.now()) / f64::from(ramp);
-            *gain = Gain {
-                target,
-                step,
-                left: ramp,
-            };
+        for sample in samples {
+            let next = self.next();
+            *sample = self.output.next(next);
         }
     }
 
@@ -300,18 +332,6 @@ impl Filler {
     }
 }
 
-impl Gain {
-    fn now(&self) -> f64 {
-        // Counted back from the target, which is reached exactly at the end, whatever the round-off.
-        self.target - self.step * f64::from(self.left)
-    }
-
-    fn next(&mut self) -> f64 {
-        self.left = self.left.saturating_sub(1);
-        self.now()
-    }
-}
-
 /// Samples at the rate of what is played.
 struct Source {
     shared: Arc<Shared>,
@@ -320,21 +340,23 @@ struct Source {
     /// The choice that waits until what is playing has faded out.
     next: Option<Box<Given<Choice>>>,
     rate: PlayRate,
+    blocker: Option<Blocker>,
     block: [OutputSample; MOST_SAMPLES],
     /// Samples of the block that are left.
     left: usize,
-    /// Samples since the end of what was played.
+    /// Samples since the last block in which something sounded.
     silent: u32,
 }
 
 impl Source {
-    fn new(shared: Arc<Shared>) -> Self {
+    fn new(shared: Arc<Shared>, blocker: Option<Blocker>) -> Self {
         Self {
             shared,
             follower: Follower::new(),
             playing: None,
             next: None,
             rate: PlayRate::default(),
+            blocker,
             block: [OutputSample::SILENCE; MOST_SAMPLES],
             left: 0,
             // Nothing was played yet, so no interpolator has a tail.
@@ -382,14 +404,18 @@ impl Source {
         self.left = self.block_samples();
         self.block.fill(OutputSample::SILENCE);
         let Self { playing, block, .. } = self;
-        match playing.as_mut().and_then(|given| given.it.as_mut()) {
-            Some(voice) => {
-                let block = &mut block[..self.left];
-                voice.with_dependent_mut(|_, playing| playing.play(block));
-                self.silent = 0;
-            }
-            None => self.silent = self.silent.saturating_add(self.left as u32),
+        let block = &mut block[..self.left];
+        let voice = playing.as_mut().and_then(|given| given.it.as_mut());
+        let is_muted = voice.is_none() || self.follower.is_over();
+        if let Some(voice) = voice {
+            voice.with_dependent_mut(|_, playing| playing.play(block));
         }
+        if let Some(blocker) = &mut self.blocker {
+            blocker.process(self.rate, block, is_muted);
+        }
+        let is_silent = block.iter().all(|sample| *sample == OutputSample::SILENCE);
+        let silent = self.silent.saturating_add(self.left as u32);
+        self.silent = if is_silent { silent } else { 0 };
     }
 
     /// Makes the latest choice the one that waits, and fades out what is playing.

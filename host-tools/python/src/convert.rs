@@ -5,8 +5,8 @@ use host_tools::fit::conditioning::Conditioning;
 use host_tools::recording::{MAX_CHANNELS, MAX_FRAMES};
 use host_tools::support::number;
 use numpy::{
-    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray,
-    PyUntypedArrayMethods,
+    Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
+    PyUntypedArray, PyUntypedArrayMethods, dtype,
 };
 use pyo3::Borrowed;
 use pyo3::call::PyCallArgs;
@@ -99,11 +99,72 @@ const MOST_LISTED: usize = 1 << 20;
 /// Something else, masked numbers, or more than a result is made of.
 pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let bounded = bounded(name, values, 1, &mut Left::of(MOST_NUMBERS))?;
-    let of_kind = |failure: PyErr| PyTypeError::new_err(format!("argument '{name}': {failure}"));
-    let numpy = values.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (bounded, "float64"));
-    let array: PyReadonlyArray1<'_, f64> = array.and_then(|array| array.extract()).map_err(of_kind)?;
-    Ok(array.as_array().iter().copied().collect())
+    of_one_dimension(name, taken(&bounded))
+}
+
+/// The only way in for arrays: the values, row by row, and the shape.
+///
+/// NumPy has strides that are no multiple of an item, items at any address, and the other byte order, of which Rust can
+/// express none. `numpy.require` copies such arrays.
+fn taken<T: Element + Copy>(values: &Bound<'_, PyAny>) -> PyResult<(Vec<T>, Vec<usize>)> {
+    let py = values.py();
+    let numpy = py.import("numpy")?;
+    let array = numpy.call_method1("require", (values, dtype::<T>(py), "CAE"))?;
+    let array: PyReadonlyArrayDyn<'_, T> = array.extract()?;
+    // NumPy says that no items are aligned anywhere.
+    let items = if array.is_empty() {
+        Vec::new()
+    } else {
+        array.as_slice()?.to_vec()
+    };
+    Ok((items, array.shape().to_vec()))
+}
+
+/// The values of the argument `name`, if it has one dimension.
+fn of_one_dimension<T>(name: &str, taken: PyResult<(Vec<T>, Vec<usize>)>) -> PyResult<Vec<T>> {
+    let problem = match taken {
+        Ok((values, shape)) if shape.len() == 1 => return Ok(values),
+        Ok((_, shape)) => format!("it has the shape {shape:?}: give (N,)"),
+        Err(failure) => failure.to_string(),
+    };
+    Err(PyTypeError::new_err(format!("argument '{name}': {problem}")))
+}
+
+/// The only way out into an array of the caller, `out`: a writable one of float32, of the shape (N,) or (N, 1). `fill`
+/// makes its values without the interpreter's lock.
+///
+/// # Errors
+/// Another array, one that is too long, and one that Rust is using. Nothing is made then.
+pub fn filled(out: &Bound<'_, PyAny>, fill: impl FnOnce(&mut [f32]) + Send) -> PyResult<()> {
+    let py = out.py();
+    let other = || {
+        let problem = "fill takes a writable array of float32 that nothing else uses: numpy.empty(n, 'float32')";
+        PyTypeError::new_err(problem)
+    };
+    let array = out.cast::<PyUntypedArray>().map_err(|_| other())?;
+    let has = |flag: &str| -> PyResult<bool> { array.getattr("flags")?.getattr(flag)?.extract() };
+    if !array.dtype().is_equiv_to(&dtype::<f32>(py)) || !has("writeable")? {
+        return Err(other());
+    }
+    let shape = array.shape().to_vec();
+    if !matches!(shape[..], [_] | [_, 1]) {
+        return Err(refused(format!(
+            "out has the shape {shape:?}: give (N,), such as out[:, 0] for the first channel"
+        )));
+    }
+    Left::of(MOST_NUMBERS).take("out", array.len())?;
+    if array.is_c_contiguous() && has("aligned")? && !array.is_empty() {
+        let mut out: PyReadwriteArrayDyn<'_, f32> = out.extract().map_err(|_| other())?;
+        let samples = out.as_slice_mut()?;
+        py.detach(|| fill(samples));
+        return Ok(());
+    }
+    // NumPy writes what Rust cannot: items between others, such as one channel of several, and at any address.
+    let mut samples = vec![0.0; array.len()];
+    py.detach(|| fill(&mut samples));
+    let samples = PyArray1::from_vec(py, samples).reshape(shape)?;
+    py.import("numpy")?.call_method1("copyto", (out, samples))?;
+    Ok(())
 }
 
 /// Numbers that an argument may still have.
@@ -209,10 +270,19 @@ impl<'py, T: FromPyObjectOwned<'py>> FromPyObject<'_, 'py> for Several<T> {
     }
 }
 
-/// Checks that an array of 32-bit words can be copied, and copies it.
-pub fn words(name: &str, words: &PyReadonlyArray1<'_, i32>) -> PyResult<Vec<i32>> {
-    Left::of(MOST_NUMBERS).take(name, words.len())?;
-    Ok(words.as_array().to_vec())
+/// The 32-bit words of an array of one dimension, the argument `name`.
+///
+/// # Errors
+/// Something else, or more than a result is made of.
+pub fn words(name: &str, words: &Bound<'_, PyAny>) -> PyResult<Vec<i32>> {
+    let py = words.py();
+    let words = bounded(name, words, 1, &mut Left::of(MOST_NUMBERS))?;
+    let numpy = py.import("numpy")?;
+    let words = numpy.call_method1("asarray", (words,))?;
+    if !numpy.call_method1("can_cast", (&words, dtype::<i32>(py)))?.extract()? {
+        return Err(PyTypeError::new_err(format!("argument '{name}': give int32")));
+    }
+    of_one_dimension(name, taken(&words))
 }
 
 /// Refuses an array with masked values, because a conversion would drop the mask and keep the values.
@@ -254,31 +324,24 @@ pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
             )));
         }
     };
-    let shape = array.shape().to_vec();
-    let as_float = array.call_method1("astype", ("float64",))?;
-    let mut channels: Vec<Vec<f64>> = match shape.as_slice() {
-        [_] => {
-            let read: PyReadonlyArray1<'_, f64> = as_float.extract()?;
-            vec![read.as_array().iter().copied().collect()]
-        }
-        [_, 1..=3] => {
-            let read: PyReadonlyArray2<'_, f64> = as_float.extract()?;
-            let view = read.as_array();
-            let columns = view.columns().into_iter();
-            columns.map(|column| column.to_vec()).collect()
-        }
+    let axes = match array.shape() {
+        [_] => 1,
+        [_, axes @ 1..=3] => *axes,
         [axes @ 1..=3, samples] => {
             return Err(refused(format!(
                 "samples have the shape ({axes}, {samples}): give one row per sample and one column per axis, which is \
                  the transpose"
             )));
         }
-        _ => {
+        shape => {
             return Err(refused(format!(
                 "samples have the shape {shape:?}: give (N,) or (N, axes), with one to three axes"
             )));
         }
     };
+    let (samples, _) = taken::<f64>(&array)?;
+    let channel = |axis| samples.iter().skip(axis).step_by(axes).copied().collect();
+    let mut channels: Vec<Vec<f64>> = (0..axes).map(channel).collect();
     if let Some(full_scale) = full_scale {
         for sample in channels.iter_mut().flatten() {
             *sample /= full_scale;

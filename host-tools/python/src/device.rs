@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::capture::{Calibration, Stream};
 use host_tools::link::discovery;
-use host_tools::link::play::{Drive, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
+use host_tools::link::play::{Drive, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, PlayCounts, drive};
 use host_tools::link::settings::{self as described, Known, SettingRow, consequences};
 use host_tools::link::upload::upload_over;
 use host_tools::link::{Device as Linked, LinkAddress, LinkError, Timeouts};
@@ -402,7 +402,7 @@ struct Played {
 fn played(device: &Linked, plan: &Drive, request: &PlayRequest, steps: &work::Steps) -> PyResult<Played> {
     let failed = |problem: String| refused(format!("{}: {problem}", device.address()));
     let broken = |failure: LinkError| link_raised(&failure);
-    let mut heard = Heard::since(&device.status().map_err(broken)?);
+    let mut heard = PlayCounts::since(&device.status().map_err(broken)?);
     device.play(request).map_err(broken)?;
     // One function that `drive` calls sets it and the other reads it, so both borrow it.
     let ended = Cell::new(false);

@@ -209,6 +209,7 @@ fn account(py: Python<'_>, report: fitted::TrialReport) -> PyResult<Bound<'_, Py
         report.mean_m_s2,
         report.energy_share,
         report.cut_s,
+        report.seconds,
         report.floor_shares.map(|shares| shares.to_vec()),
         verdicts.collect::<Vec<String>>(),
         report.used,

@@ -7,11 +7,13 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 
 use host_tools::evaluation::evaluate::texture_named;
 use host_tools::scene::scene_named;
-use numpy::{PyArray1, PyReadwriteArrayDyn, PyUntypedArrayMethods};
-use pyo3::exceptions::PyTypeError;
+use numpy::PyArray1;
 use pyo3::prelude::*;
-use stylus_player::{BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, latency_s};
+use stylus_player::{
+    BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, band_hz, latency_s, player, player_as_rendered,
+};
 
+use crate::convert::filled;
 use crate::error::{raised, refused};
 use crate::library::Library;
 use crate::playing::LibraryLike;
@@ -22,25 +24,19 @@ const MOST_SAMPLES: usize = 192_000;
 /// A texture or a scene in real time: one thread moves, another fills the buffers of a sound card or a DAQ.
 ///
 /// `library` is a `Library`, a `Fit`, or a path; `texture` or `scene` is the name of what plays first, or neither.
-/// `output_rate_hz` is 5000, 10000, or a multiple of 25 from 8000 to 192000. The same `seed` gives the same samples. At
-/// a texture's own rate they are those of `render` along the same motion, to the bit.
+/// `output_rate_hz` is a multiple of 25 from 1000 to 192000. The same `seed` gives the same samples. At
+/// a texture's own rate they are those of `render` along the same motion, to the bit, if `as_rendered` leaves the DC
+/// blocker out: not for an amplifier that passes a steady voltage on.
 ///
 /// `render` is no player: called per block it begins anew each time, which buzzes at the rate of the blocks.
 #[pyclass(frozen, module = "stylus_haptics")]
 pub struct Player {
     mover: Mover,
-    filling: Mutex<Filling>,
+    filler: Mutex<Filler>,
     output_rate_hz: u32,
     /// The library that `choose` plays from if it is given no other, and the sample rate of what was chosen last, Hz;
     /// 5000 before the first choice.
     chosen: Mutex<(Py<Library>, SharedLibrary, u32)>,
-}
-
-/// The side of a player that fills buffers.
-struct Filling {
-    filler: Filler,
-    /// Samples for arrays whose samples are not side by side.
-    buffer: Vec<f32>,
 }
 
 /// Locks a mutex, even one whose holder has panicked: a panic leaves the locked value as it was.
@@ -86,10 +82,10 @@ fn found(library: &Library, texture: Option<&str>, scene: Option<&str>) -> PyRes
 
 impl Player {
     /// Locks the player's only filling side.
-    fn filling(&self) -> PyResult<MutexGuard<'_, Filling>> {
+    fn filling(&self) -> PyResult<MutexGuard<'_, Filler>> {
         // It does not wait: two threads in turn would each have only parts of the sound.
-        match self.filling.try_lock() {
-            Ok(filling) => Ok(filling),
+        match self.filler.try_lock() {
+            Ok(filler) => Ok(filler),
             // A filler is of no use after a panic, which left it amid a sample.
             Err(TryLockError::Poisoned(_)) => Err(refused("the player has failed before: make another one")),
             Err(TryLockError::WouldBlock) => Err(refused(
@@ -102,7 +98,9 @@ impl Player {
 #[pymethods]
 impl Player {
     #[new]
-    #[pyo3(signature = (library, texture = None, *, scene = None, output_rate_hz = 48_000, seed = 1))]
+    #[pyo3(signature = (
+        library, texture = None, *, scene = None, output_rate_hz = 48_000, seed = 1, as_rendered = false
+    ))]
     fn new(
         py: Python<'_>,
         library: LibraryLike<'_>,
@@ -110,14 +108,15 @@ impl Player {
         scene: Option<&str>,
         output_rate_hz: u32,
         seed: u64,
+        as_rendered: bool,
     ) -> PyResult<Self> {
         let library = library.library(py)?;
         let decoded = shared(library.get())?;
-        let (mover, filler) = stylus_player::player(output_rate_hz).map_err(fault)?;
-        let buffer = Vec::new();
+        let open = if as_rendered { player_as_rendered } else { player };
+        let (mover, filler) = open(output_rate_hz).map_err(fault)?;
         let player = Self {
             mover,
-            filling: Mutex::new(Filling { filler, buffer }),
+            filler: Mutex::new(filler),
             output_rate_hz,
             chosen: Mutex::new((library, decoded, model_format::SAMPLE_RATE_HZ)),
         };
@@ -200,33 +199,19 @@ impl Player {
         self.mover.set_gain(gain, limit).map_err(fault)
     }
 
+    /// Protects a coil of `ohms` that needs `volts_per_m_s2` and bears `watts`, for as long as the player lives. The
+    /// output is then the coil's voltage. It is at most four times that at this power, reaches it in 0.4 ms or more,
+    /// and is attenuated before its mean power over 10 s exceeds the limit. Behind an amplifier of gain a, give
+    /// `ohms` / a² and `volts_per_m_s2` / a.
+    fn set_coil(&self, ohms: f32, volts_per_m_s2: f32, watts: f32) -> PyResult<()> {
+        self.mover.set_coil(ohms, volts_per_m_s2, watts).map_err(fault)
+    }
+
     /// Plays the next samples into `out`, a writable array of float32 of the shape (N,) or (N, 1), such as one channel
     /// of a sound card's buffer. Without the interpreter's lock, from one thread at a time.
-    fn fill(&self, py: Python<'_>, out: &Bound<'_, PyAny>) -> PyResult<()> {
-        let mut out: PyReadwriteArrayDyn<'_, f32> = out.extract().map_err(|_| {
-            PyTypeError::new_err(
-                "fill takes a writable array of float32 that nothing else uses: numpy.empty(n, 'float32')",
-            )
-        })?;
-        if !matches!(out.shape(), [_] | [_, 1]) {
-            let shape = out.shape().to_vec();
-            return Err(refused(format!(
-                "out has the shape {shape:?}: give (N,), such as out[:, 0] for the first channel"
-            )));
-        }
-        let mut filling = self.filling()?;
-        let Filling { filler, buffer } = &mut *filling;
-        if let Ok(samples) = out.as_slice_mut() {
-            py.detach(|| filler.fill(samples));
-        } else {
-            // The player fills samples side by side, and those of one channel of several are not.
-            buffer.resize(out.len(), 0.0);
-            py.detach(|| filler.fill(buffer));
-            for (sample, played) in out.as_array_mut().iter_mut().zip(buffer) {
-                *sample = *played;
-            }
-        }
-        Ok(())
+    fn fill(&self, out: &Bound<'_, PyAny>) -> PyResult<()> {
+        let filler = &mut *self.filling()?;
+        filled(out, |samples| filler.fill(samples))
     }
 
     /// Blocks of `samples` samples without an end, each an array of its own: `for block in player.blocks(480)`.
@@ -245,11 +230,17 @@ impl Player {
         self.output_rate_hz
     }
 
-    /// Longest time from a move to the middle of the change that it makes, s. The buffers of the sound card or DAQ come
-    /// on top of it.
+    /// Time from a move to the middle of the change that it makes, s: at most so much in the mean, and 1 ms more for a
+    /// move just after a block began. The buffers of the sound card or DAQ come on top of it.
     #[getter]
     fn latency_s(&self) -> f64 {
         latency_s(locked(&self.chosen).2, self.output_rate_hz)
+    }
+
+    /// Band of what was chosen that the output rate has left, Hz.
+    #[getter]
+    fn band_hz(&self) -> f64 {
+        band_hz(locked(&self.chosen).2, self.output_rate_hz)
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {
@@ -278,8 +269,7 @@ impl Blocks {
 
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let mut block = vec![0.0; self.samples];
-        let mut filling = self.player.get().filling()?;
-        let filler = &mut filling.filler;
+        let filler = &mut *self.player.get().filling()?;
         py.detach(|| filler.fill(&mut block));
         Ok(PyArray1::from_vec(py, block))
     }

@@ -281,6 +281,7 @@ impl Recordings {
             scale_m_s2,
             speed_mm_s: Some(speed_mm_s),
             force_n: Some(force_n),
+            ..Assumed::default()
         };
         set_of(source, &assumed).map(Self)
     }

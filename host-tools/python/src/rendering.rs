@@ -12,7 +12,6 @@ use host_tools::support::output::check_file;
 use host_tools::support::visible::visible_line;
 use host_tools::texture::library::decode_library;
 use model_format::{OutputSample, Provenance};
-use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::convert::{array, made};
@@ -25,7 +24,7 @@ use crate::work::{self, Steps};
 pub fn write_words(
     py: Python<'_>,
     path: PathBuf,
-    words: PyReadonlyArray1<'_, i32>,
+    words: &Bound<'_, PyAny>,
     sample_rate_hz: u32,
     pcm16_m_s2: Option<f64>,
     overwrite: bool,
@@ -33,7 +32,7 @@ pub fn write_words(
     let format = pcm16_m_s2.map_or(WavFormat::Float32, |full_scale_m_s2| WavFormat::Pcm16 {
         full_scale_m_s2,
     });
-    let words = crate::convert::words("words", &words)?;
+    let words = crate::convert::words("words", words)?;
     let written = py.detach(|| {
         check_file(&path, overwrite, &[])?;
         let samples = words.into_iter().map(OutputSample);

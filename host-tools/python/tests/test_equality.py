@@ -26,8 +26,8 @@ def test_a_fit_of_a_folder_is_the_commands_library_and_record_byte_for_byte(comm
 def test_a_fit_of_arrays_is_that_of_their_files(arrays, fitted):
     of_arrays = sh.fit(arrays)
     assert of_arrays.library == fitted.library
-    reports = [[t.rms_m_s2, t.energy_share, t.verdicts, t.used] for t in of_arrays.trials]
-    assert reports == [[t.rms_m_s2, t.energy_share, t.verdicts, t.used] for t in fitted.trials]
+    reports = [[t.rms_m_s2, t.energy_share, t.seconds, t.verdicts, t.used] for t in of_arrays.trials]
+    assert reports == [[t.rms_m_s2, t.energy_share, t.seconds, t.verdicts, t.used] for t in fitted.trials]
 
 
 def test_integers_in_memory_are_those_of_a_wav_file(signals, tmp_path):
@@ -88,7 +88,7 @@ def test_a_motion_of_arrays_is_that_of_its_table(command, fitted, folder):
 
 
 def test_an_evaluation_has_the_commands_figures(command, fitted, folder):
-    command.succeed("evaluate", folder, "--library", "a.lib", "--json", "figures.json")
+    command.succeed("evaluate", folder, "--library", "a.lib", "--json-out", "figures.json")
     expected = json.loads((folder / "figures.json").read_text())
     found = sh.evaluate(folder, fitted)
     assert found.as_dict() == expected

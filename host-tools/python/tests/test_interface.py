@@ -44,7 +44,8 @@ def test_everything_public_has_a_docstring():
 
 # Options of the command's `fit` that the package has at its recordings, or that only a command line needs.
 NOT_OF_FIT = {
-    *("duration", "sample-rate", "time-unit", "even-times", "scale", "speed", "force", "each", "texture", "strokes"),
+    *("start", "duration", "sample-rate", "time-unit", "even-times", "scale", "speed", "force", "each", "texture"),
+    "strokes",
     *("out", "overwrite", "json", "parts", "shard", "merge", "quiet", "full", "help"),
 }
 

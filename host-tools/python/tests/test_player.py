@@ -24,7 +24,7 @@ def rubbed(player, blocks, motion=lambda _time_s: (130.0, 0.8), samples=10):
 
 
 def test_at_the_textures_rate_it_plays_what_render_plays(fitted):
-    player = sh.Player(fitted, "felt", output_rate_hz=5000, seed=7)
+    player = sh.Player(fitted, "felt", output_rate_hz=5000, seed=7, as_rendered=True)
     expected = sh.render(fitted, "felt", speed_mm_s=130, force_n=0.8, seconds=2, seed=7).samples
     assert np.array_equal(rubbed(player, 1000), expected) and expected.std() > 0.01
 
@@ -64,17 +64,27 @@ def test_positions_play_as_their_speed_and_a_dead_control_loop_becomes_silent(fi
 
 def test_a_choice_a_stop_and_a_gain_take_effect_while_it_plays(fitted, tmp_path):
     fitted.save(tmp_path / "a.lib")
-    with sh.Player(fitted, "felt", output_rate_hz=5000) as player:
+    with sh.Player(fitted, "felt", output_rate_hz=5000, as_rendered=True) as player:
         rubbed(player, 20)
         player.choose("cork", library=tmp_path / "a.lib", seed=2)
         player.set_gain(0.5, limit=1000)
         played = rubbed(player, 101)
-        fresh = rubbed(sh.Player(fitted, "cork", output_rate_hz=5000, seed=2), 100)
+        fresh = rubbed(sh.Player(fitted, "cork", output_rate_hz=5000, seed=2, as_rendered=True), 100)
         # What sounded fades within a block.
         assert np.array_equal(played[10:], 0.5 * fresh)
         player.set_gain(0.5, limit=1e-3)
         assert np.abs(rubbed(player, 10)).max() == np.float32(1e-3)
     assert not rubbed(player, 20)[50:].any()
+
+
+def test_a_coil_gets_no_more_than_it_bears_and_nothing_steady(fitted):
+    player = sh.Player(fitted, "felt", output_rate_hz=5000)
+    player.set_coil(ohms=8, volts_per_m_s2=100, watts=0.1)
+    volts = rubbed(player, 5000).astype(float)
+    assert 0 < np.abs(volts).max() <= 4 * 0.8**0.5 * 1.000001 and np.mean(volts[-25_000:] ** 2) / 8 <= 0.1
+    assert abs(volts[-25_000:].mean()) < 0.01 * volts.std()
+    with pytest.raises(sh.StylusError, match="resistance"):
+        player.set_coil(8, 0.01, 0)
 
 
 def test_another_rate_has_the_same_spectrum_below_2_khz(fitted):
@@ -92,7 +102,8 @@ def test_another_rate_has_the_same_spectrum_below_2_khz(fitted):
     assert np.array_equal(frequency[below], other[: below.sum()])
     assert abs(10 * np.log10(power[below].sum() / expected[: below.sum()].sum())) < 0.1
     assert power[frequency > 3100].sum() < 1e-7 * power.sum()
-    assert 0.002 < player.latency_s < 0.01 and player.output_rate_hz == 48_000
+    assert 0.002 < player.latency_s < 0.0026 and (player.output_rate_hz, player.band_hz) == (48_000, 2000)
+    assert sh.Player(fitted, "felt", output_rate_hz=1000).band_hz == 400
 
 
 def test_two_threads_move_and_fill_and_a_third_is_refused(fitted):

@@ -6,8 +6,11 @@ use std::path::{Path, PathBuf};
 use model_format::{Axis, Library, Node, SAMPLE_RATE_HZ, Texture};
 
 use super::html::{Page, Sound};
-use super::plot::{COST, Caption, GridCell, GridMap, Scale, Svg, WIDE, grid_map, spectra, spectrograms, waveforms};
+use super::plot::{
+    COST, Caption, Curve, GridCell, GridMap, Scale, Svg, WIDE, densities, grid_map, spectra, spectrograms, waveforms,
+};
 use super::sound::{SOUNDS_BYTES, clip, sound};
+use crate::dsp::spectrum::{PowerSpectrum, longest_segment};
 use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, texture_named};
 use crate::evaluation::held_out::JudgeKind;
 use crate::evaluation::leave_one_out::LeaveOneOut;
@@ -15,6 +18,7 @@ use crate::evaluation::liveliness::summaries;
 use crate::evaluation::summary::{LIVELINESS_EXPLANATION, TrialEvaluation, explanation, liveliness_table};
 use crate::evaluation::{evaluate, verdict};
 use crate::recording::RecordingSet;
+use crate::support::atomic_file;
 use crate::support::error::Result;
 use crate::support::file_name::Stems;
 use crate::texture::grid::as_written;
@@ -269,7 +273,47 @@ impl<'a> Report<'a> {
             ),
             &[],
         )?;
+        self.densities(&example, &stem)?;
         self.waveforms(&example, &stem)
+    }
+
+    /// Adds, folded, the mean power spectral densities of what judges the example and of its synthesis, which are also
+    /// written as a table.
+    fn densities(&mut self, example: &Example<'_>, stem: &str) -> Result<()> {
+        let comparison = &example.comparison;
+        let judged: Vec<&[f64]> = comparison.judged.iter().map(Vec::as_slice).collect();
+        let segment = longest_segment(RATE_HZ).min(comparison.longest_block().len());
+        let [recorded, synthesised] = [&judged[..], &[comparison.synthesised.as_slice()]].map(|blocks| {
+            let spectrum = PowerSpectrum::of_blocks(blocks, segment, RATE_HZ);
+            let levels = spectrum.densities().map(|(hz, density)| (hz, 10.0 * density.log10()));
+            levels.collect::<Vec<_>>()
+        });
+        let rows = recorded.iter().zip(&synthesised);
+        let rows = rows.map(|(&(hz, recorded), (_, synthesised))| format!("{hz},{recorded:.2},{synthesised:.2}\n"));
+        let mark = if self.inputs.evaluation.simulated {
+            "# SIMULATED\n"
+        } else {
+            ""
+        };
+        let csv = format!(
+            "{mark}frequency_hz,recorded_db,synthesised_db\n{}",
+            rows.collect::<String>()
+        );
+        atomic_file::write(&self.folder.join(format!("{stem}-psd.csv")), csv.as_bytes())?;
+        let shown = |levels: &[(f64, f64)]| -> Vec<(f64, f64)> {
+            let seen = levels.iter().copied();
+            seen.filter(|point| (16.0..=HIGHEST_HZ).contains(&point.0)).collect()
+        };
+        let points = [shown(&recorded), shown(&synthesised)];
+        let curves = [("recorded", &points[0]), ("synthesised", &points[1])];
+        let curves = curves.map(|(name, points)| Curve { name, points });
+        let picture = densities(&self.caption(&example.title), &curves)?;
+        picture.write(&self.folder.join(format!("{stem}-psd.svg")))?;
+        self.page.folded("Mean power spectral density", |page| {
+            let caption = format!("Welch's estimate over all that judges the trial; the values are in {stem}-psd.csv.");
+            page.figure(&picture, &caption, &[]);
+        });
+        Ok(())
     }
 
     /// Adds, folded, an example's waveforms and the figures on properties that the spectrum does not show.

@@ -69,7 +69,7 @@ pub struct Arguments {
     report: Option<PathBuf>,
     /// JSON file for the numbers of all trials
     #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    json_out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     #[command(flatten)]
@@ -99,7 +99,7 @@ struct Numbers<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    if let Some(json) = &arguments.json {
+    if let Some(json) = &arguments.json_out {
         arguments.overwrite.file(json)?;
     }
     if let Some(report) = &arguments.report {
@@ -175,7 +175,7 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         &strokes(judges, of_judges)?,
         arguments.seed,
     )?;
-    if let Some(json) = &arguments.json {
+    if let Some(json) = &arguments.json_out {
         atomic_file::write(json, to_json(&found).as_bytes())?;
     }
     let verdict = folded_text(&format!("{}: {}", found.texture, found.verdict));
@@ -262,7 +262,7 @@ fn write_numbers(
     evaluation: Option<&Evaluation>,
     removed_nodes: Option<&LeaveOneOut>,
 ) -> Result<()> {
-    let Some(json) = &arguments.json else {
+    let Some(json) = &arguments.json_out else {
         return Ok(());
     };
     let numbers = Numbers {

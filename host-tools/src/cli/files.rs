@@ -63,7 +63,7 @@ pub fn check_in_growing_folder(path: &Path) -> Result<()> {
 
 /// Names of the arguments with the path of an output. Every other path is an input, so that nothing needs to be added
 /// here for the inputs of a new command.
-const OUTPUTS: [&str; 5] = ["out", "json", "report", "record", "svg"];
+const OUTPUTS: [&str; 5] = ["out", "json_out", "report", "record", "svg"];
 
 /// The argument of `trials` that names the folder for which the list is written.
 const UNLISTED: &str = "folder";

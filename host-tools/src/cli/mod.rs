@@ -2,18 +2,19 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. The shared modules import no command: `input`
-//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends the process, and `examples` holds the
-//! examples of the help.
+//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends the process, and `help` composes the
+//! help.
 
 mod compare;
+mod completions;
 mod demo;
 mod device;
 mod evaluate;
-mod examples;
 mod export;
 mod files;
 mod fit;
 mod frontier;
+mod help;
 mod import_hatt;
 mod input;
 mod inspect;
@@ -36,7 +37,6 @@ use std::process::ExitCode;
 use clap::builder::FalseyValueParser;
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use examples::{with_examples, with_short_outputs};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{progress, temporaries};
 
@@ -46,12 +46,11 @@ const EXIT_UNUSABLE: u8 = 2;
 /// Exit code of a command whose reader closed the output before the end.
 const EXIT_CLOSED: u8 = 1;
 
-/// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
-/// the stylus plays.
+/// Data-driven haptic textures: fit models to recordings, judge them, and play them on a stylus
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
 struct Arguments {
-    /// Print results, warnings and errors only: no progress and no notes
+    /// Print results, warnings and errors only
     #[arg(
         short,
         long,
@@ -62,7 +61,7 @@ struct Arguments {
         help_heading = "General options"
     )]
     quiet: bool,
-    /// Print every warning by itself, every column of tables, and every table of evaluate
+    /// Print every warning by itself, and every column and table
     #[arg(long, global = true, help_heading = "General options")]
     full: bool,
     #[command(subcommand)]
@@ -75,21 +74,21 @@ enum Command {
     SimulateRig(simulate_rig::Arguments),
     /// Fit a texture library to recordings
     Fit(fit::Arguments),
-    /// Compare the stylus's output with recordings, and report on it
+    /// Judge a library by figures, against recordings (by listeners: compare)
     Evaluate(evaluate::Arguments),
-    /// Make a page for listening tests (A/B/X) of recordings and what the stylus plays, or score its answers
+    /// Make a listening test of recordings and textures, or score it (figures: evaluate)
     Compare(compare::Arguments),
-    /// Write an HTML page on which the pointer rubs a library's textures, played by the stylus's kernel
+    /// Write an HTML page to rub a library's textures, played by the stylus's kernel
     Page(page::Arguments),
     /// Render the stylus's output to a WAV file, sample for sample
     Render(render::Arguments),
-    /// Write a stroke for other devices: MPEG haptics, Meta's .haptic, Apple's AHAP, or WAV
+    /// Write a stroke for other devices: MPEG haptics, .haptic, AHAP or WAV
     Export(export::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
     /// Join libraries to one
     Join(join::Arguments),
-    /// Write trials.csv, fit's list of recordings, from the names of a folder's files
+    /// Write trials.csv, fit's list of recordings, from the names of files
     Trials(trials::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),
@@ -99,17 +98,26 @@ enum Command {
     Scene(scene::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),
-    /// Compare structures, orders and update intervals: accuracy against time, and the Pareto front
+    /// Compare structures, orders and update intervals: accuracy against time
     Frontier(frontier::Arguments),
     /// Run every step on simulated recordings, with a report
     Demo(demo::Arguments),
+    /// Print the script that completes this program's words in a shell
+    Completions(completions::CompletionsArguments),
+    /// Print the manual page of this program or of a command
+    Man(completions::ManArguments),
     #[command(flatten)]
     Device(device::Command),
 }
 
+/// Returns the program's command with all of its help.
+fn whole() -> clap::Command {
+    help::whole(Arguments::command())
+}
+
 /// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
-    let mut command = with_short_outputs(with_examples(Arguments::command(), "stylus"));
+    let mut command = whole();
     let parsed = command.try_get_matches_from_mut(std::env::args_os());
     let arguments = match parsed.and_then(|matches| {
         // Only clap's matches tell which values are paths, whatever the command.
@@ -168,6 +176,8 @@ fn run_command(command: Command) -> Result<()> {
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Completions(arguments) => completions::completions(&arguments, &mut whole()),
+        Command::Man(arguments) => completions::man(&arguments, &mut whole()),
         Command::Device(command) => device::run(&command),
     }
 }

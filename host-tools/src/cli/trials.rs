@@ -11,7 +11,7 @@ use host_tools::support::atomic_file;
 use host_tools::support::csv_table::written;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
-use host_tools::support::number::{recorded_force, recorded_speed};
+use host_tools::support::number::{positive, recorded_force, recorded_speed};
 
 use super::files::Overwrite;
 use super::input::texture_name;
@@ -41,6 +41,12 @@ pub struct Arguments {
     /// Acceleration of a sample of 1 in all files, in m/s², or as a unit such as g or g/256
     #[arg(long, visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
     scale: Option<f64>,
+    /// Start of the used part of all files, in seconds
+    #[arg(long, value_name = "S", value_parser = positive)]
+    start: Option<f64>,
+    /// Duration of the used part of all files, in seconds
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
     /// Take to list alone; the others can have a list of their own, for evaluate --takes
     #[arg(long)]
     take: Option<String>,
@@ -52,7 +58,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let (folder, scale) = (arguments.folder.as_path(), arguments.scale);
+    let folder = arguments.folder.as_path();
     if arguments.list.contains(['/', '\\']) {
         let problem = "--list is the name of a file in the folder, because its files are named from there";
         return Err(Error::Request(problem.into()));
@@ -68,7 +74,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request("no file is of that take".into()));
     }
     let mut header = vec!["file", "texture", "speed_mm_s", "force_n"];
-    header.extend(scale.map(|_| "scale_m_s2"));
+    let of_all = [
+        ("scale_m_s2", arguments.scale),
+        ("start_s", arguments.start),
+        ("duration_s", arguments.duration),
+    ];
+    let of_all = || of_all.into_iter().filter_map(|(name, value)| Some((name, value?)));
+    header.extend(of_all().map(|(name, _)| name));
     // A list that did not pass on the mark of simulated files would make every library and report of them look
     // recorded.
     let paths = named.iter().map(|file| folder.join(&file.file));
@@ -85,7 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             speed.to_string(),
             force.to_string(),
         ];
-        record.extend(scale.map(|scale| scale.to_string()));
+        record.extend(of_all().map(|(_, value)| value.to_string()));
         record.extend(has_simulated.then(|| simulated.to_string()));
         records.push(record);
     }

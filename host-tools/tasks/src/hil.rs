@@ -34,7 +34,7 @@ pub struct Arguments {
     minutes: Option<f64>,
     /// Write the report to this file, as JSON
     #[arg(long)]
-    json: Option<PathBuf>,
+    json_out: Option<PathBuf>,
     /// Upload and activate this library at the end, because the tests overwrite both slots
     #[arg(long)]
     library: Option<PathBuf>,
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // The environment may name the link of a board, for other commands.
     let link = arguments.link.iter().filter(|_| !arguments.virtual_stylus);
     suite.args(link.flat_map(|link| ["--link", link]));
-    let files = [("--json", &arguments.json), ("--library", &arguments.library)];
+    let files = [("--json-out", &arguments.json_out), ("--library", &arguments.library)];
     for (option, file) in files {
         if let Some(file) = file {
             suite.arg(option).arg(file);

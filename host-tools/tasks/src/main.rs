@@ -174,6 +174,12 @@ fn setup() -> Result<()> {
             found.unwrap_or_else(|error| format!("missing: {error:#}"))
         );
     }
+    // What runs on emulators needs none.
+    let probe = firmware::probe_rs().map(|program| program.display().to_string());
+    println!(
+        "probe-rs, for a board alone: {}",
+        probe.unwrap_or_else(|error| format!("missing: {error:#}"))
+    );
     match missing {
         0 => Ok(()),
         _ => bail!("{missing} of these are missing"),

@@ -162,6 +162,32 @@ impl Setting {
         }
     }
 
+    /// What this setting is, in a few words for a list.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::ForceZero => "force sensor's code without force",
+            Self::ForcePerVolt => "force per volt above its zero",
+            Self::PathPerCount => "way of the tip per encoder count",
+            Self::AccelerationZeroX => "accelerometer's code at rest, X",
+            Self::AccelerationZeroY => "accelerometer's code at rest, Y",
+            Self::AccelerationZeroZ => "accelerometer's code at rest, Z",
+            Self::AccelerationPerVoltX => "acceleration per volt, X",
+            Self::AccelerationPerVoltY => "acceleration per volt, Y",
+            Self::AccelerationPerVoltZ => "acceleration per volt, Z",
+            Self::OutputGain => "volts at the pin per m/s² asked for",
+            Self::AmplifierGain => "its gain, for the coil's heat",
+            Self::HardLimit => "most volts at the pin, either side",
+            Self::SlewLimit => "fastest change at the pin",
+            Self::CoilResistance => "coil's resistance, for its heat",
+            Self::ThermalTimeConstant => "time in which the coil warms",
+            Self::PowerLimit => "power that the coil always bears",
+            Self::SoftStart => "rise of the output after a mute",
+            Self::MuteRamp => "fall of the output in a mute",
+            Self::ContactThreshold => "force of contact; 0: by the noise",
+            Self::EnableWired => "1: the amplifier's enable is at PE9",
+        }
+    }
+
     /// Direction in which a value of this setting protects coil and user better; none if the setting has no such
     /// direction.
     ///

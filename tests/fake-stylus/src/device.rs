@@ -18,7 +18,7 @@ use model_format::link::{
 use model_format::scene::Biquad;
 use model_format::{DacCode, MillimetresPerSecond, Newton};
 use stylus_app::control::{Control, Device};
-use stylus_app::self_test::Bench;
+use stylus_app::self_test::SelfTestHardware;
 use stylus_app::settings::SettingsStore;
 use stylus_app::slots::SlotStore;
 use stylus_app::storage::{Stage, Storage};
@@ -367,7 +367,7 @@ impl BoardOf {
     }
 }
 
-impl Bench for BoardOf {
+impl SelfTestHardware for BoardOf {
     fn chip(&self) -> ChipValues {
         self.board().chip
     }

@@ -29,4 +29,4 @@ pub use board::Board;
 pub use connection::Faults;
 pub use device::BoardOf;
 pub use hand::Hand;
-pub use served::{FakeStylus, Heard, StartedImage};
+pub use served::{FakeStylus, HeardFrame, StartedImage};

@@ -37,7 +37,7 @@ const UNKNOWN: &str = "?";
 
 /// A frame that arrived.
 #[derive(Clone, Debug)]
-pub struct Heard {
+pub struct HeardFrame {
     /// Path of the frame's endpoint or topic, "?" if there is none.
     pub path: &'static str,
     /// The motion in the frame, if the frame is a motion message without an answer.
@@ -65,7 +65,7 @@ struct Due {
 #[derive(Default)]
 struct Inner {
     faults: Faults,
-    heard: Vec<Heard>,
+    heard: Vec<HeardFrame>,
     hand: Hand,
     place: i64,
     board: Board,
@@ -232,7 +232,7 @@ impl FakeStylus {
     }
 
     /// Returns the frames that have arrived since the last call, and forgets them.
-    pub fn take_heard(&self) -> Vec<Heard> {
+    pub fn take_heard(&self) -> Vec<HeardFrame> {
         std::mem::take(&mut lock(&self.inner).heard)
     }
 
@@ -493,7 +493,7 @@ fn note(shared: &Mutex<Inner>, bytes: &[u8]) -> &'static str {
     };
     let path = path_of(&header).unwrap_or(UNKNOWN);
     let is_motion = header.key == VarKey::Key8(MotionTopic::TOPIC_KEY);
-    lock(shared).heard.push(Heard {
+    lock(shared).heard.push(HeardFrame {
         path,
         motion: is_motion.then(|| postcard::from_bytes(body).ok()).flatten(),
     });

@@ -45,7 +45,7 @@ pub struct Lengths {
 }
 
 /// The device under test.
-pub struct Bench {
+pub struct DeviceUnderTest {
     /// The link to the device.
     pub device: Device,
     /// Control of the board's reset and flashing.
@@ -62,7 +62,7 @@ pub struct Bench {
     tell: fn(&Test),
 }
 
-impl Bench {
+impl DeviceUnderTest {
     /// Creates a bench that passes each test to `tell` when it is done.
     pub fn new(device: Device, board: Board, lengths: Lengths, interrupt: Arc<AtomicBool>, tell: fn(&Test)) -> Self {
         Self {
@@ -140,7 +140,7 @@ impl Bench {
     /// Reads the status until `reached` returns true for it.
     ///
     /// # Errors
-    /// The errors of [`Bench::status`]; or `reached` stayed false for `ms` of the device's clock.
+    /// The errors of [`DeviceUnderTest::status`]; or `reached` stayed false for `ms` of the device's clock.
     pub fn wait_until(&self, what: &str, ms: u64, mut reached: impl FnMut(&Status) -> bool) -> Result<Status> {
         let begin = self.status()?;
         let mut status = begin.clone();
@@ -239,7 +239,7 @@ impl Bench {
     /// Waits until the output is heard: it plays and is not muted.
     ///
     /// # Errors
-    /// The errors of [`Bench::wait_until`]; the output stays muted for 2 s.
+    /// The errors of [`DeviceUnderTest::wait_until`]; the output stays muted for 2 s.
     pub fn wait_until_heard(&self) -> Result<Status> {
         self.wait_until("the output was not unmuted", 2_000, |status| {
             is_playing(status) && status.output.mute.is_empty()
@@ -250,7 +250,7 @@ impl Bench {
     /// last status, whose request was the last frame sent.
     ///
     /// # Errors
-    /// The errors of [`Bench::status`]; or the output stays muted.
+    /// The errors of [`DeviceUnderTest::status`]; or the output stays muted.
     pub fn heard_with_motions(&self) -> Result<Status> {
         /// Largest number of motions that the output may need.
         const MOTIONS: u32 = 2_000;

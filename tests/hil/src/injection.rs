@@ -2,7 +2,7 @@
 
 use postcard_rpc::{TopicDirection, topics};
 
-use crate::bench::Bench;
+use crate::bench::DeviceUnderTest;
 use crate::error::Result;
 
 topics! {
@@ -53,6 +53,6 @@ pub enum Injected {
 }
 
 /// Requests a fault.
-pub fn inject(bench: &Bench, fault: Injected) -> Result<()> {
+pub fn inject(bench: &DeviceUnderTest, fault: Injected) -> Result<()> {
     Ok(bench.device.publish::<FaultTopic>(&(fault as u8))?)
 }

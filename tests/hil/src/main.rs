@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Parser;
-use hil::bench::{Bench, Lengths};
+use hil::bench::{DeviceUnderTest, Lengths};
 use hil::board::{Board, Images, Probe, VirtualBoard};
 use hil::error::{Error, Result};
 use hil::report::{Report, Test};
@@ -40,7 +40,7 @@ struct Arguments {
     minutes: f64,
     /// Write the report to this file, as JSON
     #[arg(long)]
-    json: Option<PathBuf>,
+    json_out: Option<PathBuf>,
     /// Upload and activate this library at the end, because the tests overwrite both slots
     #[arg(long)]
     library: Option<PathBuf>,
@@ -87,7 +87,7 @@ fn tested(arguments: &Arguments) -> Result<bool> {
         Timeouts::default()
     };
     let device = connect(&address, timeouts)?;
-    let mut bench = Bench::new(device, board, lengths(arguments), interrupt, |test: &Test| {
+    let mut bench = DeviceUnderTest::new(device, board, lengths(arguments), interrupt, |test: &Test| {
         println!("{test}");
     });
     bench.no_amplifier = arguments.no_amplifier;
@@ -108,7 +108,7 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     }
     let restored = run(&mut bench, arguments.library.clone());
     println!("{}", bench.report.summary());
-    if let Some(path) = &arguments.json {
+    if let Some(path) = &arguments.json_out {
         write_json(&bench, path)?;
     }
     restored?;
@@ -183,7 +183,7 @@ fn lengths(arguments: &Arguments) -> Lengths {
 }
 
 /// Lists what the run overwrites, and asks whether it may.
-fn may_overwrite(bench: &Bench, arguments: &Arguments) -> Result<bool> {
+fn may_overwrite(bench: &DeviceUnderTest, arguments: &Arguments) -> Result<bool> {
     let overwritten = overwrites(bench)?;
     if overwritten.is_empty() {
         return Ok(true);
@@ -224,7 +224,7 @@ struct Written<'a> {
     report: &'a Report,
 }
 
-fn write_json(bench: &Bench, path: &PathBuf) -> Result<()> {
+fn write_json(bench: &DeviceUnderTest, path: &PathBuf) -> Result<()> {
     let info = bench.device.info();
     let written = Written {
         link: bench.device.address().to_string(),

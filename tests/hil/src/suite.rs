@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use model_format::link::{Setting, SettingChange, SettingSet, Settings, SlotState};
 use stylus_link::link::upload::upload;
 
-use crate::bench::Bench;
+use crate::bench::DeviceUnderTest;
 use crate::checks::{self, cycles, endurance, faults, playing, self_test};
 use crate::error::{Error, Result};
 use crate::library::{Played, played};
@@ -17,7 +17,7 @@ use crate::library::{Played, played};
 ///
 /// # Errors
 /// The settings could not be saved, or the device could not be restored. Every other failure is in the report.
-pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
+pub fn run(bench: &mut DeviceUnderTest, library: Option<PathBuf>) -> Result<()> {
     let kept = Kept::save(bench, library)?;
     let played = played();
     let ended = if kept.may_play(bench) {
@@ -47,7 +47,7 @@ pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
 }
 
 /// Runs the subjects that play nothing.
-fn silent_subjects(bench: &mut Bench, played: &Played) -> Result<()> {
+fn silent_subjects(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
     silent(bench, played)?;
     bench.begin("play");
     bench.leave_out(
@@ -60,13 +60,13 @@ fn silent_subjects(bench: &mut Bench, played: &Played) -> Result<()> {
 
 /// Runs the silent subjects one after the other. A failure becomes a line of the report; only an interrupt ends the
 /// run.
-fn silent(bench: &mut Bench, played: &Played) -> Result<()> {
+fn silent(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
     subject(bench, "self test", self_test::check)?;
     subject(bench, "upload", |bench| checks::upload::check(bench, &played.bytes))
 }
 
 /// Runs all subjects.
-fn subjects(bench: &mut Bench, played: &Played) -> Result<()> {
+fn subjects(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
     let Played { bytes, selections } = played;
     let (_, scene) = selections.last().expect("there are scenes");
     silent(bench, played)?;
@@ -76,7 +76,11 @@ fn subjects(bench: &mut Bench, played: &Played) -> Result<()> {
     subject(bench, "faults", faults::check)
 }
 
-fn subject(bench: &mut Bench, name: &'static str, check: impl FnOnce(&mut Bench) -> Result<()>) -> Result<()> {
+fn subject(
+    bench: &mut DeviceUnderTest,
+    name: &'static str,
+    check: impl FnOnce(&mut DeviceUnderTest) -> Result<()>,
+) -> Result<()> {
     bench.begin(name);
     match check(bench) {
         Ok(()) => Ok(()),
@@ -113,7 +117,7 @@ pub struct Kept {
 
 impl Kept {
     /// Saves the settings. `library` is the file to upload at the end.
-    pub fn save(bench: &Bench, library: Option<PathBuf>) -> Result<Self> {
+    pub fn save(bench: &DeviceUnderTest, library: Option<PathBuf>) -> Result<Self> {
         Ok(Self {
             settings: bench.device.settings()?,
             set: bench.status()?.settings.set,
@@ -123,7 +127,7 @@ impl Kept {
 
     /// Returns true if the suite is allowed to play: all settings of [`SettingSet::REQUIRED`] were set, or the
     /// amplifier can be switched off, or the user states that there is no amplifier.
-    fn may_play(&self, bench: &Bench) -> bool {
+    fn may_play(&self, bench: &DeviceUnderTest) -> bool {
         let mut required = SettingSet::REQUIRED.iter();
         required.all(|setting| self.set.contains(setting))
             || self.settings.get(Setting::EnableWired) == 1.0
@@ -132,7 +136,7 @@ impl Kept {
 
     /// Sets the coil's settings to their present values, with a power limit of at most `MOST_POWER_W`, so that the
     /// device plays even if nobody has set them. [`Kept::restore`] undoes that.
-    pub fn make_playable(&self, bench: &Bench) -> Result<()> {
+    pub fn make_playable(&self, bench: &DeviceUnderTest) -> Result<()> {
         for setting in SettingSet::REQUIRED.iter() {
             let value = match setting {
                 Setting::PowerLimit => self.settings.get(setting).min(MOST_POWER_W),
@@ -144,7 +148,7 @@ impl Kept {
     }
 
     /// Silences the device, and restores what was saved. After a failure the remaining steps are still tried.
-    pub fn restore(&self, bench: &mut Bench) -> Result<()> {
+    pub fn restore(&self, bench: &mut DeviceUnderTest) -> Result<()> {
         if bench.device.status().is_err() {
             bench.device.reconnect()?;
         }
@@ -154,7 +158,7 @@ impl Kept {
         silent.and(settings).and(library)
     }
 
-    fn restore_settings(&self, bench: &Bench) -> Result<()> {
+    fn restore_settings(&self, bench: &DeviceUnderTest) -> Result<()> {
         // Settings that nobody has set stay unset, because a device with guessed settings of its coil must refuse to
         // play.
         bench.device.reset_settings()?;
@@ -165,7 +169,7 @@ impl Kept {
         Ok(())
     }
 
-    fn restore_library(&self, bench: &mut Bench) -> Result<()> {
+    fn restore_library(&self, bench: &mut DeviceUnderTest) -> Result<()> {
         let Some(path) = &self.library else {
             return Ok(());
         };
@@ -180,7 +184,7 @@ impl Kept {
 }
 
 /// Stops the output and any recording.
-fn silence(bench: &Bench) -> Result<()> {
+fn silence(bench: &DeviceUnderTest) -> Result<()> {
     let stopped = bench.device.stop();
     if bench.device.status()?.record.recording {
         bench.device.record_stop()?;
@@ -190,7 +194,7 @@ fn silence(bench: &Bench) -> Result<()> {
 }
 
 /// Describes the libraries that the run will overwrite, one text per library.
-pub fn overwrites(bench: &Bench) -> Result<Vec<String>> {
+pub fn overwrites(bench: &DeviceUnderTest) -> Result<Vec<String>> {
     let slots = bench.device.slots()?;
     let names = ["A", "B"].into_iter().zip(&slots.slots);
     let taken = names.filter_map(|(name, slot)| match slot {

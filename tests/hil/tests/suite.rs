@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use fake_stylus::{FakeStylus, Faults, Hand};
-use hil::bench::{Bench, Lengths};
+use hil::bench::{DeviceUnderTest, Lengths};
 use hil::board::Board;
 use hil::checks::{cycles, endurance, faults, playing, self_test, upload};
 use hil::library::{Played, played};
@@ -40,19 +40,19 @@ fn wait_for(stylus: &FakeStylus, path: &str, count: usize) {
     }
 }
 
-fn of(device: Device) -> Bench {
-    Bench::new(device, Board::ByHand, LENGTHS, Arc::default(), |test| {
+fn of(device: Device) -> DeviceUnderTest {
+    DeviceUnderTest::new(device, Board::ByHand, LENGTHS, Arc::default(), |test| {
         println!("{test}");
     })
 }
 
-fn bench(stylus: &FakeStylus) -> Bench {
+fn bench(stylus: &FakeStylus) -> DeviceUnderTest {
     stylus.set_hand(Hand::moving(120.0, 1.0));
     of(connected(stylus))
 }
 
 /// Returns a bench whose device holds the suite's library.
-fn bench_with_library(stylus: &FakeStylus) -> (Bench, Played) {
+fn bench_with_library(stylus: &FakeStylus) -> (DeviceUnderTest, Played) {
     let mut bench = bench(stylus);
     let kept = Kept::save(&bench, None).expect("the device answers");
     kept.make_playable(&bench).expect("the device takes them");
@@ -63,7 +63,7 @@ fn bench_with_library(stylus: &FakeStylus) -> (Bench, Played) {
 }
 
 /// The names of the tests that failed.
-fn failed(bench: &Bench) -> Vec<&str> {
+fn failed(bench: &DeviceUnderTest) -> Vec<&str> {
     let failed = bench.report.with(Verdict::Fail);
     failed.map(|test| test.line.name.as_str()).collect()
 }
@@ -135,7 +135,7 @@ fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
 /// Asserts that, on a device with the suite's library and then `faults`, `check` fails only in the test `name`.
 fn finds(
     faults: impl FnOnce(&mut Faults),
-    check: impl FnOnce(&mut Bench, &Played) -> hil::error::Result<()>,
+    check: impl FnOnce(&mut DeviceUnderTest, &Played) -> hil::error::Result<()>,
     name: &str,
 ) {
     let stylus = FakeStylus::start();
@@ -147,7 +147,7 @@ fn finds(
 
 #[test]
 fn an_output_that_goes_on_after_a_lost_link_is_found() {
-    let check = |bench: &mut Bench, played: &Played| {
+    let check = |bench: &mut DeviceUnderTest, played: &Played| {
         let (_, scene) = played.selections.last().expect("there are some");
         playing::check(bench, scene)
     };
@@ -158,11 +158,11 @@ fn an_output_that_goes_on_after_a_lost_link_is_found() {
 
 #[test]
 fn ticks_that_are_missed_late_or_too_long_are_found() {
-    let endures = |bench: &mut Bench, played: &Played| endurance::check(bench, &played.bytes);
+    let endures = |bench: &mut DeviceUnderTest, played: &Played| endurance::check(bench, &played.bytes);
     finds(|f| f.misses_ticks = true, endures, "meanwhile: ticks missed");
     finds(|f| f.puts_out_late = true, endures, "meanwhile: outputs late");
     // The first range of durations includes all earlier ticks, and is not reported.
-    let idle = |bench: &mut Bench, _: &Played| cycles::check(bench, &[]);
+    let idle = |bench: &mut DeviceUnderTest, _: &Played| cycles::check(bench, &[]);
     finds(|f| f.slower_by = 80_000, idle, "idle");
 }
 

@@ -4,7 +4,7 @@
 //! (RM0433 section 8.4.4 and table 56). RAM is lost only when the power is cut.
 
 use rigless::device::{Device, DeviceContext, ErasedDevice, Level, RegisterFile, ResetCause};
-use rigless::mcu::{Mcu, Operate};
+use rigless::mcu::Mcu;
 use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::{crs, dbgmcu, exti, flash, otg1_hs_global, pwr, ramecc1, rcc};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
@@ -34,6 +34,8 @@ use crate::model::watchdog::Watchdog;
 const TIM6: usize = 0;
 const TIM7: usize = 1;
 const TIM3: usize = 1;
+/// Names of serial ports without their numbers. Of the emulator's own models only theirs look outside at a stop.
+const SERIAL_PORTS: [&str; 3] = ["USART", "UART", "LPUART"];
 /// Pin of port E that enables the amplifier.
 const AMPLIFIER_PIN: u32 = 9;
 /// The button B1: its port, C, and its pin.
@@ -145,6 +147,9 @@ pub struct Part {
     electrical: Electrical,
     defects: Defects,
     slots: Slots,
+    /// Slots of the models that look outside at every stop: the serial ports, and those of this board whose wrapper
+    /// acts then. Every other model would be asked for nothing, some hundred at each event.
+    polled: Vec<usize>,
 }
 
 impl Part {
@@ -177,6 +182,23 @@ impl Part {
             crs: slot("CRS")?,
             debug: slot("DBGMCU")?,
         };
+        let names = rest.bus().slots().iter().map(|slot| slot.peripheral().name);
+        let serial = names
+            .enumerate()
+            .filter(|(_, name)| SERIAL_PORTS.contains(&name.trim_end_matches(char::is_numeric)));
+        let own = [
+            slots.adc,
+            slots.read_back,
+            slots.low_speed,
+            slots.timer,
+            slots.code_timer,
+            slots.amplifier,
+        ];
+        let polled = serial
+            .map(|(slot, _)| slot)
+            .chain(own)
+            .chain([slots.encoder, slots.flash])
+            .collect();
         let journal = Journal::new(unreadable, busy, electrical.brown_out_level);
         let mut part = Self {
             rest,
@@ -197,6 +219,7 @@ impl Part {
             electrical,
             defects,
             slots,
+            polled,
         };
         part.show_revision();
         Ok(part)
@@ -435,7 +458,13 @@ impl Mcu for Part {
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        self.poll_every_model(now);
+        for index in 0..self.polled.len() {
+            let slot = self.polled[index];
+            if let (bus, Some(model)) = self.split(slot) {
+                let (registers, mut context) = bus.drive(now, slot);
+                model.poll(registers, &mut context);
+            }
+        }
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {

@@ -29,7 +29,7 @@ use stylus_kernel::{Motion, MotionError};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS, UPDATE_INTERVAL_TICKS};
 pub use estimator::Estimator;
-use tracker::{Told, Tracker};
+use tracker::{HostMotion, Tracker};
 
 /// Greatest age of an input that is not stale, ticks.
 pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
@@ -335,7 +335,7 @@ impl Follower {
         // Both positions are finite: the host's was checked, and the encoder's is at most 2³¹ times a setting in its
         // range.
         let interaction = Interaction::new(chosen.motion, position, contact).unwrap_or(Interaction::NONE);
-        let told = (chosen.source == MotionSource::Host).then_some(Told {
+        let told = (chosen.source == MotionSource::Host).then_some(HostMotion {
             position_mm: chosen.position_mm,
             speed_mm_s: chosen.speed_mm_s,
             at: chosen.at,

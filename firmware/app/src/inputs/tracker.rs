@@ -39,7 +39,7 @@ const HOST_ELSEWHERE: (f32, f32) = (1.0, 0.02);
 
 /// The host's motion.
 #[derive(Clone, Copy, Debug)]
-pub struct Told {
+pub struct HostMotion {
     /// Position, mm, finite, if the host sent one.
     pub position_mm: Option<f32>,
     /// Speed, mm/s, with a sign if the host sent one.
@@ -78,7 +78,13 @@ impl Tracker {
     /// otherwise the `estimator` of the encoder, whose counts are `path_per_count` mm long.
     ///
     /// The origin of the encoder's path is its count at the first call.
-    pub fn follow(&mut self, told: Option<Told>, estimator: &Estimator, path_per_count: f32, now: u64) -> Position {
+    pub fn follow(
+        &mut self,
+        told: Option<HostMotion>,
+        estimator: &Estimator,
+        path_per_count: f32,
+        now: u64,
+    ) -> Position {
         let counts = estimator.counts();
         let tracked = self.0.get_or_insert(Tracked {
             position: Position::ORIGIN,
@@ -114,7 +120,7 @@ impl Tracked {
         [self.velocity, self.acceleration] = estimator.course().map(|of| of * path_per_count);
     }
 
-    fn follow_host(&mut self, host: Told, now: u64) {
+    fn follow_host(&mut self, host: HostMotion, now: u64) {
         self.acceleration = 0.0;
         self.go(self.velocity);
         // A host may send less often than the updates come. Each of its positions corrects once.

@@ -23,7 +23,6 @@
 //! settings, in floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the
 //! same codes.
 
-mod dc_blocker;
 mod fixed;
 mod interpolator;
 mod limits;
@@ -33,8 +32,8 @@ mod thermal;
 
 use model_format::link::{OutputLimits, Setting, Settings};
 use model_format::{DacCode, OutputSample, PlayRate};
+use stylus_kernel::dc_blocker::{self, DcBlocker};
 
-use dc_blocker::DcBlocker;
 use fixed::STEP_BITS;
 use interpolator::Interpolator;
 use limits::{Cut, LimitConfig, Pin};

@@ -20,6 +20,7 @@ mod draws;
 mod level;
 mod pieces;
 mod scale;
+mod snippets;
 
 use model_format::{Excitation as Codebooks, Modulation, Texture};
 
@@ -32,6 +33,7 @@ use model_format::LEVEL_FRACTION_BITS;
 use pieces::Pieces;
 pub(crate) use scale::gaussian_sample;
 pub use scale::{FED_FRACTION_BITS, FED_HEADROOM_BITS};
+use snippets::Snippets;
 
 /// The content of a texture that a [`Feed`] plays from, parsed once for a block.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +60,7 @@ pub struct Feed {
     gaussian: Excitation,
     draws: Draws,
     pieces: Pieces,
+    snippets: Snippets,
     level: Level,
     /// Frames that were fed.
     frames: u32,
@@ -70,6 +73,7 @@ impl Feed {
             gaussian: Excitation::new(seed),
             draws: Draws::new(seed),
             pieces: Pieces::NONE,
+            snippets: Snippets::NONE,
             level: Level::NONE,
             frames: 0,
         }
@@ -79,7 +83,7 @@ impl Feed {
     pub fn begin(&mut self, gaussian: Excitation) {
         self.gaussian = gaussian;
         // Their places are those in the codebooks and the track of the texture before.
-        (self.pieces, self.level) = (Pieces::NONE, Level::NONE);
+        (self.pieces, self.snippets, self.level) = (Pieces::NONE, Snippets::NONE, Level::NONE);
     }
 
     /// Returns the number of the next frame, which differs from the numbers of earlier frames.
@@ -102,7 +106,11 @@ impl Feed {
             Some(codebooks) => {
                 let (gaussian, draws) = (&mut self.gaussian, &mut self.draws);
                 let rate = material.sample_rate_hz;
-                self.pieces.next_sample(codebooks, rate, point, gaussian, draws)
+                if codebooks.moment_samples().is_some() {
+                    self.snippets.next_sample(codebooks, rate, point, gaussian, draws)
+                } else {
+                    self.pieces.next_sample(codebooks, rate, point, gaussian, draws)
+                }
             }
             None => gaussian_sample(&mut self.gaussian),
         };

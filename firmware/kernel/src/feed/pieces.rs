@@ -5,16 +5,12 @@
 //! interpolation weights as probabilities; a node without a codebook gives a piece of Gaussian noise. Two neighbouring
 //! pieces overlap for 5 ms, in which their amplitudes are the cosine and the sine of an angle from 0 to a quarter turn.
 //! They are independent, so that the variance stays 1.
-//!
-//! A texture with moments (recorded snippets) has longer pieces, of 0.4 to 1.6 times their mean length, which hold
-//! events with their levels. Few of them fit in a codebook, so that random places would soon repeat some of it and
-//! leave out the rest. Therefore a piece begins a golden section of the codebook after the previous one, plus or minus
-//! up to 1.6 % at random. Such places are spread evenly however many there are.
 
-use model_format::{Codebook, Excitation as Codebooks, MU_LAW_FRACTION_BITS};
+use model_format::Excitation as Codebooks;
 
 use super::draws::{Draws, share};
-use super::scale::{FED_FRACTION_BITS, gaussian_sample};
+use super::scale::gaussian_sample;
+use super::snippets::{source_at, value};
 use crate::excitation::Excitation;
 use crate::fixed::shift_toward_zero;
 use crate::grid::{GridPoint, ONE};
@@ -26,12 +22,6 @@ const LONGEST_MS: u32 = 80;
 
 /// Cross-fades per second; one takes 5 ms.
 const FADES_PER_S: u32 = 200;
-
-/// The golden section of a turn of 2³².
-const GOLDEN_TURN: u32 = 0x9e37_79b9;
-
-/// Number of binary digits by which the random part of a turn is shorter than a turn.
-const RANDOM_TURN_SHIFT: u32 = 5;
 
 /// A piece that is played.
 #[derive(Clone, Copy, Debug)]
@@ -56,8 +46,6 @@ pub(super) struct Pieces {
     piece: Option<Piece>,
     /// Samples until the next piece begins.
     left: u32,
-    /// Place of a moment's beginning in its codebook, as a fraction of 2³².
-    turn: u32,
     /// The piece that is fading in, with the number of samples of the cross-fade so far.
     next: Option<(Piece, u32)>,
 }
@@ -67,7 +55,6 @@ impl Pieces {
     pub const NONE: Self = Self {
         piece: None,
         left: 0,
-        turn: 0,
         next: None,
     };
 
@@ -109,7 +96,7 @@ impl Pieces {
     fn draw(&mut self, codebooks: &Codebooks<'_>, sample_rate_hz: u32, point: &GridPoint, draws: &mut Draws) {
         // Every piece takes three numbers, noise too, so that the choices do not depend on the codebooks.
         let source = source_at(codebooks, point, draws.below(ONE));
-        let at = self.turn_of(codebooks, draws.bits());
+        let at = draws.bits();
         let length_and_sign = draws.bits();
         let drawn = match source.checked_sub(1).and_then(|index| codebooks.codebooks().get(index)) {
             Some(codebook) => Piece::Codebook {
@@ -119,7 +106,7 @@ impl Pieces {
             },
             None => Piece::Gaussian,
         };
-        let (shortest, longest) = piece_samples(codebooks, sample_rate_hz);
+        let (shortest, longest) = piece_samples(sample_rate_hz);
         // The sign is shifted out, so that the length does not depend on it.
         self.left = shortest + share(length_and_sign << 1, longest - shortest + 1);
         match self.piece {
@@ -128,21 +115,6 @@ impl Pieces {
             Some(_) => self.next = Some((drawn, 0)),
             None => self.piece = Some(drawn),
         }
-    }
-
-    /// Returns the place of the next piece in its codebook, from random `bits`, as a fraction of 2³².
-    fn turn_of(&mut self, codebooks: &Codebooks<'_>, bits: u32) -> u32 {
-        if codebooks.moment_samples().is_none() {
-            return bits;
-        }
-        let half = 1 << (31 - RANDOM_TURN_SHIFT);
-        let random = (bits >> RANDOM_TURN_SHIFT).wrapping_sub(half);
-        self.turn = if self.piece.is_none() {
-            bits
-        } else {
-            self.turn.wrapping_add(GOLDEN_TURN).wrapping_add(random)
-        };
-        self.turn
     }
 }
 
@@ -164,40 +136,14 @@ impl Piece {
     }
 }
 
-/// Value of sample number `at` in steps of 2⁻²⁵.
-#[inline]
-fn value(codebook: &Codebook<'_>, at: u32) -> i32 {
-    // A power of two scales a float exactly.
-    let peak = (codebook.peak() * (1u32 << FED_FRACTION_BITS) as f32) as i32;
-    let product = i64::from(codebook.share(at as usize)) * i64::from(peak);
-    shift_toward_zero(product, MU_LAW_FRACTION_BITS) as i32
-}
-
-/// Returns the source of the node at `point` that `place`, below [`ONE`], falls on when the weights of the four nodes
-/// are lined up: 0 for Gaussian noise, k for codebook number k, from 1.
-fn source_at(codebooks: &Codebooks<'_>, point: &GridPoint, place: u32) -> usize {
-    let mut end = 0;
-    for (&(speed, force), &weight) in point.nodes.iter().zip(&point.weights) {
-        end += weight;
-        if place < end {
-            return codebooks.of_node(speed, force);
-        }
-    }
-    // Never reached, because the weights add up to [`ONE`].
-    0
-}
-
 /// Samples of a cross-fade.
 fn fade_samples(sample_rate_hz: u32) -> u32 {
     (sample_rate_hz / FADES_PER_S).max(1)
 }
 
 /// Fewest and most samples from one piece's beginning to the next one's. A piece is longer than its cross-fade.
-fn piece_samples(codebooks: &Codebooks<'_>, sample_rate_hz: u32) -> (u32, u32) {
-    let (shortest, longest) = match codebooks.moment_samples().map(u32::from) {
-        Some(mean) => (mean * 2 / 5, mean * 8 / 5),
-        None => (sample_rate_hz / SHORTEST_PER_S, sample_rate_hz * LONGEST_MS / 1000),
-    };
+fn piece_samples(sample_rate_hz: u32) -> (u32, u32) {
+    let (shortest, longest) = (sample_rate_hz / SHORTEST_PER_S, sample_rate_hz * LONGEST_MS / 1000);
     let shortest = shortest.max(fade_samples(sample_rate_hz) + 1);
     (shortest, longest.max(shortest))
 }

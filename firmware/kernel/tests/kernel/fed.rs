@@ -280,10 +280,11 @@ fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
     }
 }
 
-/// A codebook in blocks of ones at these levels, scaled to unit power.
-pub fn blocks_of_ones(levels: impl Iterator<Item = i8>) -> CodebookSpec {
-    // Each code of three bits is 3: the highest magnitude, positive.
-    let [a, b, c, _] = 0o3333_3333_u32.to_le_bytes().map(u8::cast_signed);
+/// A codebook in blocks of ones, or of minus ones, at these levels, scaled to unit power.
+pub fn blocks_of_ones(is_negative: bool, levels: impl Iterator<Item = i8>) -> CodebookSpec {
+    // Each code of three bits is 3, the highest magnitude, with the minus as its third bit.
+    let codes = if is_negative { 0o7777_7777_u32 } else { 0o3333_3333 };
+    let [a, b, c, _] = codes.to_le_bytes().map(u8::cast_signed);
     let block = |level| [[a, b, c].repeat(8), vec![level]].concat();
     let codes = levels.flat_map(block).collect();
     let mut codebook = CodebookSpec { peak: 1.0, codes };
@@ -291,48 +292,43 @@ pub fn blocks_of_ones(levels: impl Iterator<Item = i8>) -> CodebookSpec {
     codebook
 }
 
-/// A library of a texture whose output is only moments of `codebook`, of this mean length.
-pub fn bare_of_moments(codebook: CodebookSpec, moment_samples: u16) -> Vec<u8> {
-    let mut parts = PartsSpec {
-        excitation: Some(everywhere(codebook, 4)),
+/// A library of a texture whose output is only snippets of these codebooks, by their numbers at its four nodes.
+pub fn bare_of_snippets(codebooks: Vec<CodebookSpec>, of_nodes: [u8; 4]) -> Vec<u8> {
+    encoded(bare(PartsSpec {
+        excitation: Some(ExcitationSpec {
+            codebooks,
+            of_nodes: of_nodes.to_vec(),
+            moment_samples: Some(1000),
+        }),
         ..PartsSpec::default()
-    };
-    parts.excitation.as_mut().unwrap().moment_samples = Some(moment_samples);
-    encoded(bare(parts))
+    }))
 }
 
-/// The level of each sample shows its block, and so the place, except in cross-fades. With random places, a block would
-/// be missing from four rounds about once in fifty; this test plays forty rounds.
+/// The sign of each sample shows its codebook, and the level its block.
 #[test]
-fn moments_are_played_on_with_their_level_and_go_round_the_whole_codebook() {
+fn snippets_go_on_where_their_codebook_was_left_and_it_jumps_once_per_pass() {
     const BLOCKS: usize = 60;
-    const MEAN: usize = 1000;
-    let codebook = blocks_of_ones((0..BLOCKS as i8).map(|n| -n));
-    let peak = f64::from(codebook.peak);
-    let bytes = bare_of_moments(codebook, MEAN as u16);
-    let round = BLOCKS * BLOCK_SAMPLES;
-    let signal: Vec<f64> = excitation(&texture(&bytes), 7).take(40 * round).collect();
-    let block = |x: f64| {
-        let level = -40.0 * (x.abs() / peak).log10();
-        let is_near = (level - level.round()).abs() < 0.05;
-        (is_near && (0.0..59.5).contains(&level.round())).then(|| level.round() as usize)
-    };
-    let blocks: Vec<Option<usize>> = signal.iter().map(|&x| block(x)).collect();
-    for rounds in blocks.chunks_exact(4 * round) {
-        let left_out = (0..BLOCKS).filter(|n| !rounds.contains(&Some(*n))).count();
-        assert_eq!(left_out, 0);
+    let pass = BLOCKS * BLOCK_SAMPLES;
+    let codebooks = [false, true].map(|is_negative| blocks_of_ones(is_negative, (0..BLOCKS as i8).map(|n| -n)));
+    let peak = f64::from(codebooks[0].peak);
+    let bytes = bare_of_snippets(codebooks.to_vec(), [1, 2, 1, 2]);
+    let signal: Vec<f64> = excitation(&texture(&bytes), 7).take(80 * pass).collect();
+    // Half of the weight belongs to each codebook; a snippet takes 600 to 2400 samples.
+    let changes = signal.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
+    let expected = 80 * pass / 1500 / 2;
+    assert!(changes.abs_diff(expected) < expected / 4, "{changes} of {expected}");
+    for sign in [1.0, -1.0] {
+        let own = signal.iter().map(|x| x * sign).filter(|x| *x > 0.0);
+        let blocks: Vec<usize> = own.map(|x| (-40.0 * (x / peak).log10()).round() as usize).collect();
+        let is_jump = |pair: &[usize]| pair[1] != pair[0] && pair[1] != (pair[0] + 1) % BLOCKS;
+        let jumps: Vec<usize> = (1..blocks.len()).filter(|&n| is_jump(&blocks[n - 1..=n])).collect();
+        let apart = jumps.windows(2).map(|pair| pair[1] - pair[0]);
+        // Two of sixty places are those that would follow anyway.
+        assert!(jumps.len().abs_diff(blocks.len() / pass) <= 6, "{}", jumps.len());
+        assert!(apart.min().unwrap() >= pass / 2);
+        let share = |block: usize| blocks.iter().filter(|&&n| n == block).count() * BLOCKS;
+        assert!((0..BLOCKS).all(|block| (0.5..1.5).contains(&(share(block) as f64 / blocks.len() as f64))));
     }
-    // Most moments are longer than a block, so the next block usually follows in its order.
-    let mut in_order = 0;
-    for pair in blocks.chunks_exact(2 * BLOCK_SAMPLES) {
-        let (from, to) = (pair[0], pair[BLOCK_SAMPLES]);
-        in_order += usize::from(from.is_some_and(|n| to == Some((n + 1) % BLOCKS)));
-    }
-    let share = in_order as f64 * (2 * BLOCK_SAMPLES) as f64 / signal.len() as f64;
-    // Joins and fades affect 64 + 2 · 25 of the thousand samples of a moment.
-    assert!((0.8..0.95).contains(&share), "{share}");
-    let power_db = decibels(mean_square(&signal));
-    assert!(power_db.abs() < 0.5, "{power_db} dB");
 }
 
 /// Checks that `bins` are uniform on 0 to `count` - 1, by a χ² test at a level that is exceeded by chance once in a

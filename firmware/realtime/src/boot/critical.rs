@@ -14,9 +14,9 @@ use cortex_m::peripheral::DWT;
 use cortex_m::register::primask;
 
 /// The implementation for the crate `critical-section`.
-struct Measured;
+struct TimedSections;
 
-critical_section::set_impl!(Measured);
+critical_section::set_impl!(TimedSections);
 
 /// Cycle at which the current section began.
 static BEGAN: AtomicU32 = AtomicU32::new(0);
@@ -25,7 +25,7 @@ static BEGAN: AtomicU32 = AtomicU32::new(0);
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
 // SAFETY: interrupts are masked from `acquire` to the `release` of the outermost section, and this is the only core.
-unsafe impl critical_section::Impl for Measured {
+unsafe impl critical_section::Impl for TimedSections {
     #[inline(always)]
     unsafe fn acquire() -> bool {
         let outermost = primask::read().is_active();

@@ -48,6 +48,8 @@ enum stylus_status stylus_library_find(const stylus_library *library, uint32_t k
 
 enum stylus_status stylus_player_open(uint32_t output_rate_hz, stylus_player **player);
 
+enum stylus_status stylus_player_open_as_rendered(uint32_t output_rate_hz, stylus_player **player);
+
 enum stylus_status stylus_player_close(stylus_player *player);
 
 enum stylus_status stylus_player_choose(const stylus_player *player,
@@ -66,9 +68,13 @@ enum stylus_status stylus_player_follow(const stylus_player *player, const struc
 
 enum stylus_status stylus_player_set_gain(const stylus_player *player, float gain, float limit);
 
+enum stylus_status stylus_player_set_coil(const stylus_player *player, float ohms, float volts_per_m_s2, float watts);
+
 enum stylus_status stylus_player_fill(const stylus_player *player, float *samples, size_t length);
 
 enum stylus_status stylus_player_latency(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *seconds);
+
+enum stylus_status stylus_player_band(uint32_t sample_rate_hz, uint32_t output_rate_hz, double *hz);
 
 enum stylus_status stylus_last_text(char *buffer, size_t length);
 

@@ -146,19 +146,36 @@ fn what_cannot_be_is_refused_by_status_and_text() {
             Status::STYLUS_MOTION
         );
         assert_eq!(stylus_player_set_gain(player.handle(), 1.0, -1.0), Status::STYLUS_GAIN);
+        assert_eq!(
+            stylus_player_set_coil(player.handle(), 8.0, 0.01, 0.0),
+            Status::STYLUS_GAIN
+        );
+        assert_eq!(
+            stylus_player_set_coil(player.handle(), 8.0, 0.01, 0.1),
+            Status::STYLUS_OK
+        );
+        assert_eq!(last_text(), "", "the status says all, and the older text would mislead");
+        refused(
+            stylus_player_open(1, &raw mut other),
+            Status::STYLUS_RATE,
+            "rate of 1 Hz",
+        );
         let mut short = [1 as c_char; 4];
         assert_eq!(stylus_last_text(short.as_mut_ptr(), 4), Status::STYLUS_LENGTH);
         assert_eq!(short, [1; 4]);
+        assert!(last_text().contains("rate of 1 Hz"), "there is room now");
     }
 }
 
 #[test]
-fn the_latency_is_the_players_own_and_of_a_librarys_rate() {
-    let mut seconds = 0.0;
+fn latency_and_band_are_the_players_own_and_of_a_librarys_rate() {
+    let (mut seconds, mut hz) = (0.0, 0.0);
     // SAFETY: the address is of this function.
     unsafe {
         assert_eq!(stylus_player_latency(5000, 48_000, &raw mut seconds), Status::STYLUS_OK);
         assert_eq!(seconds, stylus_player::latency_s(5000, 48_000));
+        assert_eq!(stylus_player_band(5000, 1000, &raw mut hz), Status::STYLUS_OK);
+        assert_eq!(hz, 400.0);
         assert_eq!(
             stylus_player_latency(2000, 48_000, &raw mut seconds),
             Status::STYLUS_CHOICE

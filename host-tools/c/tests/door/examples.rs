@@ -23,7 +23,7 @@ pub fn run(command: &mut Command) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Compiles an example with the flags that make any warning an error.
+/// Compiles an example, or a program of the tests, with the flags that make any warning an error.
 fn compiled(compiler: (&str, &str), source: &str, flags: &[&str], to: &Path) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let program = to.join("example");
@@ -73,6 +73,24 @@ fn a_stroke_by_the_example_in_c_has_the_bits_of_render() {
     assert_eq!(played.len(), 40_000);
     assert!(played == rendered);
     assert!(rendered.iter().any(|byte| *byte != 0));
+}
+
+#[test]
+#[ignore = "needs valgrind: tests/run long only 'the player under valgrind'"]
+fn no_call_in_c_touches_memory_that_is_not_its_own_whatever_it_is_given() {
+    let folder = tempfile::tempdir().expect("it can be made");
+    let archive = libraries().join("libstylusplayer.a");
+    let archive = archive.to_str().expect("it is UTF-8");
+    let flags = ["-std=c11", "-g", archive, "-lm", "-lpthread", "-ldl"];
+    let program = compiled(("CC", "cc"), "../tests/door/mistakes.c", &flags, folder.path());
+    let library = written(folder.path(), "textures.lib", digest_library());
+    let valgrind = [
+        "--quiet",
+        "--error-exitcode=9",
+        "--leak-check=full",
+        "--show-leak-kinds=definite",
+    ];
+    run(Command::new("valgrind").args(valgrind).arg(program).arg(library));
 }
 
 #[test]

@@ -13,7 +13,7 @@ const DIRECTION_HZ: [f64; 2] = [40.0, 500.0];
 /// Largest standard deviation of the level of a trusted line, dB.
 const MOST_DEVIATION_DB: f64 = 0.5;
 
-/// Width of a point of [`Measured::points`], octaves.
+/// Width of a point of [`MeasuredResponse::points`], octaves.
 const POINT_OCTAVES: f64 = 1.0 / 12.0;
 
 /// Spectra of three axes over whole periods.
@@ -134,7 +134,7 @@ pub struct Band {
 
 /// A measured response.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Measured {
+pub struct MeasuredResponse {
     /// Lines of the response, ascending in frequency.
     pub lines: Vec<Line>,
     /// Direction of motion in the accelerometer's axes, as a unit vector whose largest component is positive.
@@ -149,7 +149,7 @@ pub struct Measured {
     pub over_noise: f64,
 }
 
-impl Measured {
+impl MeasuredResponse {
     /// Returns the response to `wave`, played with a peak of `volts`; `None` without motion above the noise.
     pub fn of(spectra: &Spectra, wave: &Multisine, volts: f64, bandwidths: &Bandwidths) -> Option<Self> {
         let (axis, across) = spectra.direction(&wave.lines, bandwidths)?;
@@ -250,7 +250,7 @@ mod tests {
     fn gain_direction_confidence_and_distortion_are_those_of_what_moved() {
         let wave = Multisine::new(3, |_| 1.0);
         let axis = [0.36, -0.8, 0.48];
-        let measured = |spectra: &Spectra| Measured::of(spectra, &wave, 2.0, &Bandwidths::default());
+        let measured = |spectra: &Spectra| MeasuredResponse::of(spectra, &wave, 2.0, &Bandwidths::default());
         let found = measured(&recorded(&wave, axis, [0.0; 2], 0.05)).unwrap();
         for (found, true_part) in found.axis.into_iter().zip(axis) {
             assert!((found + true_part).abs() < 2e-3, "the largest part is positive");

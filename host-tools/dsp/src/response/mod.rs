@@ -10,7 +10,7 @@ mod measured;
 mod multisine;
 mod resonance;
 
-pub use measured::{Band, Bandwidths, Line, Measured, Spectra};
+pub use measured::{Band, Bandwidths, Line, MeasuredResponse, Spectra};
 pub use multisine::Multisine;
 pub use resonance::{Fit, Resonance};
 

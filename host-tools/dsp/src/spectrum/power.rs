@@ -154,6 +154,12 @@ impl PowerSpectrum {
         }
     }
 
+    /// Frequencies, Hz, and the one-sided density at each.
+    pub fn densities(&self) -> impl Iterator<Item = (f64, f64)> {
+        let bins = self.density.iter().enumerate();
+        bins.map(|(bin, density)| (bin as f64 * self.step_hz, *density))
+    }
+
     /// Returns the equivalent number of independent averages in the power of Gaussian noise between two frequencies.
     /// The relative variance of this power is the inverse of that number. Returns 0 without an estimate, or if the
     /// range is empty.

@@ -5,7 +5,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use super::excerpts::{Heard, Sounds, able};
+use super::excerpts::{Sounds, TrialExcerpts, able};
 use super::kinds::{Kind, Pair};
 
 /// One trial: three excerpts and their kinds.
@@ -29,7 +29,7 @@ pub struct Trial {
 /// Within a pair, and then among all trials, each of these is heard as often as the others, give or take one.
 pub(super) fn trials(
     pairs: &[Pair],
-    heard: &[Vec<Heard>],
+    heard: &[Vec<TrialExcerpts>],
     count: usize,
     sounds: &mut Sounds,
     generator: &mut Pcg64,
@@ -93,10 +93,10 @@ mod tests {
         let mut generator = Pcg64::seed_from_u64(seed);
         let mut sounds = Sounds::default();
         let takes = |surface: usize| {
-            let take = |n| Heard::made(&format!("felt, {surface} mm/s, 1 N"), 3 * surface + n);
+            let take = |n| TrialExcerpts::made(&format!("felt, {surface} mm/s, 1 N"), 3 * surface + n);
             (0..=2 * (surface % 2)).map(take).collect()
         };
-        let heard: Vec<Vec<Heard>> = (0..surfaces).map(takes).collect();
+        let heard: Vec<Vec<TrialExcerpts>> = (0..surfaces).map(takes).collect();
         let planned = trials(pairs, &heard, count, &mut sounds, &mut generator);
         (planned, sounds)
     }

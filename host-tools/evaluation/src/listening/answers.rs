@@ -1,6 +1,6 @@
 //! Answers of a listening test as a page saves them, and their score.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -86,14 +86,12 @@ impl Answers {
     /// are left out.
     ///
     /// # Errors
-    /// A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial that
-    /// occurs twice.
-    pub fn read(path: &Path) -> Result<Self> {
+    /// A file that cannot be read or has no answers; or a row that is invalid or contradicts itself.
+    fn read(path: &Path, seen: &mut BTreeMap<(String, String, u32), PathBuf>) -> Result<Self> {
         let table = CsvTable::read(path, Format::Answers).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
         let design = header.column("design")?;
         let mut rows: Vec<Answered> = Vec::new();
-        let mut seen = BTreeSet::new();
         let mut lines = table.rows_below_header()?;
         while let Some(line) = lines.next_row().map_err(|failure| not_saved(path, failure))? {
             // Earlier pages asked about A, B and X only, and named no design.
@@ -103,11 +101,14 @@ impl Answers {
             }
             let row = Answered::of(design, &header, &line)?;
             row.check().map_err(|problem| line.error(problem))?;
-            let trial = row.count("trial");
-            let asked = (row.text("page").to_owned(), row.text("listener").to_owned());
-            if !seen.insert((asked, trial)) {
+            let (trial, listener) = (row.count("trial"), row.text("listener"));
+            let asked = (row.text("page").to_owned(), listener.to_owned(), trial);
+            if let Some(other) = seen.insert(asked, path.to_owned()) {
                 return Err(line.error(format!(
-                    "trial {trial} of this page and listener is there twice; give each listener's file once"
+                    "trial {trial} of listener {listener} on this page is in {}, too; give each listener's answers \
+                     once, or, if two people had one number, give the other one a number of their own in the column \
+                     'listener'",
+                    other.display()
                 )));
             }
             rows.push(row);
@@ -121,21 +122,14 @@ impl Answers {
         })
     }
 
-    /// Reads the files of several listeners.
+    /// Reads the files of one or several listeners.
+    ///
+    /// # Errors
+    /// A file that cannot be read or has no answers; a row that is invalid or contradicts itself; or a trial of a page
+    /// that a listener has answered twice, in one file or in two.
     pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Self>> {
-        let mut files: Vec<Self> = Vec::new();
-        for path in paths {
-            let file = Self::read(path)?;
-            // Two listeners who gave the same answers differ in their times.
-            let own = |file: &Self| file.rows.iter().map(|row| row.own.clone()).collect::<Vec<_>>();
-            if let Some(other) = files.iter().find(|other| own(other) == own(&file)) {
-                let other = other.path.display();
-                let problem = format!("has the answers of {other}; give each listener's file once");
-                return Err(Error::file(path, problem));
-            }
-            files.push(file);
-        }
-        Ok(files)
+        let mut seen = BTreeMap::new();
+        paths.iter().map(|path| Self::read(path, &mut seen)).collect()
     }
 
     /// The rows, each as its fields and the names of their columns.
@@ -377,6 +371,10 @@ mod tests {
         path
     }
 
+    fn read(path: &Path) -> Result<Vec<Answers>> {
+        Answers::read_all(&[path.to_owned()])
+    }
+
     fn row(trial: u32, pair: &str, x: &str, answer: &str, correct: u8) -> String {
         format!("1,{trial},{pair},recording,gaussian,{x},{answer},{correct},0,2.5,\"felt, 1 N\",p1,recorded\n")
     }
@@ -389,11 +387,10 @@ mod tests {
             .chain((10..14).map(|n| row(n, "recording-fitted", "gaussian", "A", 0)))
             .collect();
         let two: Vec<String> = (0..10)
-            .map(|n| row(n, "recording-gaussian", "gaussian", "A", 0))
+            .map(|n| row(n, "recording-gaussian", "gaussian", "A", 0).replacen('1', "2", 1))
             .collect();
-        let files = [("one.csv", one), ("two.csv", two)]
-            .map(|(name, rows)| Answers::read(&file(folder.path(), name, &rows)).unwrap());
-        let scores = score(&files).unwrap();
+        let files = [("one.csv", one), ("two.csv", two)].map(|(name, rows)| file(folder.path(), name, &rows));
+        let scores = score(&Answers::read_all(&files).unwrap()).unwrap();
         let counts: Vec<(&str, usize, u32, u32)> = scores
             .iter()
             .map(|s| (s.pair.as_str(), s.files, s.trials, s.correct))
@@ -415,7 +412,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let long = "p".repeat(1_000_000);
         let path = file(folder.path(), "long.csv", &[row(1, &long, "recording", "A", 1)]);
-        let refused = Answers::read(&path).unwrap_err().to_string();
+        let refused = read(&path).unwrap_err().to_string();
         holds(&refused, &["line 2", "pair has 1000000 bytes", "at most 256"]);
         assert!(refused.len() < 1000, "{}", refused.len());
         let rows = |count: usize| -> Vec<String> {
@@ -424,7 +421,7 @@ mod tests {
         };
         for (count, is_scored) in [(MOST_PAIRS, true), (MOST_PAIRS + 1, false)] {
             let path = file(folder.path(), "many.csv", &rows(count));
-            let scored = score(&[Answers::read(&path).unwrap()]);
+            let scored = score(&read(&path).unwrap());
             assert_eq!(scored.is_ok(), is_scored);
         }
     }
@@ -437,22 +434,22 @@ mod tests {
             (row(2, "recording-gaussian", "recording", "A", 0), "changed"),
             (row(2, "recording-gaussian", "recording", "C", 0), "A or B"),
             (row(2, "recording-gaussian", "fitted", "A", 0), "one of two"),
-            (good(), "twice"),
+            (good(), "listener 1 on this page is in"),
             ("1,2,short\n".into(), "compare"),
         ] {
             let path = file(folder.path(), "bad.csv", &[good(), bad]);
-            holds(&Answers::read(&path).unwrap_err(), &["line 3", word]);
+            holds(&read(&path).unwrap_err(), &["line 3", word]);
         }
         let other = format!("design,{HEADER}triangle,{}", good());
         let path = folder.path().join("other.csv");
         std::fs::write(&path, other).unwrap();
-        holds(&Answers::read(&path).unwrap_err(), &["line 2", "'triangle'"]);
+        holds(&read(&path).unwrap_err(), &["line 2", "'triangle'"]);
         let empty = file(folder.path(), "empty.csv", &[]);
-        holds(&Answers::read(&empty).unwrap_err(), &["no answers"]);
+        holds(&read(&empty).unwrap_err(), &["no answers"]);
     }
 
     #[test]
-    fn one_file_does_not_count_twice_also_after_a_spreadsheet_saved_it_again() {
+    fn a_listener_answers_a_trial_once_so_two_people_with_one_number_and_a_file_given_twice_are_told() {
         let folder = tempfile::tempdir().unwrap();
         let rows = [row(1, "recording-gaussian", "recording", "A", 1)];
         let one = file(folder.path(), "one.csv", &rows);
@@ -460,8 +457,16 @@ mod tests {
         let saved = std::fs::read_to_string(&one).unwrap();
         let german = saved.replace("\"felt, 1 N\"", "felt").replace(',', ";");
         std::fs::write(&copy, german.replace("2.5", "2,5")).unwrap();
-        let twice = Answers::read_all(&[one, copy]);
-        holds(&twice.unwrap_err(), &["copy.csv", "one.csv"]);
+        let other = file(folder.path(), "other.csv", &[rows[0].replace("A,1", "B,0")]);
+        for again in [copy, other] {
+            let name = again.file_name().unwrap().to_str().unwrap().to_owned();
+            let told = Answers::read_all(&[one.clone(), again]).unwrap_err();
+            holds(&told, &[&name, "one.csv", "listener 1", "two people"]);
+        }
+        // What one listener saved in two sittings, and another's page.
+        let later = file(folder.path(), "later.csv", &[rows[0].replacen(",1,", ",2,", 1)]);
+        let page = file(folder.path(), "page.csv", &[rows[0].replace("p1", "p2")]);
+        assert_eq!(Answers::read_all(&[one, later, page]).unwrap().len(), 3);
     }
 
     #[test]
@@ -474,7 +479,7 @@ mod tests {
                  {design},1,1,{values},0,2.5,felt,p1,recorded\n"
             );
             std::fs::write(&path, text).unwrap();
-            Answers::read(&path)
+            read(&path)
         };
         let ratings = written(
             "similarity",
@@ -482,15 +487,15 @@ mod tests {
             "1,1,recording-fitted,fitted,recording,0,62.5",
         )
         .unwrap();
-        let rows: Vec<_> = ratings.rows().collect();
+        let rows: Vec<_> = ratings[0].rows().collect();
         assert!(rows[0].contains(&("rating", &Field::Number(62.5))));
         assert!(rows[0].contains(&("surface", &Field::Text("felt".into()))));
         let words = ["similarity.csv", "'similarity'", "'abx'", "analyse_listening.py"];
-        holds(&score(&[ratings]).unwrap_err(), &words);
+        holds(&score(&ratings).unwrap_err(), &words);
         let names = "part,step,strength,unit,a,b,x,answer,correct,reversal";
         let step = "level,17,8,dB,reference,changed,changed";
         let stairs = written("staircase", names, &format!("{step},B,1,0")).unwrap();
-        holds(&score(&[stairs]).unwrap_err(), &["'staircase'"]);
+        holds(&score(&stairs).unwrap_err(), &["'staircase'"]);
         let changed = written("staircase", names, &format!("{step},A,1,0"));
         holds(&changed.unwrap_err(), &["line 2", "changed"]);
     }
@@ -534,7 +539,7 @@ mod tests {
         let names: Vec<&str> = names.split(',').collect();
         let rows = [names, rub, answer("1", "A", "1"), answer("2", "B", "0")];
         std::fs::write(&path, rows.map(|row| quoted(&row)).concat()).unwrap();
-        let scores = score(&[Answers::read(&path).unwrap()]).unwrap();
+        let scores = score(&read(&path).unwrap()).unwrap();
         assert_eq!((scores[0].trials, scores[0].correct), (2, 1));
     }
 }

@@ -21,7 +21,7 @@ pub(super) struct Excerpt {
 
 /// Excerpts of a trial of the set, by kind. `fitted` is empty if the fitted texture plays only Gaussian noise and no
 /// other library is compared.
-pub(super) struct Heard {
+pub(super) struct TrialExcerpts {
     pub surface: String,
     pub recording: Vec<Excerpt>,
     pub gaussian: Vec<Excerpt>,
@@ -29,7 +29,7 @@ pub(super) struct Heard {
     pub before: Vec<Excerpt>,
 }
 
-impl Heard {
+impl TrialExcerpts {
     fn of(&self, kind: Kind) -> &[Excerpt] {
         match kind {
             Kind::Recording => &self.recording,
@@ -65,7 +65,7 @@ impl Heard {
 }
 
 /// Returns the surfaces that have a take with excerpts of `kinds`: the index of each in `heard`, and these takes.
-pub(super) fn able(heard: &[Vec<Heard>], kinds: [Kind; 2]) -> Vec<(usize, Vec<&Heard>)> {
+pub(super) fn able(heard: &[Vec<TrialExcerpts>], kinds: [Kind; 2]) -> Vec<(usize, Vec<&TrialExcerpts>)> {
     let surfaces = heard.iter().enumerate().map(|(surface, takes)| {
         let takes = takes.iter().filter(|take| take.has(kinds));
         (surface, takes.collect::<Vec<_>>())
@@ -144,7 +144,7 @@ mod tests {
 
     use super::*;
 
-    impl Heard {
+    impl TrialExcerpts {
         /// Three excerpts of each kind, of three samples: the kind, their window, and the number `take`.
         pub fn made(surface: &str, take: usize) -> Self {
             let of = |kind: usize| {

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::abx::{Trial, trials};
-use super::excerpts::{Excerpt, Heard, SHORTEST_EXCERPT_S, Sounds, WINDOWS, able, excerpts, samples};
+use super::excerpts::{Excerpt, SHORTEST_EXCERPT_S, Sounds, TrialExcerpts, WINDOWS, able, excerpts, samples};
 use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
@@ -132,19 +132,20 @@ impl Plan {
         } else {
             ": blocks are fitted to half of each recording, and --takes plays the library as it is"
         };
-        let reason = match self.task {
-            Task::Staircase(_) => "has it",
-            Task::Abx { .. } | Task::Similarity(_) => "plays anything but Gaussian noise",
-        };
-        let left_out = self
-            .left_out
-            .iter()
-            .map(|name| format!("{name}: left out, because no texture that is heard {reason}{remedy}"));
+        let is_staircase = matches!(self.task, Task::Staircase(_));
+        let same = "plays Gaussian noise alone, so that 'fitted' and 'gaussian' are one sound, which \
+                    recording-gaussian compares";
+        let left_out = self.left_out.iter().map(|name| {
+            let reason = if is_staircase {
+                "no texture that is heard has it".to_owned()
+            } else {
+                format!("every texture that is heard {same}")
+            };
+            format!("{name}: left out, because {reason}{remedy}")
+        });
         let without = self.without.iter().map(|(name, surfaces)| {
-            format!(
-                "{name}: without surfaces that are silent or play only Gaussian noise ({}){remedy}",
-                listed("", surfaces)
-            )
+            let surfaces = listed("", surfaces);
+            format!("{name}: not asked of {surfaces}: each is silent, or {same}{remedy}")
         });
         let mut notes: Vec<String> = left_out.chain(without).collect();
         if !self.too_short.is_empty() {
@@ -300,10 +301,10 @@ impl Planner<'_> {
             Design::Abx | Design::Staircase => options.trials * options.pairs.len(),
         };
         let takes = most.div_ceil(self.order.len().max(1));
-        let mut heard: Vec<Vec<Heard>> = Vec::new();
+        let mut heard: Vec<Vec<TrialExcerpts>> = Vec::new();
         for surface in self.order.iter().take(most) {
             let read = surface.iter().take(takes).map(|n| self.heard(*n));
-            let own: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
+            let own: Vec<TrialExcerpts> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
             if own.is_empty() {
                 self.too_short.push(self.surface(surface[0]));
             } else {
@@ -320,7 +321,7 @@ impl Planner<'_> {
         }
         let left_out = others.into_iter().map(Pair::name).collect();
         for pair in &pairs {
-            let is_missing = |takes: &&Vec<Heard>| !takes.iter().any(|take| take.has(pair.kinds()));
+            let is_missing = |takes: &&Vec<TrialExcerpts>| !takes.iter().any(|take| take.has(pair.kinds()));
             let missing = heard.iter().filter(is_missing);
             let names: Vec<String> = missing.map(|takes| takes[0].surface.clone()).collect();
             self.without.extend((!names.is_empty()).then(|| (pair.name(), names)));
@@ -398,7 +399,7 @@ impl Planner<'_> {
     }
 
     /// The excerpts of a trial of the set; `None` if it is too short. A silent signal has no excerpts.
-    fn heard(&self, index: usize) -> Result<Option<Heard>> {
+    fn heard(&self, index: usize) -> Result<Option<TrialExcerpts>> {
         let (library, evaluation) = &self.fitted;
         let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;
         let Some(samples) = samples(&comparison.judged, self.options.excerpt_s) else {
@@ -423,7 +424,7 @@ impl Planner<'_> {
                 fitted.clone_from(&gaussian);
             }
         }
-        Ok(Some(Heard {
+        Ok(Some(TrialExcerpts {
             surface: self.surface(index),
             recording: excerpts(&slices(&comparison.judged), samples),
             gaussian,

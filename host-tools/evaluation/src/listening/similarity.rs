@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use super::excerpts::{Heard, Sounds, able};
+use super::excerpts::{Sounds, TrialExcerpts, able};
 use super::kinds::{Kind, Pair};
 
 /// One rating: two different excerpts and their kinds. The pair's name has the kinds in the pair's order, whichever of
@@ -43,7 +43,7 @@ fn conditions(pairs: &[Pair]) -> Vec<[Kind; 2]> {
 /// change places from one block to the next. Which is A in the first block is random for each condition.
 pub(super) fn ratings(
     pairs: &[Pair],
-    heard: &[Vec<Heard>],
+    heard: &[Vec<TrialExcerpts>],
     blocks: usize,
     sounds: &mut Sounds,
     generator: &mut Pcg64,
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_and_b_are_two_excerpts_of_their_kinds_and_change_places_from_block_to_block() {
         use rand::SeedableRng;
-        let takes = vec![Heard::made("denim, 120 mm/s, 1 N", 0)];
+        let takes = vec![TrialExcerpts::made("denim, 120 mm/s, 1 N", 0)];
         let mut sounds = Sounds::default();
         let mut generator = Pcg64::seed_from_u64(4);
         let rated = ratings(&Pair::USUAL, &[takes], 8, &mut sounds, &mut generator);

@@ -4,6 +4,7 @@
 //! into weak ones, because the signal starts and ends abruptly. Tapered ends hardly leak, and cost the weight of a
 //! tenth of a second. The leakage is measured, and the ends are tapered where it matters.
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
 use model_format::SAMPLE_RATE_HZ;
@@ -50,6 +51,11 @@ impl KnownBand {
             from_hz: cut_hz.map(lowest_hz),
             to_hz: carried_hz(source_rate_hz).or_else(converted),
         }
+    }
+
+    /// The band, Hz.
+    pub fn range_hz(self) -> Range<f64> {
+        self.from_hz.unwrap_or(0.0)..self.to_hz.unwrap_or(f64::INFINITY)
     }
 
     fn is_all(self) -> bool {

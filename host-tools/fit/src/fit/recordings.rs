@@ -2,13 +2,12 @@
 
 use std::ops::Range;
 
-use model_format::SAMPLE_RATE_HZ;
 use rayon::prelude::*;
 
 use super::blocks::Part;
 use super::estimate::estimate_of;
 use super::floor::{Floor, NoiseTake, named, unknown};
-use super::lines::{Findings, Lines, Separated, separate};
+use super::lines::{Findings, Lines, TrialLines, separate};
 use super::options::{FloorChoice, Options};
 use super::trial::{Analysis, Signal, analyse_axes};
 use crate::dsp::reduction::View;
@@ -141,29 +140,57 @@ impl<'s> Recordings<'s> {
     /// Subtracts the texture's lines from the signals, and estimates lags and bands again. The power stays that of the
     /// signal with its lines.
     fn separate_lines(&mut self, options: &Options, part: Part) {
-        let speeds_mm_s: Vec<f64> = self.trials.iter().map(|own| own.trial.line_speed_mm_s()).collect();
-        let ranges: Vec<Vec<Range<usize>>> = self.trials.iter().map(|own| part.of(own.samples().len())).collect();
-        // A trial that is not searched passes no samples, and keeps its own.
-        let sought = |own: &mut Recorded<'_>| match &mut own.signal {
-            Some(signal) if can_have_lines(own.trial, &own.analysis, options) => std::mem::take(&mut signal.samples),
-            _ => Vec::new(),
-        };
-        let signals: Vec<Vec<f64>> = self.trials.iter_mut().map(sought).collect();
-        let Separated { findings, shares, rest } = separate(&speeds_mm_s, signals, &ranges);
-        self.findings = findings;
-        let work = self.trials.par_iter_mut().zip(rest).zip(shares);
-        work.for_each(|((own, rest), share)| {
-            let Some(signal) = &mut own.signal else {
-                return;
+        let (mut pieces, mut signals) = (Vec::new(), Vec::new());
+        for (index, own) in self.trials.iter_mut().enumerate() {
+            let is_sought = can_have_lines(own.trial, &own.analysis, options);
+            let Some(signal) = own.signal.as_mut().filter(|_| is_sought) else {
+                continue;
             };
-            if !rest.is_empty() {
-                signal.samples = rest;
+            // A phase jumps where a part was cut out, so each stretch is searched by itself.
+            let first = pieces.len();
+            let fitted = part.of(signal.samples.len());
+            for stretch in signal.stretches.iter().rev() {
+                let samples = match stretch.start {
+                    // What is left, without a copy.
+                    0 => std::mem::take(&mut signal.samples),
+                    start => signal.samples.split_off(start),
+                };
+                signals.insert(first, samples);
+                pieces.insert(first, (index, within(&fitted, stretch)));
             }
+        }
+        let speeds_mm_s = pieces
+            .iter()
+            .map(|(index, _)| self.trials[*index].trial.line_speed_mm_s());
+        let speeds_mm_s: Vec<f64> = speeds_mm_s.collect();
+        let (indices, ranges): (Vec<usize>, Vec<_>) = pieces.into_iter().unzip();
+        let separated = separate(&speeds_mm_s, signals, &ranges);
+        self.findings = separated.findings;
+        let followed = indices
+            .iter()
+            .zip(&separated.followed)
+            .filter(|(_, followed)| **followed);
+        let mut followed: Vec<usize> = followed.map(|(index, _)| *index).collect();
+        followed.dedup();
+        self.findings.followed_trials = followed.len();
+        let mut shares: Vec<Vec<(usize, TrialLines)>> = vec![Vec::new(); self.trials.len()];
+        for ((index, rest), share) in indices.into_iter().zip(separated.rest).zip(separated.shares) {
+            shares[index].push((rest.len(), share));
+            if let Some(signal) = &mut self.trials[index].signal {
+                if signal.samples.is_empty() {
+                    signal.samples = rest;
+                } else {
+                    signal.samples.extend(rest);
+                }
+            }
+        }
+        let work = self.trials.par_iter_mut().zip(shares);
+        work.for_each(|(own, shares)| {
+            own.analysis.lines = TrialLines::of_stretches(&shares);
             // Without a line in the trial nothing was subtracted, and its estimate still holds.
-            if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
+            if own.analysis.lines.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
                 own.estimate_again(options, part);
             }
-            own.analysis.lines = share;
         });
     }
 
@@ -226,13 +253,18 @@ impl Recorded<'_> {
     }
 }
 
-/// Returns whether lines are sought in a trial: it is in motion and contact, not silent, not dropped, and has no gap at
-/// which a phase would jump.
+/// Returns whether lines are sought in a trial: it is in motion and contact, not silent and not dropped.
 fn can_have_lines(trial: &Trial, analysis: &Analysis, options: &Options) -> bool {
-    // The duration of the cuts is a whole number of samples, but computed in floating point.
-    let half_a_sample_s = 0.5 / f64::from(SAMPLE_RATE_HZ);
-    trial.is_in_motion_and_contact()
-        && !analysis.is_silent()
-        && analysis.cut_s < half_a_sample_s
-        && !analysis.is_dropped(options)
+    trial.is_in_motion_and_contact() && !analysis.is_silent() && !analysis.is_dropped(options)
+}
+
+/// Returns what lies of `ranges` within `stretch`, counted from its start.
+fn within(ranges: &[Range<usize>], stretch: &Range<usize>) -> Vec<Range<usize>> {
+    let parts = ranges
+        .iter()
+        .map(|own| own.start.max(stretch.start)..own.end.min(stretch.end));
+    let parts = parts.filter(|own| !own.is_empty());
+    parts
+        .map(|own| own.start - stretch.start..own.end - stretch.start)
+        .collect()
 }

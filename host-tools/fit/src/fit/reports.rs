@@ -38,6 +38,10 @@ pub struct TrialReport {
     pub axis_turn_deg: f64,
     /// Duration that triage cut out of the recording, s.
     pub cut_s: f64,
+    /// Number of samples behind its model, at the models' rate.
+    pub samples: usize,
+    /// Duration of these samples, s.
+    pub seconds: f64,
     /// Changes made to the samples when they were read, such as a conversion of units.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
@@ -80,6 +84,8 @@ pub(super) fn reports(recordings: &[Recordings<'_>], options: &Options) -> Resul
             high_pass_hz: analysis.slow.cut_hz,
             axis_turn_deg: analysis.slow.turn_deg,
             cut_s: analysis.cut_s,
+            samples: analysis.samples,
+            seconds: analysis.samples as f64 / f64::from(options.sample_rate_hz),
             remarks: analysis.account.remarks.clone(),
             integers: analysis.account.integers,
             floor_shares: analysis.floor.clone(),
@@ -114,7 +120,8 @@ fn all_verdicts(recorded: &[&Recorded<'_>]) -> Vec<Vec<Verdict>> {
         bands_db,
         is_idle: !own.trial.is_in_motion_and_contact(),
         rms_m_s2: own.analysis.power.sqrt(),
-        mains_line_hz: own.analysis.mains_line_hz,
+        has_scale: own.analysis.account.integers.is_none(),
+        mains_lines: &own.analysis.mains_lines,
         sketch: &own.analysis.sketch,
         verdicts: &own.analysis.verdicts,
     });

@@ -14,7 +14,7 @@ use crate::dsp::high_pass::high_pass;
 use crate::dsp::reduction::{Reduced, Reduction, angle_deg, reduce, remove_mean};
 use crate::dsp::sums::mean;
 use crate::fit::conditioning::{Conditioning, HighPass};
-use crate::recording::triage::{Kind, Sketch, Verdict};
+use crate::recording::triage::{Kind, MainsLine, Sketch, Verdict};
 use crate::recording::{self, Account, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
 
@@ -62,8 +62,8 @@ pub struct Analysis {
     pub cut_s: f64,
     /// Findings of triage on the trial by itself.
     pub verdicts: Vec<Verdict>,
-    /// Frequency of a line at a mains frequency, Hz. Whether it is hum depends on the other trials.
-    pub mains_line_hz: Option<f64>,
+    /// Lines at mains frequencies. Whether they are hum depends on the other trials.
+    pub mains_lines: Vec<MainsLine>,
     /// Sketch of the reduced signal, by which copies are found.
     pub sketch: Sketch,
     /// Fraction of the rig's noise in each band of the recording; `None` if the noise is not known.
@@ -206,9 +206,13 @@ pub struct Signal {
     pub source_rate_hz: f64,
     /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
-    /// Stretches of the samples that are not the surface's vibration: clipped peaks, joints, and what triage would have
-    /// cut.
+    /// Stretches of the samples that are not the surface's vibration: clipped peaks, joints, what triage would have
+    /// cut, and the ends of what was resampled.
     pub flaws: Vec<Range<usize>>,
+    /// Direction on which the axes were projected; empty if they were not.
+    pub direction: Vec<f64>,
+    /// Stretches within which nothing was cut out, from the first sample to the last at the rate of triage.
+    pub stretches: Vec<Range<usize>>,
 }
 
 /// Reads `trial` like a fit does. Evaluations read with this function too, so that they use the same samples.
@@ -237,16 +241,18 @@ fn reduced(trial: &Trial, axes: &mut [Vec<f64>], reduction: Reduction) -> Result
 impl Triaged {
     fn into_signal(mut self, trial: &Trial, reduction: Reduction) -> Result<Signal> {
         let reduced = reduced(trial, &mut self.samples.axes, reduction)?;
-        Ok(self.with_samples(reduced.signal))
+        Ok(self.with_samples(reduced.signal, reduced.direction))
     }
 
-    /// Returns the trial's signal with these `samples`.
-    fn with_samples(self, samples: Vec<f64>) -> Signal {
+    /// Returns the trial's signal with these `samples`, projected on this `direction`.
+    fn with_samples(self, samples: Vec<f64>, direction: Vec<f64>) -> Signal {
         Signal {
             samples,
             source_rate_hz: self.samples.source_rate_hz,
             cut_hz: self.slow.cut_hz,
             flaws: self.flaws,
+            direction,
+            stretches: triage::stretches(&self.parts),
         }
     }
 }
@@ -281,6 +287,7 @@ pub(super) fn analyse_axes(trial: &Trial, options: &Options, part: Part) -> Resu
     let Reduced {
         signal: mut samples,
         energy_share,
+        direction,
     } = reduced(trial, &mut triaged.samples.axes, reduction)?;
     let mut axes = std::mem::take(&mut triaged.samples.axes);
     let sketch = Sketch::of(&samples);
@@ -292,8 +299,13 @@ pub(super) fn analyse_axes(trial: &Trial, options: &Options, part: Part) -> Resu
     if is_silent {
         triaged.verdicts.insert(0, Verdict::silent());
     }
-    let mains_line_hz = (!is_silent).then(|| triage::mains_line(&plain)).flatten();
     let (rate_hz, cut_hz) = (options.sample_rate_hz, triaged.slow.cut_hz);
+    let held = KnownBand::of(triaged.samples.source_rate_hz, SAMPLE_RATE_HZ, cut_hz).range_hz();
+    let mains_lines = if is_silent {
+        Vec::new()
+    } else {
+        triage::mains_lines(&plain, &axes, &held)
+    };
     if rate_hz != SAMPLE_RATE_HZ {
         axes = kept_at(trial, rate_hz, &triaged.parts, cut_hz)?;
         samples = reduced(trial, &mut axes, reduction)?.signal;
@@ -322,12 +334,12 @@ pub(super) fn analyse_axes(trial: &Trial, options: &Options, part: Part) -> Resu
         slow: triaged.slow,
         cut_s: triaged.cut_s,
         verdicts: std::mem::take(&mut triaged.verdicts),
-        mains_line_hz,
+        mains_lines,
         sketch,
         floor: None,
         lines: TrialLines::default(),
         lags,
         bands,
     };
-    Ok((analysis, triaged.with_samples(samples), axes))
+    Ok((analysis, triaged.with_samples(samples, direction), axes))
 }

@@ -205,7 +205,7 @@ const FEWEST_STATUSES: u32 = 2;
 
 /// Summary of the statuses during a play.
 #[derive(Clone, Copy, Debug)]
-pub struct Heard {
+pub struct PlayCounts {
     /// Mutes since the play began, without those that belong to its begin and end.
     pub mutes: u32,
     /// Ticks that were missed since the play began.
@@ -230,7 +230,7 @@ pub struct Vibration {
     pub greatest_m_s2: f64,
 }
 
-impl Heard {
+impl PlayCounts {
     /// Creates an empty summary of a play that begins after the status `before`.
     pub fn since(before: &Status) -> Self {
         Self {
@@ -364,8 +364,8 @@ mod tests {
     use super::*;
 
     /// What was heard of a play at whose two statuses so many motions had been sent, after so many ms of the device.
-    fn heard(paces: [(u64, u64); 2]) -> Heard {
-        Heard {
+    fn heard(paces: [(u64, u64); 2]) -> PlayCounts {
+        PlayCounts {
             mutes: 0,
             missed_ticks: 0,
             statuses: 2,

@@ -29,6 +29,8 @@ pub enum SettingOrigin {
 pub struct SettingRow {
     /// Name.
     pub name: &'static str,
+    /// What it is.
+    pub meaning: &'static str,
     /// Value; none if nobody has set it and the setting has no default, or if it was lost.
     pub value: Option<f32>,
     /// Origin of the value.
@@ -61,6 +63,7 @@ impl SettingRow {
         };
         Self {
             name: spec.name,
+            meaning: setting.meaning(),
             value: matches!(origin, SettingOrigin::Set | SettingOrigin::Default).then_some(value),
             state: origin,
             unit: spec.unit,

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use kernel_vectors::scenes::with_all_effects;
 use kernel_vectors::specs;
 use model_format::{TextureSpec, encode_with_scenes};
-use stylus_player::{Filler, Mover, Selection, SharedLibrary, Without, player};
+use stylus_player::{Filler, Mover, Selection, SharedLibrary, Without, player, player_as_rendered};
 
 /// The textures that every processor must play to the same bits, and a scene with all effects, at each rate.
 pub static LIBRARIES: LazyLock<[SharedLibrary; 2]> =
@@ -27,6 +27,13 @@ pub fn library(specs: &[TextureSpec], rate_hz: u32) -> SharedLibrary {
 /// A player at `output_rate_hz` of the texture `index` of a library.
 pub fn playing(library: &SharedLibrary, index: usize, output_rate_hz: u32) -> (Mover, Filler) {
     let (mover, filler) = player(output_rate_hz).expect("the rate is played");
+    choose(&mover, library, index);
+    (mover, filler)
+}
+
+/// The same without the DC blocker.
+pub fn playing_as_rendered(library: &SharedLibrary, index: usize, output_rate_hz: u32) -> (Mover, Filler) {
+    let (mover, filler) = player_as_rendered(output_rate_hz).expect("the rate is played");
     choose(&mover, library, index);
     (mover, filler)
 }

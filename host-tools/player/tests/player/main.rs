@@ -2,6 +2,7 @@
 
 mod changes;
 mod common;
+mod safety;
 mod same_bits;
 mod threads;
 mod timing;

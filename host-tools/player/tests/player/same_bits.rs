@@ -1,9 +1,9 @@
-//! At the rate of the texture, a player outputs the same bits as `stylus render`.
+//! At the rate of the texture, a player without a DC blocker outputs the same bits as `stylus render`.
 
 use host_tools::playing::motion::{MotionPath, MotionRow};
 use host_tools::playing::render::{Rendering, SampleClock};
 use proptest::prelude::*;
-use stylus_player::{BlockMotion, Selection, Without, plan_of, player};
+use stylus_player::{BlockMotion, Selection, Without, plan_of, player_as_rendered};
 
 use crate::common::LIBRARIES;
 
@@ -78,7 +78,7 @@ proptest! {
         let rendered = rendering.expect("it is short").map(|word| word.metres_per_second_squared().0.to_bits());
         let rendered: Vec<u32> = rendered.collect();
 
-        let (mover, mut filler) = player(rate_hz).expect("it is a rate of textures");
+        let (mover, mut filler) = player_as_rendered(rate_hz).expect("it is a rate of textures");
         mover.choose(shared, selection, without, seed).expect("it is there");
         let mut played = vec![0.0f32; rendered.len()];
         let mut splits = splits.into_iter().cycle();

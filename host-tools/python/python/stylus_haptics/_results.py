@@ -226,9 +226,10 @@ class TrialReport:
 
     ``name`` is the file, or the name of samples in memory; ``speed_mm_s`` and ``force_n`` its motion; ``rms_m_s2`` the
     RMS of its one axis; ``mean_m_s2`` the largest magnitude of an axis's mean, which was removed; ``energy_share`` the
-    share of the axes' energy that one axis keeps; ``cut_s`` what triage cut out, s; ``floor_shares`` the share of the
-    rig's noise in its power in each third octave from 20 Hz to 2 kHz, ``None`` if it is not known; ``verdicts`` the
-    findings of triage in words, none for a sound recording; ``used`` is true if the fit used it.
+    share of the axes' energy that one axis keeps; ``cut_s`` what triage cut out, s; ``seconds`` what is behind its
+    model; ``floor_shares`` the share of the rig's noise in its power in each third octave from 20 Hz to 2 kHz, ``None``
+    if it is not known; ``verdicts`` the findings of triage in words, none for a
+    sound recording; ``used`` is true if the fit used it.
     """
 
     name: str
@@ -239,6 +240,7 @@ class TrialReport:
     mean_m_s2: float
     energy_share: float
     cut_s: float
+    seconds: float
     floor_shares: list[float] | None
     verdicts: list[str]
     used: bool
@@ -318,7 +320,7 @@ class Evaluation:
         return np.array(self.figures["bands_hz"], dtype=float)
 
     def as_dict(self) -> dict[str, Any]:
-        """All figures as plain objects: those of `stylus evaluate --json`."""
+        """All figures as plain objects: those of `stylus evaluate --json-out`."""
         return self.figures
 
     def to_dataframe(self) -> Any:

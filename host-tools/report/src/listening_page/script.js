@@ -64,11 +64,11 @@
   };
 
   // ---- What is kept. A browser that keeps nothing still runs the test, and says so.
-  const fresh = () => ({ listener: 1, answers: [], plays: NAMES.map(() => 0), seconds: 0 });
+  const fresh = () => ({ listener: null, answers: [], plays: NAMES.map(() => 0), seconds: 0 });
   const isCount = (n) => Number.isInteger(n) && n >= 0;
   const isAnswer = (a) => (rates ? isCount(a) && a <= 100 : a === "A" || a === "B");
   const isSound = (s) =>
-    s !== null && typeof s === "object" && isCount(s.listener) && Array.isArray(s.answers) &&
+    s !== null && typeof s === "object" && Array.isArray(s.answers) && (isCount(s.listener) || s.answers.length === 0) &&
     s.answers.length <= most && s.answers.every((a) => isAnswer(a.answer) && isCount(a.replays) && a.seconds >= 0) &&
     Array.isArray(s.plays) && s.plays.length === NAMES.length && s.plays.every(isCount) && s.seconds >= 0;
   let keeps = true;
@@ -421,7 +421,9 @@
     const number = state.answers.length + (trialAfter(state.answers.length) === null ? 0 : 1);
     at("begin").textContent = "Go on with trial " + number;
   }
-  at("listener").value = state.listener;
+  // A link can bring the number: page.html#listener=3.
+  const told = new URLSearchParams(location.hash.slice(1)).get("listener");
+  at("listener").value = state.listener ?? told ?? "";
   at("listener").disabled = state.answers.length > 0;
   at("level").addEventListener("click", () => sounded(Math.floor(Math.random() * sounds.length)));
   at("begin").addEventListener("click", () => {
@@ -441,6 +443,7 @@
     keep();
     at("begin").textContent = "Begin";
     at("listener").disabled = false;
+    at("listener").value = "";
     at("status").textContent = "";
     show("start");
   });

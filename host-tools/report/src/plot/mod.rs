@@ -25,7 +25,7 @@ pub(crate) use curves::{FrontPoint, FrontSeries, front_chart, spectra, spectrum_
 pub use figure::Panel;
 pub(crate) use figure::{COST, Quantity};
 pub(crate) use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};
-pub use responses::{Curve, responses};
+pub use responses::{Curve, densities, responses};
 pub(crate) use spectrogram::spectrograms;
 pub(crate) use waveforms::waveforms;
 

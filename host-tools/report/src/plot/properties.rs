@@ -63,6 +63,16 @@ fn front(in_octaves: bool, value: impl Fn(i32) -> f64) -> Svg {
     front_chart(&CAPTION, axes, in_octaves, (&all[..5], &all[5..]), &names).unwrap()
 }
 
+/// Levels of a fall of 12 dB per octave, and of silence.
+fn with_densities() -> Svg {
+    let points: Vec<(f64, f64)> = (16..1000)
+        .map(|hz| (f64::from(hz), -40.0 * f64::from(hz).log10()))
+        .collect();
+    let silent: Vec<(f64, f64)> = points.iter().map(|point| (point.0, f64::NEG_INFINITY)).collect();
+    let curves = [("recorded", &points), ("synthesised", &silent)].map(|(name, points)| Curve { name, points });
+    densities(&CAPTION, &curves).unwrap()
+}
+
 /// Pictures with typical data, by name: every kind but responses and empty axes.
 pub fn pictures() -> Vec<(&'static str, Svg)> {
     let (one, two) = (signal(0.0), signal(1.0));
@@ -72,6 +82,7 @@ pub fn pictures() -> Vec<(&'static str, Svg)> {
         ("front", front(true, |n| 6.0 / f64::from(1 + n))),
         ("spectra", spectra(&CAPTION, (&one, &two), 5000.0, 20.0).unwrap()),
         ("waveforms", waveforms(&CAPTION, &signals, 5000.0).unwrap()),
+        ("densities", with_densities()),
         (
             "spectrograms",
             spectrograms(&CAPTION, (&one, &two), 5000.0, 1000.0).unwrap(),

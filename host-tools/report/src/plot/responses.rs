@@ -1,8 +1,8 @@
 //! Measured levels over frequency.
 
-use super::canvas::{Axis, INK, SERIES, Stroke, Swatch, chart};
+use super::canvas::{Axis, Drawn, INK, Plot, SERIES, Stroke, Swatch, chart};
 use super::curves::{FIRST_OCTAVE_HZ, OCTAVES_HZ};
-use super::figure::FREQUENCY;
+use super::figure::{FREQUENCY, POWER_DENSITY};
 use super::{Caption, Quantity, Svg};
 use crate::support::error::Result;
 
@@ -17,20 +17,12 @@ pub struct Curve<'a> {
 
 /// Draws levels from 10 Hz to 1 kHz over octaves, with dashed lines at ± `within_db` over `band_hz`.
 pub fn responses(caption: &Caption<'_>, curves: &[Curve<'_>], band_hz: [f64; 2], within_db: f64) -> Result<Svg> {
-    let lowest = FIRST_OCTAVE_HZ.log2();
-    let octave = |hz: f64| hz.log2() - lowest;
     let levels = || curves.iter().flat_map(|curve| curve.points).map(|point| point.1);
     // The range is at least twice the band, so that the band's lines are not the picture's edges.
     let low = levels().fold(-2.0 * within_db, f64::min).floor() - 1.0;
     let high = levels().fold(2.0 * within_db, f64::max).ceil() + 1.0;
-    let x = Axis::of_octaves(FREQUENCY, -0.7..6.05, lowest, &OCTAVES_HZ);
     let y = Axis::new(Quantity::new("gain", "dB"), low..high, 9);
-    let entries: Vec<(Swatch, &str)> = curves
-        .iter()
-        .zip(SERIES.into_iter().cycle())
-        .map(|(curve, colour)| (Swatch::line(colour), curve.name))
-        .collect();
-    chart(caption, (720, 400), &entries, (&x, &y), |plot| {
+    over_octaves(caption, -0.7, &y, curves, |plot| {
         for level in [-within_db, within_db] {
             let stroke = Stroke {
                 dashed: true,
@@ -38,6 +30,60 @@ pub fn responses(caption: &Caption<'_>, curves: &[Curve<'_>], band_hz: [f64; 2],
             };
             plot.path(band_hz.map(|hz| (octave(hz), level)).to_vec(), stroke)?;
         }
+        Ok(())
+    })
+}
+
+/// Draws power spectral densities, dB re 1 (m/s²)²/Hz, over octaves, within 80 dB of the highest.
+pub fn densities(caption: &Caption<'_>, curves: &[Curve<'_>]) -> Result<Svg> {
+    let levels = || curves.iter().flat_map(|curve| curve.points).map(|point| point.1);
+    let finite = || levels().filter(|level| level.is_finite());
+    let high = finite().reduce(f64::max).unwrap_or(0.0).ceil() + 1.0;
+    let low = finite()
+        .reduce(f64::min)
+        .unwrap_or(0.0)
+        .floor()
+        .clamp(high - 80.0, high - 20.0);
+    let kept: Vec<Vec<(f64, f64)>> = curves
+        .iter()
+        .map(|curve| {
+            (curve.points.iter().copied())
+                .filter(|point| point.1 >= low && point.1 <= high)
+                .collect()
+        })
+        .collect();
+    let drawn = curves.iter().zip(&kept);
+    let drawn: Vec<Curve<'_>> = drawn.map(|(curve, points)| Curve { points, ..*curve }).collect();
+    over_octaves(
+        caption,
+        0.0,
+        &Axis::new(POWER_DENSITY, low..high, 9),
+        &drawn,
+        |_| Ok(()),
+    )
+}
+
+/// Octaves from the first that is written to `hz`.
+fn octave(hz: f64) -> f64 {
+    (hz / FIRST_OCTAVE_HZ).log2()
+}
+
+/// Draws curves over frequency, from the octave `first` to 1 kHz, above what `below` draws.
+fn over_octaves(
+    caption: &Caption<'_>,
+    first: f64,
+    y: &Axis<'_>,
+    curves: &[Curve<'_>],
+    below: impl FnOnce(&mut Plot<'_>) -> Drawn,
+) -> Result<Svg> {
+    let x = Axis::of_octaves(FREQUENCY, first..6.05, FIRST_OCTAVE_HZ.log2(), &OCTAVES_HZ);
+    let entries: Vec<(Swatch, &str)> = curves
+        .iter()
+        .zip(SERIES.into_iter().cycle())
+        .map(|(curve, colour)| (Swatch::line(colour), curve.name))
+        .collect();
+    chart(caption, (720, 400), &entries, (&x, y), |plot| {
+        below(plot)?;
         for (curve, colour) in curves.iter().zip(SERIES.into_iter().cycle()) {
             let points = curve.points.iter().map(|&(hz, level)| (octave(hz), level));
             plot.curve(curve.name, points, Stroke::solid(colour, 3))?;

@@ -28,6 +28,16 @@ class Kernel {
     this.state = new Float64Array(buffer, exports.state(), 32);
   }
 
+  // The filter of a resampler between two rates, Hz. It is made in an instance of its own, because what it allocates
+  // would move another's memory.
+  static filter(module, from, to) {
+    const { exports } = new WebAssembly.Instance(module);
+    const at = exports.filter(from, to);
+    const [taps, phases] = [exports.filter_taps(), exports.filter_phases()];
+    const rows = new Float32Array(exports.memory.buffer, at, taps * phases).slice();
+    return { rows, taps, phases, step: exports.filter_step(), delay: exports.filter_delay_s(from, to) };
+  }
+
   text() {
     const { exports } = this;
     const bytes = new Uint8Array(exports.memory.buffer, exports.text(), exports.text_length());

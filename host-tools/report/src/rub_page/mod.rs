@@ -91,7 +91,6 @@ const WORKLET: [&str; 4] = [
 /// Scripts of the page, in the order in which they are loaded.
 const SCRIPTS: [&str; 16] = [
     include_str!("kernel.js"),
-    include_str!("resampler.js"),
     include_str!("voices.js"),
     include_str!("data.js"),
     include_str!("hash.js"),
@@ -105,6 +104,7 @@ const SCRIPTS: [&str; 16] = [
     include_str!("files.js"),
     include_str!("silence.js"),
     include_str!("tip.js"),
+    include_str!("sound.js"),
     include_str!("page.js"),
 ];
 

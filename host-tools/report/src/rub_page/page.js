@@ -38,6 +38,7 @@ class RubPage {
     this.silence = new Silence(this);
     this.recent = new Float32Array(0);
     this.rate = 5000;
+    this.filterMs = null;
     this.played = null;
     this.delays = [];
     this.clipped = 0;
@@ -130,9 +131,11 @@ class RubPage {
     return { texture, scene, seed: this.seed, without: kind.without ?? 0, recording: kind.recording ?? false };
   }
 
-  takeOver({ rate }) {
+  // A page without sound resamples nothing.
+  takeOver({ rate, filterMs = null }) {
     if (rate !== this.spectrum.rate) this.spectrum = new LiveSpectrum(rate, this.data.frequencies_hz);
     this.rate = rate;
+    this.filterMs = filterMs;
     this.spectrum.clear();
     this.recent = new Float32Array(0);
   }
@@ -696,12 +699,14 @@ class RubPage {
   // ---- Facts ----
 
   latency() {
-    const { context } = this;
+    const { context, node } = this;
+    // On the page's own thread what is computed waits for the buffer before it.
+    const bufferS = node?.bufferSize ? node.bufferSize / context.sampleRate : 0;
     return {
       pointerMs: this.delays.length > 0 ? median(this.delays) : null,
       longestMs: this.delays.length > 0 ? Math.max(...this.delays) : null,
-      filterMs: 1000 * Resampler.delay(this.rate),
-      baseMs: 1000 * (context?.baseLatency ?? 0),
+      filterMs: this.filterMs,
+      baseMs: 1000 * ((context?.baseLatency ?? 0) + bufferS),
       outputMs: 1000 * (context?.outputLatency ?? 0),
     };
   }
@@ -841,22 +846,10 @@ async function reliefOf(kernel, texture) {
   return Float32Array.from(relief, (value) => value / (2 * Math.max(rms, 1e-9)));
 }
 
-// Begins the sound in `context`: the worklet, with its own kernels.
-async function soundOf(context, kernel, library) {
-  const bytes = new TextEncoder().encode(byId("worklet").textContent);
-  // A blob of a page that was opened as a file is refused while the browser is offline; data is not.
-  await context.audioWorklet.addModule(`data:text/javascript;base64,${base64Of(bytes)}`);
-  const options = { numberOfInputs: 0, outputChannelCount: [1], processorOptions: { kernel, library } };
-  const node = new AudioWorkletNode(context, "rubbing", options);
-  node.connect(context.destination);
-  return node;
-}
-
 async function main() {
-  if (!globalThis.AudioWorkletNode || !globalThis.WebAssembly) {
+  if (!globalThis.AudioContext || !globalThis.WebAssembly) {
     const trouble = byId("trouble");
-    trouble.textContent =
-      "No sound: this browser has no audio worklets or no WebAssembly. Open the page in a newer one.";
+    trouble.textContent = "No sound: this browser has no audio or no WebAssembly. Open the page in a newer one.";
     trouble.hidden = false;
     return;
   }

@@ -99,10 +99,10 @@ class RubbingProcessor extends AudioWorkletProcessor {
     this.fault = null;
     this.port.onmessage = ({ data }) => this.guarded(() => this.obey(data));
     this.guarded(() => {
-      const module = new WebAssembly.Module(processorOptions.kernel);
+      this.module = new WebAssembly.Module(processorOptions.kernel);
       const library = new Uint8Array(processorOptions.library);
       // One plays while the other fades.
-      this.kernels = [new Kernel(module, library), new Kernel(module, library)];
+      this.kernels = [new Kernel(this.module, library), new Kernel(this.module, library)];
       this.take = new Take();
       this.resamplerFor(5000);
       this.port.postMessage({ type: "ready" });
@@ -139,14 +139,15 @@ class RubbingProcessor extends AudioWorkletProcessor {
       this.fading = this.active;
       this.fade = 0;
     }
-    this.active = { voice, resampler: this.resamplerFor(rate), source: new Tap(this, voice) };
+    const resampler = this.resamplerFor(rate);
+    this.active = { voice, resampler, source: new Tap(this, voice) };
     this.report.count = 0;
-    this.port.postMessage({ type: "chosen", rate, choice });
+    this.port.postMessage({ type: "chosen", rate, filterMs: 1000 * resampler.filter.delay, choice });
   }
 
   // A resampler from `rate`. Its filter is made once.
   resamplerFor(rate) {
-    if (!this.filters.has(rate)) this.filters.set(rate, new PolyphaseFilter(rate, sampleRate));
+    if (!this.filters.has(rate)) this.filters.set(rate, Kernel.filter(this.module, rate, sampleRate));
     return new Resampler(this.filters.get(rate));
   }
 
@@ -181,8 +182,8 @@ class RubbingProcessor extends AudioWorkletProcessor {
   process(_inputs, [[output]]) {
     if (this.active) this.guarded(() => this.fill(output));
     this.frames += output.length;
-    this.watchClock();
-    this.tellPage();
+    this.watchClock(output.length);
+    this.tellPage(output.length);
     return true;
   }
 
@@ -216,8 +217,8 @@ class RubbingProcessor extends AudioWorkletProcessor {
   }
 
   // Counts moments in which the audio clock lost time against the computer's.
-  watchClock() {
-    const lead = Date.now() - (1000 * (currentFrame + 128)) / sampleRate;
+  watchClock(length) {
+    const lead = Date.now() - (1000 * (currentFrame + length)) / sampleRate;
     if (this.lead === null || lead < this.lead) {
       this.lead = lead;
     } else if (lead - this.lead > GAP_MS) {
@@ -225,15 +226,15 @@ class RubbingProcessor extends AudioWorkletProcessor {
       this.lead = lead;
     } else {
       // The clocks' rates differ by some 10⁻⁵.
-      this.lead += 0.0003;
+      this.lead += (0.1 * length) / sampleRate;
     }
   }
 
-  tellPage() {
+  tellPage(length) {
     const { report } = this;
-    report.due += 128 * REPORTS_PER_S;
+    report.due += length * REPORTS_PER_S;
     if (report.due < sampleRate) return;
-    report.due -= sampleRate;
+    report.due %= sampleRate;
     const voice = this.active?.voice;
     this.port.postMessage({
       type: "played",

@@ -15,6 +15,7 @@ use super::{csv_file, resample, uneven, wav};
 use crate::dsp::sums::sum;
 use crate::support::error::{Error, Result};
 use crate::support::files;
+use crate::support::number::counted;
 
 /// Largest relative deviation of a rate from a whole number to which it is rounded.
 const NEAR_WHOLE: f64 = 5e-4;
@@ -74,6 +75,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     for (axis, scale) in axes.iter_mut().zip(&scales_m_s2) {
         axis.iter_mut().for_each(|sample| *sample *= scale);
     }
+    let repeated = without_repeated(&mut axes);
     let has_scale = trial.scale_m_s2.is_some() || source.stated.scales_m_s2.is_some();
     let conversion = source.stated.conversion(trial.scale_m_s2);
     Ok(Samples {
@@ -81,7 +83,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         source_rate_hz: rate_hz,
         defects,
         account: Account {
-            remarks: source.remarks.into_iter().chain(conversion).collect(),
+            remarks: source.remarks.into_iter().chain(conversion).chain(repeated).collect(),
             doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
             // A scale says what an integer means, so nothing is left to tell.
             integers: source.integers.filter(|_| !has_scale),
@@ -139,6 +141,23 @@ fn named_alike(path: &Path) -> Option<String> {
         let is_cut =
             Kind::of(Path::new(&name)).is_some() && name.rsplit_once('.').is_some_and(|(stem, _)| stem == wanted);
         name == wanted || is_cut
+    })
+}
+
+/// Removes the channels that repeat the first, as of a microphone in a stereo file, and says so. Constant ones stay, as
+/// dead axes.
+fn without_repeated(axes: &mut Vec<Vec<f64>>) -> Option<String> {
+    let (first, others) = axes.split_first()?;
+    let is_constant = first.iter().all(|sample| sample.to_bits() == first[0].to_bits());
+    let is_new: Vec<bool> = others.iter().map(|axis| is_constant || axis != first).collect();
+    let count = is_new.iter().filter(|is_new| !**is_new).count();
+    let mut kept = std::iter::once(true).chain(is_new);
+    axes.retain(|_| kept.next() == Some(true));
+    (count > 0).then(|| {
+        format!(
+            "{} of the same samples as channel 1 left out",
+            counted(count, "channel")
+        )
     })
 }
 
@@ -300,6 +319,26 @@ mod tests {
         assert!(of_table(header(), &axes, Some("0.001")).account.doubts.is_empty());
         let volts = of_table(Some("a (V)".to_owned()), &axes, None);
         test_helpers::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
+    }
+
+    #[test]
+    fn channels_that_repeat_the_first_are_left_out_and_told() {
+        let (one, other) = (vec![0.5, -0.5, 0.25], vec![0.5, -0.5, 0.26]);
+        for (axes, left) in [
+            (vec![one.clone(), one.clone()], vec![&one]),
+            (vec![one.clone(), other.clone(), one.clone()], vec![&one, &other]),
+            (vec![one.clone(), other.clone()], vec![&one, &other]),
+            (vec![vec![0.0; 3]; 2], vec![&vec![0.0; 3]; 2]),
+        ] {
+            let read = of_table(None, &axes, Some("1"));
+            assert_eq!(read.axes.iter().collect::<Vec<_>>(), left);
+            let told = read.account.remarks.concat();
+            assert_eq!(
+                told.contains("same samples as channel 1"),
+                left.len() < axes.len(),
+                "{told}"
+            );
+        }
     }
 
     #[test]

@@ -4,11 +4,11 @@ use std::ops::RangeInclusive;
 
 /// Range of sample rates that a recording may have, Hz.
 ///
-/// Below the range, a recording contains nothing of a texture, because skin feels up to about 1000 Hz. Above it, no
-/// converter for accelerations is known. The limits prevent a wrong number in a file from determining the size of
-/// memory: conversion to the models' rate makes at most 50 samples from one, and works in blocks of at most two seconds
-/// or a few thousand samples of the lower rate.
-pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
+/// Below the range, a recording contains nothing of a texture, because skin feels up to about 1000 Hz; a sensor named
+/// after 100 Hz may be 5 % slower. Above it, no converter for accelerations is known. The limits prevent a wrong number
+/// in a file from determining the size of memory: conversion to the models' rate makes at most 53 samples from one, and
+/// works in blocks of at most two seconds or a few thousand samples of the lower rate.
+pub const RATES_HZ: RangeInclusive<f64> = 95.0..=768_000.0;
 
 /// Largest number of channels of a recording: three axes.
 pub const MAX_CHANNELS: usize = 3;
@@ -36,10 +36,18 @@ impl SampleRate {
     pub fn new(rate_hz: f64, remedy: &str) -> Result<Self, String> {
         let (least, most) = (RATES_HZ.start(), RATES_HZ.end());
         // NaN is in no range.
-        let is_possible = RATES_HZ.contains(&rate_hz);
-        is_possible
-            .then_some(Self(rate_hz))
-            .ok_or_else(|| format!("a sample rate of {rate_hz} Hz, where {least} to {most} Hz can be: {remedy}"))
+        if RATES_HZ.contains(&rate_hz) {
+            return Ok(Self(rate_hz));
+        }
+        let slow = if rate_hz > 0.0 && rate_hz < *least {
+            let half_hz = rate_hz / 2.0;
+            format!("; if it is right, the file holds nothing above {half_hz} Hz: a contact microphone records it all")
+        } else {
+            String::new()
+        };
+        Err(format!(
+            "a sample rate of {rate_hz} Hz, where {least} to {most} Hz can be: {remedy}{slow}"
+        ))
     }
 
     /// The rate, Hz.
@@ -62,10 +70,14 @@ mod tests {
 
     #[test]
     fn rates_of_converters_pass_and_others_are_named_with_the_remedy() {
-        for rate_hz in [100.0, 1000.0, 2800.0, 44_100.0, 768_000.0] {
+        for rate_hz in [95.1, 99.999, 1000.0, 2800.0, 44_100.0, 768_000.0] {
             assert_eq!(SampleRate::new(rate_hz, "").map(SampleRate::hz), Ok(rate_hz));
         }
-        for rate_hz in [0.0, 1.0, 99.9, -1.0, 768_001.0, 4e9, f64::NAN, f64::INFINITY] {
+        holds(
+            &SampleRate::new(50.0, "").unwrap_err(),
+            &["above 25 Hz", "contact microphone"],
+        );
+        for rate_hz in [0.0, 1.0, 94.9, -1.0, 768_001.0, 4e9, f64::NAN, f64::INFINITY] {
             let message = SampleRate::new(rate_hz, "mend it").unwrap_err();
             holds(&message, &["768000", "mend it"]);
         }

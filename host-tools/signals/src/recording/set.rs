@@ -24,6 +24,9 @@ pub const TRIALS_FILE: &str = "trials.csv";
 /// Values that files and lists may lack. None of them changes what a list gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct Assumed {
+    /// Start of the used part of trials whose list gives no start_s above 0, in seconds [default: 0]
+    #[arg(long = "start", value_name = "S", value_parser = positive)]
+    pub start_s: Option<f64>,
     /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
     #[arg(long = "duration", value_name = "S", value_parser = positive)]
     pub duration_s: Option<f64>,
@@ -118,6 +121,9 @@ impl RecordingSet {
         }
         let mut set = Self::open(inputs)?;
         for trial in &mut set.trials {
+            if trial.start_s <= 0.0 {
+                trial.start_s = assumed.start_s.unwrap_or(0.0);
+            }
             trial.duration_s = trial.duration_s.or(assumed.duration_s);
             trial.scale_m_s2 = trial.scale_m_s2.or(assumed.scale_m_s2);
             trial.sample_rate_hz = trial.sample_rate_hz.or(assumed.sample_rate_hz);
@@ -481,6 +487,19 @@ mod tests {
             let wrong = parse(&format!("{header}a.csv,silk,100,1,{fields}\n"));
             holds(&wrong.unwrap_err(), &["line 2", problem]);
         }
+    }
+
+    #[test]
+    fn a_start_that_is_given_is_of_the_trials_whose_list_gives_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let list = folder.path().join("starts.csv");
+        std::fs::write(&list, format!("{HEADER}a.wav,silk,100,1,,0.5\nb.wav,silk,100,1,,\n")).unwrap();
+        let assumed = Assumed {
+            start_s: Some(2.0),
+            ..Assumed::default()
+        };
+        let set = RecordingSet::open_with(&[list], &assumed).unwrap();
+        assert_eq!((set.trials[0].start_s, set.trials[1].start_s), (0.5, 2.0));
     }
 
     #[test]

@@ -153,7 +153,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Sets the coil's values, the sensors' zeros, and the scales that were requested.
 fn calibrate(arguments: &Arguments, device: &Device, interrupt: Interrupt) -> Result<CalibrationReport> {
     let settings = device.settings()?;
-    let bench = Bench {
+    let bench = CalibrationRun {
         arguments,
         device,
         interrupt,
@@ -222,13 +222,13 @@ fn check(changes: &[SettingChange]) -> Result<()> {
 }
 
 /// The stylus to calibrate, with the command's arguments.
-struct Bench<'a> {
+struct CalibrationRun<'a> {
     arguments: &'a Arguments,
     device: &'a Device,
     interrupt: Interrupt,
 }
 
-impl Bench<'_> {
+impl CalibrationRun<'_> {
     /// Returns the coil, from the command line and the operator's answers, and the changes of its settings. If scales
     /// or a response are requested and no value of the coil, a coil that was set before is kept.
     fn coil(&self, settings: &Settings) -> Result<(Coil, Vec<SettingChange>)> {

@@ -20,32 +20,33 @@ use self::connection::{DevicesArguments, StopArguments, devices, stop};
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// List the styluses that are attached: on USB, behind a probe's serial port, or virtual
+    /// List the styluses that are attached: by USB, serial port or virtual
     Devices(DevicesArguments),
-    /// Record with the stylus's sensors: trials, prompted for each speed and force, or a free hand's strokes
+    /// Record trials or a free hand's strokes with the stylus's sensors
     Record(record::Arguments),
-    /// Upload a library to the stylus, and read it back
+    /// Send a library to the stylus, and read it back (firmware: update)
     Upload(upload::Arguments),
-    /// Update the stylus's firmware with a signed image, and confirm it once it runs
+    /// Send a signed firmware image, and confirm it once it runs (libraries: upload)
     Update(update::Arguments),
-    /// List the libraries and textures in the stylus, or make another library the active one
+    /// List the stylus's libraries, or make another one the active one
     Slots(slots::Arguments),
-    /// Play a texture or a scene until Ctrl-C, along the sensors' motion or a given one
+    /// Play a texture or a scene, along the sensors' motion or a given one
     Play(play::Arguments),
     /// Stop playing and recording
     Stop(StopArguments),
-    /// Show the stylus's state and all its counters, once or continuously with the sensors
+    /// Show the stylus's state and counters, once or live with the sensors
     Status(status::Arguments),
-    /// Test the board, the wiring and the link, and keep a record
+    /// Test board, wiring and link, and keep a record (the actuator: check)
     Selftest(selftest::Arguments),
     /// Show or change the stylus's settings
     Settings(settings::Arguments),
-    /// Set the coil's measured values and the sensors' zeros, with checks, and measure and equalise the actuator's
-    /// response; until then nothing plays
+    /// Set the coil's values and the sensors' zeros; measure and equalise the response
+    ///
+    /// Nothing plays before the coil's values are set.
     Calibrate(calibrate::Arguments),
-    /// Compare the actuator with its stored response, by a probe of two seconds
+    /// Compare the actuator with its stored response (board: selftest; scenes: scene check)
     Check(response::CheckArguments),
-    /// Compare a library, through the stored equaliser, with what coil and limits give
+    /// Compare a library, through the stored equaliser, with coil and limits
     Headroom(headroom::Arguments),
 }
 

@@ -10,7 +10,7 @@ use model_format::link::{SettingSet, Settings, SettingsChange, SettingsError, Se
 
 use super::connection::Link;
 use super::status::settings as remarks;
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{is_full, print, print_json};
 use crate::cli::table::table;
 
 #[derive(clap::Args)]
@@ -132,8 +132,11 @@ fn show(settings: &Settings, state: &SettingsState, wanted: SettingSet, json: bo
     if json {
         return print_json(&rows);
     }
-    let cells: Vec<Vec<String>> = rows.iter().map(cells).collect();
-    print(&table(&["setting", "value", "unit", "range", "default"], &cells))?;
+    // A line per setting: the other columns are for --full.
+    let header = ["setting", "value", "unit", "what it is", "range", "default"];
+    let header = if is_full() { &header[..] } else { &header[..4] };
+    let rows = rows.iter().map(|row| cells(row)[..header.len()].to_vec());
+    print(&table(header, &rows.collect::<Vec<_>>()))?;
     for line in remarks(state) {
         print(&line)?;
     }
@@ -151,6 +154,7 @@ fn cells(row: &SettingRow) -> Vec<String> {
         row.name.to_owned(),
         value,
         row.unit.to_owned(),
+        row.meaning.to_owned(),
         if row.least_magnitude > 0.0 {
             format!("{} to {}, not 0", row.lowest, row.highest)
         } else {

@@ -18,7 +18,7 @@ pub struct Strokes {
     /// The recordings are a free hand's: CSV with speed_mm_s, force_n, one to three accelerations, and time_s
     #[arg(
         long,
-        conflicts_with_all = ["duration_s", "time_unit", "even_times", "speed_mm_s", "force_n"]
+        conflicts_with_all = ["start_s", "duration_s", "time_unit", "even_times", "speed_mm_s", "force_n"]
     )]
     pub strokes: bool,
     /// With --strokes: name of the texture of all files [default: that of the first, if they are named alike]

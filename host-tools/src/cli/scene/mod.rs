@@ -16,7 +16,7 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Check a scene and show its cost per sample, with the arithmetic
+    /// Check a scene's cost per sample, with the arithmetic (the actuator: `stylus check`)
     Check(check::Arguments),
     /// Put scenes into a library, for upload
     Compile(compile::Arguments),

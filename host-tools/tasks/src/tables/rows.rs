@@ -9,7 +9,7 @@ use stylus_kernel::scene::cost::{self, StageCost};
 
 use crate::firmware::Memory;
 
-/// Every setting of the device with its unit, range and default.
+/// Every setting of the device with its unit, range, default and meaning.
 pub fn settings() -> String {
     let row = |setting: Setting| {
         let spec = setting.spec();
@@ -25,9 +25,10 @@ pub fn settings() -> String {
             spec.lowest.to_string(),
             spec.highest.to_string(),
             default,
+            setting.meaning().to_owned(),
         ]
     };
-    let header = ["setting", "unit", "lowest", "highest", "default"];
+    let header = ["setting", "unit", "lowest", "highest", "default", "what it is"];
     table(header, Setting::ALL.into_iter().map(row))
 }
 

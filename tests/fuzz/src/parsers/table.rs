@@ -19,8 +19,8 @@ pub fn judge(input: &[u8]) {
     let judged = match kind % 4 {
         0 => motion(&path, table),
         1 => freehand::read(&path, None, None).map(|hand| check_hand(&hand)),
-        2 => Answers::read(&path).and_then(|answers| {
-            for score in score(&[answers])? {
+        2 => Answers::read_all(std::slice::from_ref(&path)).and_then(|answers| {
+            for score in score(&answers)? {
                 assert!((0.0..=1.0).contains(&score.proportion) && score.correct <= score.trials);
             }
             Ok(())

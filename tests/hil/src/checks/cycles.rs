@@ -3,7 +3,7 @@
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{CycleReport, MotionSource, Selection};
 
-use crate::bench::Bench;
+use crate::bench::DeviceUnderTest;
 use crate::error::Result;
 
 /// Time for which a selection plays before it is measured, ms of the device.
@@ -13,7 +13,7 @@ const RUN_UP_MS: u64 = 200;
 const UPDATE_TICKS: u32 = 3;
 
 /// Measures the idle device, and the device while it plays each of `selections`.
-pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<()> {
+pub fn check(bench: &mut DeviceUnderTest, selections: &[(String, Selection)]) -> Result<()> {
     bench.device.take_cycles()?;
     bench.wait(bench.lengths.play_ms)?;
     let idle = bench.device.take_cycles()?;
@@ -34,7 +34,7 @@ pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<()
 }
 
 /// Adds a line: the tick must end within its period, and the update before its block begins.
-fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
+fn tell(bench: &mut DeviceUnderTest, what: &str, report: &CycleReport) {
     let CycleReport { core_hz, tick, update } = report;
     let tick_cycles = core_hz / SAMPLE_RATE_HZ;
     let update_cycles = tick_cycles * UPDATE_TICKS;

@@ -8,14 +8,14 @@ use model_format::link::{LIBRARY_CRC, MotionSource, MuteReason, Status, UploadBe
 use stylus_link::link::capture::Stream;
 use stylus_link::procedures::self_test::judge::{self, Traffic};
 
-use crate::bench::Bench;
+use crate::bench::DeviceUnderTest;
 use crate::checks::playing::count;
 use crate::error::{Error, Result};
 use crate::library;
 
 /// Plays the most expensive texture along the host's motion, streams a recording and uploads `library` again and again,
 /// for the length that the bench sets.
-pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
+pub fn check(bench: &mut DeviceUnderTest, library: &[u8]) -> Result<()> {
     let (traffic, driven) = bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {
         let heard = bench.wait_until_heard()?;
         all_at_once(bench, library, heard)
@@ -41,7 +41,7 @@ pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
 }
 
 /// Returns the traffic since the status `before`, with one round trip per upload.
-fn all_at_once(bench: &Bench, library: &[u8], before: Status) -> Result<Traffic> {
+fn all_at_once(bench: &DeviceUnderTest, library: &[u8], before: Status) -> Result<Traffic> {
     let end_ms = before.uptime_ms + bench.lengths.endurance_ms;
     thread::scope(|scope| {
         let uploads = scope.spawn(|| uploads(bench, library, end_ms));
@@ -66,7 +66,7 @@ fn all_at_once(bench: &Bench, library: &[u8], before: Status) -> Result<Traffic>
 
 /// Uploads at least once, and again until the device's clock shows `end_ms`; the last upload is completed. Returns one
 /// round trip per upload.
-fn uploads(bench: &Bench, library: &[u8], end_ms: u64) -> Result<Vec<Duration>> {
+fn uploads(bench: &DeviceUnderTest, library: &[u8], end_ms: u64) -> Result<Vec<Duration>> {
     let announced = UploadBegin {
         length: library.len() as u32,
         crc32: LIBRARY_CRC.checksum(library),

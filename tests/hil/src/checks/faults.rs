@@ -6,7 +6,7 @@ use std::ops::Range;
 use model_format::link::{Fault, FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
 use stylus_link::link::capture::Stream;
 
-use crate::bench::{Bench, request};
+use crate::bench::{DeviceUnderTest, request};
 use crate::board::Image;
 use crate::checks::self_test;
 use crate::error::{Error, Result};
@@ -121,7 +121,7 @@ const SECTIONS: u32 = 5;
 const BLOCKS_BETWEEN: u32 = 3;
 
 /// Flashes the fault image, injects each fault while a texture plays, and flashes the product's image again.
-pub fn check(bench: &mut Bench) -> Result<()> {
+pub fn check(bench: &mut DeviceUnderTest) -> Result<()> {
     if let Some(reason) = bench.board.lacks() {
         bench.leave_out("every fault ends in silence, a reset and its reason", reason);
         return Ok(());
@@ -135,7 +135,7 @@ pub fn check(bench: &mut Bench) -> Result<()> {
     takes_faults(bench, name, false).map(drop)
 }
 
-fn exchange(bench: &mut Bench, image: Image) -> Result<Status> {
+fn exchange(bench: &mut DeviceUnderTest, image: Image) -> Result<Status> {
     // Flashing begins with a reset, and a restart of the virtual stylus breaks its link.
     bench.board.flash(image)?;
     bench.device.reconnect()?;
@@ -144,7 +144,7 @@ fn exchange(bench: &mut Bench, image: Image) -> Result<Status> {
 
 /// Checks whether the image on the board accepts faults on request exactly if it has to. Returns whether it accepts
 /// them.
-fn takes_faults(bench: &mut Bench, name: &str, has_to: bool) -> Result<bool> {
+fn takes_faults(bench: &mut DeviceUnderTest, name: &str, has_to: bool) -> Result<bool> {
     let malformed = |status: &Status| status.usb.malformed + status.serial.malformed;
     let before = bench.status()?;
     inject(bench, Injected::Nothing)?;
@@ -156,7 +156,7 @@ fn takes_faults(bench: &mut Bench, name: &str, has_to: bool) -> Result<bool> {
     Ok(takes)
 }
 
-fn with_fault_image(bench: &mut Bench) -> Result<()> {
+fn with_fault_image(bench: &mut DeviceUnderTest) -> Result<()> {
     exchange(bench, Image::FaultInjection)?;
     let name = "the fault image takes faults on request";
     let takes = takes_faults(bench, name, true)?;
@@ -168,7 +168,7 @@ fn with_fault_image(bench: &mut Bench) -> Result<()> {
 }
 
 /// Delays ticks once to before the end of the converter's first conversion, and once beyond it.
-fn late_rows(bench: &mut Bench) -> Result<()> {
+fn late_rows(bench: &mut DeviceUnderTest) -> Result<()> {
     let told = |late: u32, torn: u32| format!("{late} late conversions, {torn} torn samples");
     let (late, torn) = with_sections(bench, Injected::ShortSection)?;
     let name = "a row that is read 25 µs after its trigger is whole";
@@ -184,7 +184,7 @@ fn late_rows(bench: &mut Bench) -> Result<()> {
 }
 
 /// Records while `section` delays ticks. Returns the number of late conversions and of torn samples.
-fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, u32)> {
+fn with_sections(bench: &DeviceUnderTest, section: Injected) -> Result<(u32, u32)> {
     let before = bench.status()?;
     let mut stream = Stream::start(&bench.device)?;
     // Two intervals more than there are sections, so that the last section's samples have arrived.
@@ -204,7 +204,7 @@ fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, u32)> {
     Ok((late, loss.torn_samples))
 }
 
-fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
+fn ends(bench: &mut DeviceUnderTest, wanted: &Ending) -> Result<()> {
     let Ending { name, fault, .. } = *wanted;
     // Each fault follows a reset by the pin, because after several faults in succession a device would stay silent.
     let status = bench.status()?;

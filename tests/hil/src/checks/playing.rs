@@ -6,7 +6,7 @@ use model_format::link::{
 use stylus_link::link::LinkError;
 use stylus_link::procedures::self_test::Line;
 
-use crate::bench::{Bench, is_playing, request};
+use crate::bench::{DeviceUnderTest, is_playing, request};
 use crate::error::{Error, Result};
 use crate::library;
 
@@ -14,7 +14,7 @@ use crate::library;
 const SILENT_WITHIN_MS: u64 = 100;
 
 /// Checks what a person would feel, and that it ends.
-pub fn check(bench: &mut Bench, scene: &Selection) -> Result<()> {
+pub fn check(bench: &mut DeviceUnderTest, scene: &Selection) -> Result<()> {
     from_the_host(bench, scene)?;
     stop(bench)?;
     from_the_sensors(bench)?;
@@ -22,7 +22,7 @@ pub fn check(bench: &mut Bench, scene: &Selection) -> Result<()> {
     lost_link(bench)
 }
 
-fn from_the_host(bench: &mut Bench, scene: &Selection) -> Result<()> {
+fn from_the_host(bench: &mut DeviceUnderTest, scene: &Selection) -> Result<()> {
     let length = bench.lengths.play_ms;
     let before = bench.status()?;
     let played = bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {
@@ -69,7 +69,7 @@ fn plays(status: &Status, selection: &Selection) -> bool {
 }
 
 /// Adds a line for each of the tick's counters, with its increase from `before` to `after`.
-fn on_time(bench: &mut Bench, before: &Status, after: &Status) {
+fn on_time(bench: &mut DeviceUnderTest, before: &Status, after: &Status) {
     let counts = |status: &Status| {
         let tick = status.tick;
         [
@@ -84,7 +84,7 @@ fn on_time(bench: &mut Bench, before: &Status, after: &Status) {
     }
 }
 
-fn stop(bench: &mut Bench) -> Result<()> {
+fn stop(bench: &mut DeviceUnderTest) -> Result<()> {
     let play = library::cheap();
     let ((before, after), _) = bench.while_playing(&play, MotionSource::Host, |bench| {
         bench.wait_until_heard()?;
@@ -103,7 +103,7 @@ fn stop(bench: &mut Bench) -> Result<()> {
     Ok(())
 }
 
-fn from_the_sensors(bench: &mut Bench) -> Result<()> {
+fn from_the_sensors(bench: &mut DeviceUnderTest) -> Result<()> {
     let name = "plays along the sensors";
     let play = library::cheap();
     let length = bench.lengths.play_ms;
@@ -133,10 +133,10 @@ fn from_the_sensors(bench: &mut Bench) -> Result<()> {
 
 /// Sends neither motions nor keep-alives. The output must fade, and the status must name the motion that became stale,
 /// beside the lost link.
-fn stale(bench: &mut Bench) -> Result<()> {
+fn stale(bench: &mut DeviceUnderTest) -> Result<()> {
     let play = library::cheap();
     // Shows first that the same play is heard while motions come.
-    bench.while_playing(&play, MotionSource::Host, Bench::wait_until_heard)?;
+    bench.while_playing(&play, MotionSource::Host, DeviceUnderTest::wait_until_heard)?;
     bench.device.play(&request(&play, MotionSource::Host))?;
     let status = bench.wait_until("an old motion did not mute", 2_000, |status| {
         status.output.mute.contains(MuteReason::Stale) && status.output.at_rest
@@ -153,7 +153,7 @@ fn stale(bench: &mut Bench) -> Result<()> {
 }
 
 /// Sends nothing that renews the lease, and reads the status until the output is at mid-scale.
-fn lost_link(bench: &mut Bench) -> Result<()> {
+fn lost_link(bench: &mut DeviceUnderTest) -> Result<()> {
     /// Number of attempts to read in time, because this computer's clock is not the device's.
     const ATTEMPTS: u32 = 40;
     let play = library::cheap();

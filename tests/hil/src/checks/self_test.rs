@@ -3,12 +3,12 @@
 use model_format::link::{SelfTestRequest, SelfTestValues};
 use stylus_link::procedures::self_test::{self, Line, Options, judge};
 
-use crate::bench::Bench;
+use crate::bench::DeviceUnderTest;
 use crate::error::Result;
 
 /// Runs the tests of `stylus selftest --bare`, with traffic of the bench's length, and adds their lines. Those of the
 /// output are left out if an amplifier whose enable is not wired may be connected.
-pub fn check(bench: &mut Bench) -> Result<()> {
+pub fn check(bench: &mut DeviceUnderTest) -> Result<()> {
     let options = Options {
         traffic_s: bench.lengths.record_ms as f64 / 1e3,
         sensors: false,
@@ -26,7 +26,7 @@ pub fn check(bench: &mut Bench) -> Result<()> {
 
 /// Reads the pin back and adds lines of `name`. The converter, and not the image's own state, must show that the pin is
 /// at rest.
-pub fn at_mid_scale(bench: &mut Bench, name: &str) -> Result<()> {
+pub fn at_mid_scale(bench: &mut DeviceUnderTest, name: &str) -> Result<()> {
     let SelfTestValues::Rest(values) = bench.device.self_test(SelfTestRequest::Rest)? else {
         bench.judge(name, "another measurement", "that of the pin at rest", false);
         return Ok(());

@@ -3,11 +3,11 @@
 use model_format::link::LIBRARY_CRC;
 use stylus_link::link::upload::upload;
 
-use crate::bench::Bench;
+use crate::bench::DeviceUnderTest;
 use crate::error::Result;
 
 /// Uploads `library` and activates it.
-pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
+pub fn check(bench: &mut DeviceUnderTest, library: &[u8]) -> Result<()> {
     let active = bench.status()?.library_crc32;
     let crc32 = LIBRARY_CRC.checksum(library);
     let begin = bench.status()?;

@@ -45,7 +45,7 @@ impl Recorded {
 }
 
 /// The texture or scene that is played.
-pub struct Heard<'a> {
+pub struct ExpectedPlay<'a> {
     pub plan: Plan<'a>,
     pub follower: Follower,
     pub seed: u64,
@@ -53,7 +53,7 @@ pub struct Heard<'a> {
     pub switch: Option<(u64, Plan<'a>, Follower)>,
 }
 
-impl<'a> Heard<'a> {
+impl<'a> ExpectedPlay<'a> {
     pub fn of_texture(texture: Texture<'a>, seed: u64) -> Self {
         let plan = Plan::of_texture(texture);
         Self {
@@ -90,7 +90,7 @@ pub struct Began {
 
 /// Samples of `heard` from tick `play` on: first a silent block, then blocks that each follow the sensors at the
 /// previous block. Each tick has one sample at 5 kHz, and two at 10 kHz.
-fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_format::OutputSample> {
+fn samples(heard: &ExpectedPlay<'_>, recorded: &Recorded, play: u64) -> Vec<model_format::OutputSample> {
     let config = InputConfig::new(&Settings::default());
     let mut player: ScenePlayer<'_> = ScenePlayer::new(heard.plan.clone(), heard.seed);
     let mut follower = heard.follower;
@@ -125,7 +125,7 @@ struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    fn of(heard: &Heard<'_>, compared: &'a Compared) -> Self {
+    fn of(heard: &ExpectedPlay<'_>, compared: &'a Compared) -> Self {
         let rate = PlayRate::of(heard.plan.sample_rate_hz()).expect("a stylus plays it");
         let config = safety::Config::at_rate(&Settings::default(), 1.0, rate);
         // The image's stages have run at each tick since the start, so their state must be the same.
@@ -199,13 +199,13 @@ impl Compared {
 
     /// Returns the first tick whose codes differ from the output of `heard` with the beginning `began`. If the image is
     /// right, that is the end of the recording. Ticks before the request are not compared.
-    pub fn explained_from(&self, heard: &Heard<'_>, began: Began) -> u64 {
+    pub fn explained_from(&self, heard: &ExpectedPlay<'_>, began: Began) -> u64 {
         let played = samples(heard, &self.recorded, began.play);
         Output::of(heard, self).equal_until(&played, began)
     }
 
     /// Returns the beginning for which [`Compared::explained_from`] is latest, and the tick that it returns.
-    pub fn explained(&self, heard: &Heard<'_>) -> (Began, u64) {
+    pub fn explained(&self, heard: &ExpectedPlay<'_>) -> (Began, u64) {
         let mut codes = (1u64..).zip(&self.codes);
         let first_heard = codes.find(|&(tick, codes)| tick >= self.asked && *codes != [MID_SCALE; CODES]);
         let (first_heard, _) = first_heard.expect("something is heard");
@@ -270,7 +270,7 @@ pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared
 /// `heard`.
 pub fn plays_as_the_host_does(
     device: &mut Device,
-    heard: &Heard<'_>,
+    heard: &ExpectedPlay<'_>,
     millis: u64,
     play: impl FnOnce(&mut Device),
 ) -> Compared {

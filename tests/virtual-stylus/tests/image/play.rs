@@ -9,7 +9,7 @@ use virtual_stylus::Options;
 
 use crate::cost::{count, count_scene};
 use crate::device::{CODES, Device, MID_SCALE, MS, PERIOD_NS};
-use crate::expected::Heard;
+use crate::expected::ExpectedPlay;
 use crate::expected::{Compared, latched, plays_as_the_host_does};
 use crate::library;
 use crate::scenes::{OVER_AND_BACK, fast, force_code, plan, press, tapping};
@@ -38,7 +38,7 @@ fn a_texture_is_played(bytes: &[u8], texture: &str) {
     });
     device.set_pins(pins);
     let library = Library::decode(bytes).expect("a valid library");
-    let heard = Heard::of_texture(library.texture(texture).expect("it is there"), 77);
+    let heard = ExpectedPlay::of_texture(library.texture(texture).expect("it is there"), 77);
     plays_as_the_host_does(&mut device, &heard, 1_100, |device| {
         device.move_along(&STROKES);
         device.play(texture, 77);
@@ -68,7 +68,7 @@ fn touched(bytes: &[u8]) -> Device {
 fn a_texture_at_ten_kilohertz_is_put_out_as_the_host_computes_it() {
     let bytes = fast();
     let library = Library::decode(&bytes).expect("a valid library");
-    let heard = Heard::of_texture(library.texture("fast").expect("it is there"), 77);
+    let heard = ExpectedPlay::of_texture(library.texture("fast").expect("it is there"), 77);
     plays_as_the_host_does(&mut touched(&bytes), &heard, 700, |device| {
         device.move_along(&OVER_AND_BACK);
         device.play("fast", 77);
@@ -77,7 +77,7 @@ fn a_texture_at_ten_kilohertz_is_put_out_as_the_host_computes_it() {
 
 fn a_scene_is_played(bytes: &[u8], scene: &str) {
     let library = Library::decode(bytes).expect("a valid library");
-    let heard = Heard::of_scene(plan(&library, scene), 5);
+    let heard = ExpectedPlay::of_scene(plan(&library, scene), 5);
     let Compared { audits, .. } = plays_as_the_host_does(&mut touched(bytes), &heard, 1_300, |device| {
         device.move_along(&OVER_AND_BACK);
         device.play_scene(scene, 5);

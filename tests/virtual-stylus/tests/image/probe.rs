@@ -13,7 +13,7 @@ use stylus_app::inputs::Follower;
 use stylus_kernel::scene::{Plan, Wave};
 
 use crate::device::{Device, MS};
-use crate::expected::{Heard, plays_as_the_host_does, recorded};
+use crate::expected::{ExpectedPlay, plays_as_the_host_does, recorded};
 use crate::library;
 use crate::scenes::{fast, press};
 
@@ -100,7 +100,7 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
     if through != ProbeThrough::Nothing {
         plan.append(&response.sections(rate).biquads());
     }
-    let heard = Heard {
+    let heard = ExpectedPlay {
         plan,
         follower: Follower::new(false),
         seed: 0,
@@ -135,7 +135,7 @@ fn a_texture_is_equalised_by_the_stored_response_after_a_restart_too() {
     press(&mut device, 1.0);
     let library = Library::decode(&bytes).expect("a valid library");
     let texture = library.texture("fast").expect("it is there");
-    let mut heard = Heard::of_texture(texture, 77);
+    let mut heard = ExpectedPlay::of_texture(texture, 77);
     heard.plan.append(&response.sections_10khz.biquads());
     plays_as_the_host_does(&mut device, &heard, 500, |device| {
         device.move_at(60.0);

@@ -10,7 +10,7 @@ use model_format::{
 use stylus_kernel::scene::Plan;
 
 use crate::device::{Device, MS};
-use crate::expected::Heard;
+use crate::expected::ExpectedPlay;
 use crate::expected::recorded;
 use crate::library;
 use crate::requests::scene_request;
@@ -232,7 +232,7 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
     };
     assert_eq!(device.status().output.activity, activity);
     let library = Library::decode(&bytes).expect("a valid library");
-    let mut heard = Heard::of_scene(plan(&library, "everything"), 5);
+    let mut heard = ExpectedPlay::of_scene(plan(&library, "everything"), 5);
     let (began, same_until) = compared.explained(&heard);
     assert!(
         (switched.start..=switched.end + 20).contains(&same_until),
@@ -240,7 +240,7 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
     );
     // The first update after the answer must already use the new scene.
     let is_explained = (switched.start - 10..=switched.end + 10).step_by(10).any(|known| {
-        let next = Heard::of_scene(plan(&library, "sticky transition"), 0);
+        let next = ExpectedPlay::of_scene(plan(&library, "sticky transition"), 0);
         heard.switch = Some((known, next.plan, next.follower));
         compared.explained_from(&heard, began) == compared.end()
     });

@@ -26,12 +26,12 @@ impl Memory for NoMemory {
 }
 
 /// The part at an instant.
-pub struct Bench {
+pub struct EmulatedPart {
     pub part: Part,
     pub now: VirtualNanos,
 }
 
-impl Bench {
+impl EmulatedPart {
     /// A part with all clocks off.
     pub fn new(electrical: Electrical) -> Self {
         let part = Part::new(

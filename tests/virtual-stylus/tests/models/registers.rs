@@ -2,7 +2,7 @@
 
 use virtual_stylus::Electrical;
 
-use crate::bench::{AHB1ENR, Bench, RCC};
+use crate::bench::{AHB1ENR, EmulatedPart, RCC};
 
 pub const APB1LENR: u64 = RCC + 0xE8;
 const D3CCIPR: u64 = RCC + 0x58;
@@ -10,8 +10,8 @@ pub const DAC: u64 = 0x4000_7400;
 const IWDG1: u64 = 0x5800_4800;
 
 /// The part with the clocks of the converters on.
-pub fn converters() -> Bench {
-    let mut bench = Bench::new(Electrical::default());
+pub fn converters() -> EmulatedPart {
+    let mut bench = EmulatedPart::new(Electrical::default());
     bench.write(APB1LENR, 1 << 29);
     bench.write(AHB1ENR, 1 << 5);
     // The converters run on the peripherals' common clock, 64 MHz.
@@ -51,7 +51,7 @@ const PERIOD_CYCLES: u64 = 1_600;
 const PERIOD_NS: u64 = 25_000;
 
 /// A channel that is on and was set to be triggered by TIM7, with TIM7 running.
-fn triggered() -> Bench {
+fn triggered() -> EmulatedPart {
     let mut bench = converters();
     let clocks = bench.read(APB1LENR);
     bench.write(APB1LENR, clocks | 1 << 5);
@@ -65,7 +65,7 @@ fn triggered() -> Bench {
 }
 
 /// Makes stream 0 of DMA1 copy the other channel's holding register to this channel's, one word at each request 67.
-fn with_stream(bench: &mut Bench) {
+fn with_stream(bench: &mut EmulatedPart) {
     const ENABLE: u64 = 1;
     const MEMORY_TO_PERIPHERAL: u64 = 0b01 << 6;
     const CIRCULAR: u64 = 1 << 8;

@@ -6,7 +6,7 @@ use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer};
 
-use crate::bench::{AHB1ENR, Bench, RCC};
+use crate::bench::{AHB1ENR, EmulatedPart, RCC};
 
 const GAHBCFG: u64 = 0x008;
 const GRSTCTL: u64 = 0x010;
@@ -210,10 +210,10 @@ const TRIMS: u64 = 1 << 6 | 1 << 5;
 const MS: u64 = 1_000_000;
 
 /// A part whose USB runs on HSI48, which deviates by `ppm`.
-fn part(ppm: i64) -> Bench {
+fn part(ppm: i64) -> EmulatedPart {
     let mut electrical = Electrical::default();
     electrical.clocks.hsi48_ppm = ppm;
-    let mut bench = Bench::new(electrical);
+    let mut bench = EmulatedPart::new(electrical);
     bench.write(AHB1ENR, USB2OTG);
     bench.write(RCC, HSI48_ON | 1);
     bench.write(D2CCIP2R, USB_FROM_HSI48);
@@ -222,24 +222,24 @@ fn part(ppm: i64) -> Bench {
 }
 
 /// Pulls the line up, with a valid session.
-fn connect(bench: &mut Bench) {
+fn connect(bench: &mut EmulatedPart) {
     bench.write(WINDOW_BASE + GCCFG, 1 << 16);
     bench.write(WINDOW_BASE + GOTGCTL, 0b11 << 6);
     bench.write(WINDOW_BASE + DCTL, 0);
 }
 
 /// Puts the cable in and resets the bus.
-fn plug(bench: &mut Bench) {
+fn plug(bench: &mut EmulatedPart) {
     drive(bench, Host::plug);
     drive(bench, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
     bench.wait(10 * MS);
 }
 
-fn drive<T>(bench: &mut Bench, work: impl FnOnce(&mut Host, u64) -> T) -> T {
+fn drive<T>(bench: &mut EmulatedPart, work: impl FnOnce(&mut Host, u64) -> T) -> T {
     bench.part.drive_usb(bench.now, work)
 }
 
-fn read(bench: &mut Bench, register: u64) -> u32 {
+fn read(bench: &mut EmulatedPart, register: u64) -> u32 {
     bench.read(WINDOW_BASE + register) as u32
 }
 

@@ -45,7 +45,7 @@ mod picture_tests;
 mod power;
 mod regions;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod texture;
 mod trace;
 
@@ -57,6 +57,7 @@ use super::grid::place;
 use super::options::{ExcitationChoice, ModulationChoice, Options};
 use super::recordings::Take;
 use super::reports::TrialReport;
+use crate::dsp::sums::dot;
 use crate::support::warning::Warning;
 
 pub use choice::Distances;
@@ -86,7 +87,15 @@ pub(super) fn of(
     progress: &(impl Fn() + Sync),
 ) -> Chosen {
     let Axes { speeds_mm_s, forces_n } = choice.axes;
-    let trace = |take: Take<'_>| {
+    let first = takes
+        .first()
+        .map_or_else(Vec::new, |take| take.signal.direction.clone());
+    let trace = |mut take: Take<'_>| {
+        // Where the largest component of the axis changes, so does the sign of the signal: waves of neighbouring nodes
+        // would point to opposite sides.
+        if dot(&take.signal.direction, &first) < 0.0 {
+            take.signal.samples.iter_mut().for_each(|x| *x = -*x);
+        }
         let report = &reports[take.number];
         let (speed, force) = (take.trial.speed_mm_s, take.trial.force_n);
         let at = (place(speeds_mm_s, speed), place(forces_n, force));

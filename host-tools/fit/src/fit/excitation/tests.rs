@@ -91,6 +91,8 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
         source_rate_hz,
         cut_hz: None,
         flaws: Vec::new(),
+        direction: Vec::new(),
+        stretches: Vec::new(),
     };
     Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
@@ -273,7 +275,7 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
 }
 
 /// Writes these axes to a folder and returns the trial.
-pub(super) fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_n: f64) -> Trial {
+pub(in crate::fit) fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_n: f64) -> Trial {
     let file = folder.join(format!("{name}.wav"));
     let samples = (0..axes[0].len()).flat_map(|n| axes.iter().map(move |axis| axis[n]));
     let bytes = float_wav(axes.len(), SAMPLE_RATE_HZ, samples).unwrap();
@@ -288,7 +290,7 @@ fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
 }
 
 /// Returns a fit to these trials, and its library.
-pub(super) fn fitted_to(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
+pub(in crate::fit) fn fitted_to(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
     let set = RecordingSet {
         trials,
         is_listed: true,
@@ -432,4 +434,23 @@ fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_th
     let library = Library::decode(&bytes).unwrap();
     assert_eq!(with_scenes(&library, &[]).unwrap(), bytes);
     near(relative_level(&bytes), 1.0, 0.1);
+}
+
+/// The largest component of the axis is another one in the second trial, and with it the sign of the signal changes.
+#[test]
+fn waves_of_all_trials_point_to_the_same_side() {
+    let folder = tempfile::tempdir().unwrap();
+    let trial = |seed: u64, shares: [f64; 2]| {
+        let wave: Vec<f64> = noise(seed, 6000).iter().map(|x| x.powi(2) - 1.0).collect();
+        let axes = shares.map(|share| wave.iter().map(|x| share * x).collect::<Vec<f64>>());
+        written(folder.path(), &seed.to_string(), &axes, 100.0, seed as f64)
+    };
+    let trials = vec![trial(1, [0.8, -0.6]), trial(2, [0.6, -0.8])];
+    let options = forced(ExcitationChoice::Residual, ModulationChoice::None);
+    let (fit, _) = fitted_to(trials, &options);
+    let codebook = &fit.textures[0].grid.parts.excitation.as_ref().unwrap().codebooks[0];
+    // The first half comes from the first trial. Codes are not linear, but keep the side of the peaks.
+    let side = |codes: &[i8]| codes.iter().map(|&code| f64::from(code).powi(3)).sum::<f64>();
+    let (first, second) = codebook.codes.split_at(codebook.codes.len() / 2);
+    assert!(side(first) * side(second) > 0.0, "{} {}", side(first), side(second));
 }

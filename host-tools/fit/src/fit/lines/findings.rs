@@ -51,8 +51,9 @@ pub struct Line {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoLines {
-    /// The recordings that can be searched are at one speed, so position cannot be distinguished from time; or there
-    /// are none.
+    /// No recording can be searched.
+    NothingSearched,
+    /// The recordings that can be searched are at one speed, so position cannot be distinguished from time.
     OneSpeed,
     /// No wavelength stands out.
     NothingStandsOut,
@@ -63,6 +64,9 @@ pub enum NoLines {
 impl fmt::Display for NoLines {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::NothingSearched => {
+                "each recording is silent, at rest, without contact, dropped or shorter than 0.2 s between cuts"
+            }
             Self::OneSpeed => "recordings at one speed cannot tell place from time",
             Self::NothingStandsOut => "nothing stands out at one wavelength over half of the speeds",
             Self::Strokes => "strokes are not searched; in pieces of `stylus segment` they are sought",
@@ -151,6 +155,32 @@ pub struct TrialLines {
     pub amplitudes_m_s2: Vec<Option<f64>>,
     /// Ratio of the trial's actual speed, as the lines give it, to the listed one.
     pub speed_ratio: Option<f64>,
+}
+
+impl TrialLines {
+    /// Returns what a trial has of its lines from what each of its stretches has, whose lengths are given: the RMS of
+    /// the amplitudes, and the speed ratio of the longest stretch that gives one.
+    pub(crate) fn of_stretches(stretches: &[(usize, Self)]) -> Self {
+        if let [(_, whole)] = stretches {
+            return whole.clone();
+        }
+        let lines = stretches.iter().map(|(_, own)| own.amplitudes_m_s2.len()).max();
+        let amplitude = |line: usize| {
+            let known = stretches.iter().filter_map(|(samples, own)| {
+                let amplitude = own.amplitudes_m_s2.get(line).copied().flatten()?;
+                Some((*samples as f64, amplitude))
+            });
+            let (samples, power) = known.fold((0.0, 0.0), |(n, power), (own, a)| (n + own, power + own * a * a));
+            (samples > 0.0).then(|| (power / samples).sqrt())
+        };
+        let told = stretches
+            .iter()
+            .filter_map(|(samples, own)| Some((samples, own.speed_ratio?)));
+        Self {
+            amplitudes_m_s2: (0..lines.unwrap_or(0)).map(amplitude).collect(),
+            speed_ratio: told.max_by_key(|(samples, _)| **samples).map(|(_, ratio)| ratio),
+        }
+    }
 }
 
 /// What the lines of a grid need to know of one trial.

@@ -48,6 +48,8 @@ pub(crate) struct Separated {
     pub shares: Vec<TrialLines>,
     /// The signals without the lines, m/s².
     pub rest: Vec<Vec<f64>>,
+    /// Whether the lines' phase was followed through changes of speed, for each trial; empty if in none.
+    pub followed: Vec<bool>,
 }
 
 impl Separated {
@@ -61,6 +63,7 @@ impl Separated {
             },
             shares: vec![TrialLines::default(); signals.len()],
             rest: signals,
+            followed: Vec::new(),
         }
     }
 
@@ -73,17 +76,19 @@ impl Separated {
 
 /// Finds the lines of one texture and subtracts them from its trials.
 ///
-/// `signals` are m/s² at 5 kHz, and `speeds_mm_s` their listed speeds. The caller passes an empty signal for a trial
-/// that must not be searched, such as one with gaps. Amplitudes and phases are estimated from the samples in the
-/// `ranges` of each trial.
+/// `signals` are m/s² at 5 kHz without gaps, and `speeds_mm_s` their listed speeds. Amplitudes and phases are estimated
+/// from the samples in the `ranges` of each.
 pub(crate) fn separate(speeds_mm_s: &[f64], signals: Vec<Vec<f64>>, ranges: &[Vec<Range<usize>>]) -> Separated {
     let used = speeds_mm_s
         .iter()
         .zip(&signals)
-        .filter(|(v, s)| **v > 0.0 && !s.is_empty());
+        .filter(|(v, s)| **v > 0.0 && tells_lines(s));
     let (slowest, fastest) = used.fold((f64::INFINITY, 0.0f64), |(low, high), (v, _)| {
         (low.min(*v), high.max(*v))
     });
+    if fastest <= 0.0 {
+        return Separated::nothing(signals, Vec::new(), NoLines::NothingSearched);
+    }
     if fastest < LEAST_SPEED_RATIO * slowest {
         return wandering(speeds_mm_s, &signals, ranges, true, Vec::new())
             .unwrap_or_else(|_| Separated::nothing(signals, Vec::new(), NoLines::OneSpeed));
@@ -159,6 +164,7 @@ fn wandering(
         },
         shares: amplitudes.into_iter().map(share).collect(),
         rest: rest.into_owned(),
+        followed: Vec::new(),
     })
 }
 
@@ -405,6 +411,7 @@ fn removed(
         none_because: None,
         wanders: Vec::new(),
     };
+    let followed = fits.iter().map(|fit| fit.was_followed).collect();
     let shares = fits.into_iter().zip(measures.speed_ratios);
     let share = |(fit, speed_ratio): (Fitted, Option<f64>)| TrialLines {
         amplitudes_m_s2: fit.clean,
@@ -414,6 +421,7 @@ fn removed(
         findings,
         shares: shares.map(share).collect(),
         rest: signals,
+        followed,
     }
 }
 
@@ -445,7 +453,7 @@ fn removed_from(signal: &mut [f64], ranges: &[Range<usize>], speed_mm_s: f64, wa
         was_followed: false,
     };
     let held = told_apart(speed_mm_s, signal.len(), wavelengths_mm);
-    if held.is_empty() || !tells_lines(signal) {
+    if held.is_empty() || ranges.is_empty() || !tells_lines(signal) {
         return fitted;
     }
     let held_mm: Vec<f64> = held.iter().map(|&line| wavelengths_mm[line]).collect();

@@ -1,6 +1,7 @@
 //! The separation on simulated surfaces: what it finds, with what certainty, and what it must not find.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use rand::{RngExt, SeedableRng};
@@ -11,6 +12,9 @@ use super::findings::NoLines;
 use super::{Findings, TrialLines, separate};
 use crate::dsp::sums::rms;
 use crate::fit::blocks::Part;
+use crate::fit::excitation::tests::{fitted_to, written};
+use crate::fit::options::Options;
+use crate::recording::Trial;
 use test_helpers::near;
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
@@ -386,4 +390,63 @@ fn lines_without_noise_are_removed_to_nothing() {
     for signal in &signals {
         assert!(rms(signal) < 0.01, "{}", rms(signal));
     }
+}
+
+/// Trials at two speeds of a surface with a line, in which the tool is at rest in these parts, s.
+fn with_rests(folder: &std::path::Path, rests: &[Range<f64>]) -> Vec<Trial> {
+    let speeds = [90.0, 45.0];
+    let (_, mut signals) = surfaces(11, &speeds, None);
+    let trials = signals.iter_mut().zip(speeds).map(|(signal, speed)| {
+        let amplitude = rms(signal);
+        add_line(signal, speed / 0.85, amplitude, 0.2);
+        for (n, x) in signal.iter_mut().enumerate() {
+            let time_s = n as f64 / RATE_HZ;
+            let is_at_rest = rests.iter().any(|rest| rest.contains(&time_s));
+            *x *= if is_at_rest { 1e-4 } else { 1.0 };
+        }
+        written(folder, &speed.to_string(), std::slice::from_ref(signal), speed, 1.0)
+    });
+    trials.collect()
+}
+
+#[test]
+fn a_line_is_found_in_trials_that_begin_pause_or_end_at_rest_and_taken_out_of_all_stretches() {
+    let folder = tempfile::tempdir().unwrap();
+    let of_rests = |rests: &[Range<f64>]| {
+        let (mut fit, _) = fitted_to(with_rests(folder.path(), rests), &Options::default());
+        (fit.textures.remove(0), fit.trials[0].cut_s)
+    };
+    let (whole, _) = of_rests(&[]);
+    for rests in [&[0.0..0.4, 1.6..2.0][..], &[0.9..1.1]] {
+        let (texture, cut_s) = of_rests(rests);
+        assert!(cut_s > 0.15);
+        let [line] = &texture.lines.lines[..] else {
+            panic!("{rests:?}: {}", texture.lines);
+        };
+        near(line.wavelength_mm / 0.85, 1.0, 2e-3);
+        assert_eq!(line.shown_at_speeds, (2, 2));
+        for (model, own) in texture.grid.models.iter().zip(&whole.grid.models) {
+            // With the line, half of the power would be in the models.
+            near(model.output_power / own.output_power, 1.0, 0.15);
+        }
+    }
+}
+
+#[test]
+fn the_reason_for_having_no_lines_is_the_one_that_holds() {
+    let because = |speeds: &[f64], signals: &[Vec<f64>]| found(speeds, &mut signals.to_vec()).0.none_because;
+    let (_, signals) = surfaces(4, &[50.0, 100.0, 200.0], None);
+    let noise = Some(NoLines::NothingStandsOut);
+    assert_eq!(because(&[50.0, 100.0, 200.0], &signals), noise);
+    assert_eq!(because(&[100.0; 3], &signals), Some(NoLines::OneSpeed));
+    let short: Vec<Vec<f64>> = signals.iter().map(|own| own[..900].to_vec()).collect();
+    for unsearched in [&short[..], &vec![vec![0.0; SAMPLES]; 3], &[]] {
+        assert_eq!(
+            because(&[50.0, 100.0, 200.0][..unsearched.len()], unsearched),
+            Some(NoLines::NothingSearched)
+        );
+    }
+    // All at one speed but one, which is too short to be searched.
+    let mixed = [signals[0].clone(), signals[1].clone(), short[2].clone()];
+    assert_eq!(because(&[50.0, 50.0, 200.0], &mixed), Some(NoLines::OneSpeed));
 }

@@ -46,7 +46,7 @@ enum Carrier {
 }
 
 /// One trial as the search sees it.
-struct Heard {
+struct BandedTrial {
     index: usize,
     speed_mm_s: f64,
     spectrum: WholeSpectrum,
@@ -79,7 +79,7 @@ pub(super) struct Course {
     counts: Vec<f64>,
 }
 
-impl Heard {
+impl BandedTrial {
     fn of(index: usize, speed_mm_s: f64, signal: &[f64]) -> Option<Self> {
         let spectrum = WholeSpectrum::of(signal)?;
         let mut bands = spectrum.bands();
@@ -125,7 +125,7 @@ fn shows(speeds: &[AtSpeed<()>]) -> impl Iterator<Item = &AtSpeed<()>> {
 
 /// The search over the trials of one texture.
 struct Search {
-    heard: Vec<Heard>,
+    heard: Vec<BandedTrial>,
     is_one_speed: bool,
     /// Logarithm of the number of hypotheses.
     ln_hypotheses: f64,
@@ -161,7 +161,7 @@ impl Search {
     /// Returns the carrier with the most evidence, or, if it may be a harmonic of a longer wavelength (lower frequency)
     /// that is acceptable too, that one. Harmonics of a line at `known_mm` are excluded.
     fn best(&self, known_mm: &[f64]) -> Option<Carrier> {
-        let strong = |heard: &Heard| {
+        let strong = |heard: &BandedTrial| {
             let speed = heard.speed_mm_s;
             let bands = heard.bands.iter().filter(|b| b.ln_chance < LN_HYPOTHESIS_CHANCE);
             let hz: Vec<f64> = bands.map(|band| band.frequency_hz).collect();
@@ -209,10 +209,10 @@ pub(super) fn find(
     known_mm: &[f64],
 ) -> Result<Weave, Option<f64>> {
     let pairs: Vec<_> = speeds_mm_s.iter().zip(signals).enumerate().collect();
-    let heard: Vec<Heard> = pairs
+    let heard: Vec<BandedTrial> = pairs
         .into_par_iter()
         .filter(|(_, (speed, _))| **speed > 0.0)
-        .filter_map(|(index, (speed, signal))| Heard::of(index, *speed, signal))
+        .filter_map(|(index, (speed, signal))| BandedTrial::of(index, *speed, signal))
         .collect();
     let bands: usize = heard.iter().map(|heard| heard.bands.len()).sum();
     let search = Search {
@@ -249,12 +249,12 @@ pub(super) fn find(
 /// Returns the course of each trial that follows `carrier`, and the wavelength of its fundamental, mm: the median over
 /// these trials. `None` if no trial follows it.
 fn courses(
-    heard: &[Heard],
+    heard: &[BandedTrial],
     carrier: Carrier,
     signals: &[Vec<f64>],
     ranges: &[Vec<Range<usize>>],
 ) -> Option<(Vec<Option<Course>>, f64)> {
-    let course = |heard: &Heard| {
+    let course = |heard: &BandedTrial| {
         let (signal, ranges) = (&signals[heard.index], &ranges[heard.index]);
         let (course, wavelength_mm) = course_of(heard, carrier, signal, ranges)?;
         Some((heard.index, course, wavelength_mm))
@@ -296,7 +296,7 @@ fn harmonics(courses: &[Option<Course>], speeds_mm_s: &[f64], least: usize) -> V
 /// one of the first four harmonics of `carrier`; of these bands, the one that leaves the most power in step with its
 /// position is used, because a phase that slips leaves little. `None` if no band is steady, or if a carrier of constant
 /// frequency does not hold it.
-fn course_of(heard: &Heard, carrier: Carrier, signal: &[f64], ranges: &[Range<usize>]) -> Option<(Course, f64)> {
+fn course_of(heard: &BandedTrial, carrier: Carrier, signal: &[f64], ranges: &[Range<usize>]) -> Option<(Course, f64)> {
     let bands = (1..=4).filter_map(|harmonic| {
         let hz = f64::from(harmonic) * heard.frequency_hz(carrier);
         let (band, ln_chance) = heard.band_at(hz).filter(|_| hz >= LOWEST_HZ)?;
@@ -307,7 +307,7 @@ fn course_of(heard: &Heard, carrier: Carrier, signal: &[f64], ranges: &[Range<us
         let of_fundamental = |turns: f64| turns / f64::from(reference);
         let turns: Vec<f64> = turns.into_iter().map(of_fundamental).collect();
         let wave = wave(turns.iter().copied());
-        Told {
+        LineFundamental {
             reference,
             band,
             turns,
@@ -322,7 +322,7 @@ fn course_of(heard: &Heard, carrier: Carrier, signal: &[f64], ranges: &[Range<us
 }
 
 /// The fundamental of a line, derived from a band at one of its harmonics.
-struct Told {
+struct LineFundamental {
     /// Number of the harmonic.
     reference: u32,
     band: Band,
@@ -379,8 +379,8 @@ fn holds(turns: &[f64]) -> bool {
 }
 
 /// Returns the course of a trial from its line's fundamental `told`, and the fundamental's wavelength, mm.
-fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]) -> (Course, f64) {
-    let Told {
+fn course_by(heard: &BandedTrial, told: &LineFundamental, signal: &[f64], ranges: &[Range<usize>]) -> (Course, f64) {
+    let LineFundamental {
         reference,
         band,
         turns,

@@ -55,7 +55,7 @@ impl Played {
 }
 
 /// A stylus that plays waveforms and records them.
-pub trait Bench {
+pub trait ProbedStylus {
     /// The settings in force.
     fn settings(&self) -> &Settings;
 

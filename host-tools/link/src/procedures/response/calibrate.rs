@@ -3,13 +3,13 @@
 use model_format::PlayRate;
 use model_format::link::{ProbeThrough, Response, Sections, Setting};
 
-use super::bench::{Bench, Probe, usable};
+use super::bench::{Probe, ProbedStylus, usable};
 pub use super::design::Flatness;
 use super::design::{Design, design, response};
 use super::identify::{BAND_HZ, Bounds, Identified, Options, SHARE_OF_RMS, identify};
 use super::{Result, Verdict};
 use crate::dsp::equaliser::{cascade_db, filtered};
-use crate::dsp::response::{Measured, Multisine, PERIOD, Spectra, db, ratio};
+use crate::dsp::response::{MeasuredResponse, Multisine, PERIOD, Spectra, db, ratio};
 
 /// Periods of the proof.
 const PROOF: usize = 6;
@@ -40,7 +40,7 @@ pub struct Calibrated {
 /// # Errors
 /// A fault of the actuator, a proof that does not pass, a lost link or an interrupt. Nothing is stored in any case.
 pub fn calibrate(
-    bench: &mut impl Bench,
+    bench: &mut impl ProbedStylus,
     options: &Options,
     measured_at: u64,
     heard: &mut dyn FnMut(&str),
@@ -89,7 +89,7 @@ pub fn calibrate(
 }
 
 /// Returns the response in the form that the device stores, without the proof's figures.
-fn record(bench: &impl Bench, identified: &Identified, design: &Design, measured_at: u64) -> Result<Response> {
+fn record(bench: &impl ProbedStylus, identified: &Identified, design: &Design, measured_at: u64) -> Result<Response> {
     let (settings, fit) = (bench.settings(), &identified.fit);
     let bands = identified.measured.bands();
     let sections = |of: usize| Sections::new(&design.sections[of]).unwrap_or(Sections::NONE);
@@ -117,7 +117,7 @@ fn record(bench: &impl Bench, identified: &Identified, design: &Design, measured
 
 /// Measures the response through the proposed equaliser, and its flatness.
 fn prove(
-    bench: &mut impl Bench,
+    bench: &mut impl ProbedStylus,
     bounds: &Bounds,
     design: &Design,
     options: &Options,
@@ -140,7 +140,7 @@ fn prove(
     };
     let volts = peak_m_s2 * design.output_gain;
     let played = usable(bench.play(&probe)?, volts)?;
-    let measured = Measured::of(&Spectra::of(&played.axes), &wave, peak_m_s2, &options.bandwidths);
+    let measured = MeasuredResponse::of(&Spectra::of(&played.axes), &wave, peak_m_s2, &options.bandwidths);
     let measured =
         measured.ok_or_else(|| Verdict::NothingMoves.failure(format!("nothing moves at {volts:.3} V of peak")))?;
     let curve = response(&measured)?;

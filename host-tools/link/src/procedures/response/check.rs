@@ -4,9 +4,9 @@ use model_format::link::{ProbeThrough, Response};
 use serde::Serialize;
 
 use super::Result;
-use super::bench::{Bench, Probe, usable};
+use super::bench::{Probe, ProbedStylus, usable};
 use super::identify::{Bounds, MOVES, SHARE_OF_RMS, excitation};
-use crate::dsp::response::{Bandwidths, Fit, Measured, Spectra};
+use crate::dsp::response::{Bandwidths, Fit, MeasuredResponse, Spectra};
 
 /// Periods of the probe. With one period to settle and a soft start of at most 0.4 s, it takes two seconds.
 const PERIODS: usize = 3;
@@ -68,7 +68,7 @@ impl Checked {
 }
 
 /// Compares an actuator with its `stored` response.
-pub fn check(bench: &mut impl Bench, stored: &Response, bandwidths: &Bandwidths) -> Result<Checked> {
+pub fn check(bench: &mut impl ProbedStylus, stored: &Response, bandwidths: &Bandwidths) -> Result<Checked> {
     let bounds = Bounds::of(bench.settings());
     let wave = excitation();
     let volts = SHARE * bounds.volts(&wave.samples, SHARE_OF_RMS);
@@ -79,7 +79,7 @@ pub fn check(bench: &mut impl Bench, stored: &Response, bandwidths: &Bandwidths)
         through: ProbeThrough::Nothing,
     };
     let played = usable(bench.play(&probe)?, volts)?;
-    let measured = Measured::of(&Spectra::of(&played.axes), &wave, volts, bandwidths);
+    let measured = MeasuredResponse::of(&Spectra::of(&played.axes), &wave, volts, bandwidths);
     let Some(measured) = measured.filter(|measured| measured.over_noise > MOVES) else {
         return Ok(Checked {
             ok: false,

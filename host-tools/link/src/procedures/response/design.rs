@@ -7,7 +7,7 @@ use model_format::scene::Biquad;
 use super::identify::{BAND_HZ, Bounds, Options};
 use super::{Failure, Result, Verdict};
 use crate::dsp::equaliser::{self, Response, cascade_db};
-use crate::dsp::response::{Measured, db, ratio};
+use crate::dsp::response::{MeasuredResponse, db, ratio};
 
 /// Band that must be within the limits, Hz. Outside it, the limits may leave a part uncorrected, which is reported.
 const NEEDED_HZ: [f64; 2] = [60.0, 500.0];
@@ -57,7 +57,7 @@ impl Flatness {
 }
 
 /// Returns the measured level over frequency.
-pub(super) fn response(measured: &Measured) -> Result<Response> {
+pub(super) fn response(measured: &MeasuredResponse) -> Result<Response> {
     let points = Response::new(measured.points());
     points.map_err(|fault| Verdict::Noisy.failure(fault.to_string()))
 }
@@ -66,7 +66,12 @@ pub(super) fn response(measured: &Measured) -> Result<Response> {
 ///
 /// # Errors
 /// A response with too few trusted lines, limits that leave too little of the band, or an output gain out of its range.
-pub(super) fn design(measured: &Measured, bounds: &Bounds, options: &Options, is_positive: bool) -> Result<Design> {
+pub(super) fn design(
+    measured: &MeasuredResponse,
+    bounds: &Bounds,
+    options: &Options,
+    is_positive: bool,
+) -> Result<Design> {
     let measured = response(measured)?;
     // A sine of the reference level may need no more voltage than the limits allow, so the response must have at least
     // this level.

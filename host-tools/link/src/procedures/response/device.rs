@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use model_format::link::{KEEP_ALIVE_MS, MuteReason, ProbeStart, RecordSample, Response, Setting, Settings};
 
-use super::bench::{Bench, Played, Probe};
+use super::bench::{Played, Probe, ProbedStylus};
 use super::{Failure, Result};
 use crate::dsp::response::{PERIOD, RATE_HZ};
 use crate::link::Device;
@@ -86,7 +86,7 @@ impl<'a> DeviceBench<'a> {
     }
 }
 
-impl Bench for DeviceBench<'_> {
+impl ProbedStylus for DeviceBench<'_> {
     fn settings(&self) -> &Settings {
         &self.settings
     }

@@ -4,10 +4,10 @@ use model_format::link::{MAX_PROBE_M_S2, ProbeThrough, Setting, Settings};
 use serde::Serialize;
 use stylus_app::safety::Config;
 
-use super::bench::{Bench, Played, Probe, usable};
+use super::bench::{Played, Probe, ProbedStylus, usable};
 use super::{Fault, Result, Verdict};
 use crate::dsp::equaliser::CALIBRATION_GAIN_DB;
-use crate::dsp::response::{Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
+use crate::dsp::response::{Bandwidths, Fit, Line, MeasuredResponse, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
 use crate::link::capture::Calibration;
 
 /// Band that has to be flat, Hz.
@@ -120,7 +120,7 @@ pub struct Identified {
     /// The levels.
     pub levels: [Level; 3],
     /// Response at the middle level.
-    pub measured: Measured,
+    pub measured: MeasuredResponse,
     /// The model that was fitted to the response.
     pub fit: Fit,
 }
@@ -132,14 +132,25 @@ pub(super) struct Bounds {
     volts_per_sample: f64,
     pub(super) output_gain: f64,
     pub(super) range_m_s2: f64,
+    /// Axes that are wired: those whose scale is not the least that the setting may have.
+    wired: [bool; 3],
 }
+
+/// Scales of the accelerometer's axes.
+const SCALES: [Setting; 3] = [
+    Setting::AccelerationPerVoltX,
+    Setting::AccelerationPerVoltY,
+    Setting::AccelerationPerVoltZ,
+];
 
 impl Bounds {
     pub(super) fn of(settings: &Settings) -> Self {
         let limits = Config::new(settings, 1.0).output_limits(settings);
         let gain = f64::from(settings.get(Setting::OutputGain));
         let scales = Calibration::new(settings, None).m_s2_per_code;
-        let narrowest = scales.iter().map(|scale| scale.abs()).fold(f64::INFINITY, f64::min);
+        let wired = SCALES.map(|scale| settings.get(scale).abs() > scale.spec().least_magnitude);
+        let own = scales.iter().zip(wired).filter(|(_, is_wired)| *is_wired);
+        let narrowest = own.map(|(scale, _)| scale.abs()).fold(f64::INFINITY, f64::min);
         Self {
             peak_volts: (SHARE_OF_PEAK * f64::from(limits.peak_volt))
                 // The device refuses a probe above this peak.
@@ -150,6 +161,7 @@ impl Bounds {
             volts_per_sample: f64::from(settings.get(Setting::SlewLimit)) * 0.2 / 1.5,
             output_gain: gain,
             range_m_s2: SHARE_OF_RANGE * narrowest * 32_768.0,
+            wired,
         }
     }
 
@@ -175,7 +187,7 @@ impl Bounds {
 }
 
 /// The findings at a level, with the response and the model that was fitted to it.
-type Found = (Level, Measured, Option<Fit>);
+type Found = (Level, MeasuredResponse, Option<Fit>);
 
 /// The excitation on a bench.
 struct Probing<'a, B> {
@@ -186,9 +198,9 @@ struct Probing<'a, B> {
     heard: &'a mut dyn FnMut(&str),
 }
 
-impl<B: Bench> Probing<'_, B> {
+impl<B: ProbedStylus> Probing<'_, B> {
     /// Plays `periods` with a peak of `volts`. The measurement is `None` if nothing moves.
-    fn play(&mut self, volts: f64, periods: usize) -> Result<(Played, Option<Measured>)> {
+    fn play(&mut self, volts: f64, periods: usize) -> Result<(Played, Option<MeasuredResponse>)> {
         (self.heard)(&format!("{:.1} mV of peak", 1e3 * volts));
         let probe = Probe {
             codes: &self.wave.codes(),
@@ -198,7 +210,7 @@ impl<B: Bench> Probing<'_, B> {
         };
         let played = usable(self.bench.play(&probe)?, volts)?;
         let spectra = Spectra::of(&played.axes);
-        let measured = Measured::of(&spectra, &self.wave, volts, self.bandwidths);
+        let measured = MeasuredResponse::of(&spectra, &self.wave, volts, self.bandwidths);
         Ok((played, measured.filter(|measured| measured.over_noise > MOVES)))
     }
 
@@ -240,7 +252,7 @@ impl<B: Bench> Probing<'_, B> {
 }
 
 /// Identifies an actuator, and reports each step to `heard`.
-pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut(&str)) -> Result<Identified> {
+pub fn identify(bench: &mut impl ProbedStylus, options: &Options, heard: &mut dyn FnMut(&str)) -> Result<Identified> {
     let bounds = Bounds::of(bench.settings());
     heard("at rest");
     let rest_m_s2 = rest(bench, &bounds)?;
@@ -298,7 +310,7 @@ fn swing(axis: &[f64]) -> f64 {
 }
 
 /// Noise of each axis while the output is driven and silent, m/s² RMS.
-fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
+fn rest(bench: &mut impl ProbedStylus, bounds: &Bounds) -> Result<[f64; 3]> {
     let probe = Probe {
         codes: &[0; PERIOD],
         // All samples are 0, so the peak plays no role. The device refuses a peak of 0.
@@ -313,8 +325,9 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
         // A line of amplitude a has the power a²/2. Bin 0 is the mean, which may drift.
         [0, 1, 2].map(|axis| (0.5 * spectra.variance[axis][1..].iter().sum::<f64>()).sqrt());
     let largest = deviations.into_iter().fold(0.0, f64::max);
-    for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
-        if deviation <= LEAST_NOISE * largest {
+    let axes = ['X', 'Y', 'Z'].into_iter().zip(deviations).zip(bounds.wired);
+    for ((axis, deviation), is_wired) in axes {
+        if is_wired && deviation <= LEAST_NOISE * largest {
             return Err(Verdict::DeadAxis.failure(format!("axis {axis} shows nothing, not even noise")));
         }
     }
@@ -337,7 +350,7 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     Ok(deviations)
 }
 
-fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> Level {
+fn level(volts: f64, measured: &MeasuredResponse, fit: Option<&Fit>, periods: usize) -> Level {
     let within = |line: &&Line| (100.0..BAND_HZ[1]).contains(&line.hz);
     let lines: Vec<&Line> = measured.lines.iter().filter(within).collect();
     let is_clear = lines.iter().filter(|line| line.is_trusted()).count() as f64 > TRUSTED * lines.len() as f64;
@@ -355,7 +368,7 @@ fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> 
 }
 
 /// Fraction of the lines in the band that can be trusted.
-pub(super) fn trusted(measured: &Measured) -> f64 {
+pub(super) fn trusted(measured: &MeasuredResponse) -> f64 {
     let within = |line: &&Line| (BAND_HZ[0]..=BAND_HZ[1]).contains(&line.hz);
     let (all, trusted) = measured
         .lines

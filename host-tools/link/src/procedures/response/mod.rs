@@ -22,7 +22,7 @@ mod identify;
 #[cfg(test)]
 mod tests;
 
-pub use bench::{Bench, Played, Probe};
+pub use bench::{Played, Probe, ProbedStylus};
 pub use calibrate::{Calibrated, Flatness, calibrate};
 pub use check::{Checked, check};
 pub use device::DeviceBench;

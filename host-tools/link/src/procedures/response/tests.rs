@@ -104,7 +104,7 @@ impl PlantBench {
     }
 }
 
-impl Bench for PlantBench {
+impl ProbedStylus for PlantBench {
     fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -208,6 +208,19 @@ fn sound_plants_pass_and_their_tips_do_what_was_asked() {
         assert!((found - 1.0).abs() < 0.02, "{seed}: {found} {:?}", done.identified.fit);
         assert!(done.before.1.worst_db > done.after.1.worst_db);
     }
+}
+
+#[test]
+fn an_axis_with_the_least_scale_is_not_wired_and_the_others_are_calibrated_as_ever() {
+    let parameters = plant(1, [Axis::Y, Axis::Z].map(|axis| Broken::DeadAxis { axis }).to_vec());
+    let mut bench = PlantBench::new(&parameters, 1);
+    for setting in [Setting::AccelerationPerVoltY, Setting::AccelerationPerVoltZ] {
+        let value = setting.spec().least_magnitude;
+        bench.settings = bench.settings.with(SettingChange { setting, value }).unwrap();
+    }
+    let done = calibrate(&mut bench, &options(), 0, &mut |_| ()).unwrap();
+    let [rms, worst, _] = deviation(&parameters, &done.response);
+    assert!(rms < 1.0 && worst < 2.0, "{rms} {worst}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The properties of a trial that are compared with those of others.
 
 use super::copies::Sketch;
+use super::hum::MainsLine;
 use super::verdict::{Kind, Verdict};
 
 /// The properties of a trial that are compared with those of others.
@@ -18,8 +19,10 @@ pub struct Compared<'a> {
     pub is_idle: bool,
     /// RMS, m/s².
     pub rms_m_s2: f64,
-    /// Frequency of a line at a mains frequency, Hz, if there is one.
-    pub mains_line_hz: Option<f64>,
+    /// False if the samples are integers of unknown acceleration.
+    pub has_scale: bool,
+    /// Lines at mains frequencies.
+    pub mains_lines: &'a [MainsLine],
     /// Sketch of the trial's signal.
     pub sketch: &'a Sketch,
     /// Verdicts on the trial so far.

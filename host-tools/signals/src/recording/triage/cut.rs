@@ -9,7 +9,7 @@ pub const LEAST_KEPT: usize = 2000;
 /// can replace the samples of a dropout.
 const LEAST_BETWEEN_GAPS: usize = 500;
 
-/// Least fraction of a trial that must remain; otherwise nothing is cut.
+/// Least fraction of a trial without its rests that must remain; otherwise nothing is cut.
 const LEAST_SHARE: f64 = 0.5;
 
 /// Number of samples over which two parts are joined: 10 ms.
@@ -18,19 +18,27 @@ const JOINT: usize = 50;
 /// Returns the parts of a trial of `samples` samples that a fit uses: the whole trial, or what remains after its
 /// verdicts.
 ///
-/// If the parts of at least [`LEAST_KEPT`] samples contain less than half of the trial, only dropouts are cut, and
-/// shorter parts between them are kept. If less than half remains then, too, nothing is cut, and the verdicts apply to
-/// the whole trial.
+/// If the parts of at least [`LEAST_KEPT`] samples contain less than half of what is not at rest, only dropouts are
+/// cut, and shorter parts between them are kept. If less than half remains then, too, nothing is cut, and the verdicts
+/// apply to the whole trial.
 pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
-    let gaps = verdicts.iter().filter(|verdict| verdict.kind() == Kind::Dropouts);
-    between(verdicts.iter(), samples, LEAST_KEPT)
-        .or_else(|| between(gaps, samples, LEAST_BETWEEN_GAPS))
+    let of = |kind| verdicts.iter().filter(move |verdict| verdict.kind() == kind);
+    let rests = of(Kind::PartlySilent).flat_map(Verdict::spans);
+    let moving = samples.saturating_sub(rests.map(ExactSizeIterator::len).sum());
+    let least = |of: usize| LEAST_SHARE * of as f64;
+    between(verdicts.iter(), samples, LEAST_KEPT, least(moving))
+        .or_else(|| between(of(Kind::Dropouts), samples, LEAST_BETWEEN_GAPS, least(samples)))
         .unwrap_or_else(|| std::iter::once(0..samples).collect())
 }
 
 /// Returns the parts of `samples` samples that lie between the spans of `verdicts`, of at least `least` samples each;
-/// `None` if together they contain less than half of the trial.
-fn between<'a>(verdicts: impl Iterator<Item = &'a Verdict>, samples: usize, least: usize) -> Option<Vec<Span>> {
+/// `None` if together they contain fewer than `least_left`.
+fn between<'a>(
+    verdicts: impl Iterator<Item = &'a Verdict>,
+    samples: usize,
+    least: usize,
+    least_left: f64,
+) -> Option<Vec<Span>> {
     let cuts = verdicts.flat_map(|verdict| verdict.spans().iter().cloned());
     let mut cuts: Vec<Span> = cuts.collect();
     cuts.sort_by_key(|cut| cut.start);
@@ -46,7 +54,7 @@ fn between<'a>(verdicts: impl Iterator<Item = &'a Verdict>, samples: usize, leas
         from = from.max(cut.end);
     }
     let left: usize = parts.iter().map(ExactSizeIterator::len).sum();
-    (left > 0 && left as f64 >= LEAST_SHARE * samples as f64).then_some(parts)
+    (left > 0 && left as f64 >= least_left).then_some(parts)
 }
 
 /// Returns the `parts` of `axes`, at least one and in order, joined to one recording.
@@ -84,6 +92,23 @@ pub fn kept_spans(spans: &[Span], parts: &[Span]) -> Vec<Span> {
         length = begin + part.len().max(joint);
     }
     moved
+}
+
+/// Returns the stretches of a trial that was joined of its `parts` within which time goes on without a jump: each from
+/// the middle of a joint to the middle of the next.
+pub fn stretches(parts: &[Span]) -> Vec<Span> {
+    let (mut begin, mut length) = (0, 0);
+    let mut stretches = Vec::new();
+    for part in parts {
+        let joint = length.min(JOINT);
+        if length > 0 {
+            stretches.push(begin..length - joint / 2);
+            begin = length - joint / 2;
+        }
+        length += part.len().max(joint) - joint;
+    }
+    stretches.push(begin..length);
+    stretches
 }
 
 fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
@@ -127,6 +152,8 @@ mod tests {
         );
         // Too little would remain.
         assert_eq!(usable(&silent(vec![500..10_000]), 10_000), [0..10_000]);
+        // Rests count for nothing, however long they are.
+        assert_eq!(usable(&silent(vec![0..5000, 7500..10_000]), 10_000), [5000..7500]);
         let many = (0..100).map(|n| 100 * n..100 * n + 10).collect();
         assert_eq!(usable(&silent(many), 10_000), [0..10_000]);
         assert_eq!(usable(&[], 100), [0..100]);
@@ -162,6 +189,8 @@ mod tests {
         let value = |index: usize| (joined[index] - joined[100]).round();
         assert_eq!(value(4950), 6900.0);
         assert_eq!(kept_spans(&[5..9], &[0..10_000]), [5..9]);
+        assert_eq!(stretches(&parts), [0..3975, 3975..joined.len()]);
+        assert_eq!(stretches(&[500..10_000]), [0..9500]);
     }
 
     #[test]

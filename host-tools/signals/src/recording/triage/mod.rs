@@ -17,8 +17,8 @@
 //! | level-change | a step or a ramp of 6 dB explains 60 % of the level's variance | |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`](crate::dsp::high_pass::SLOW_HZ) | |
-//! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
-//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g, 0.9 to 1.1 or 1 mg, header's unit, 45 dB from the median | |
+//! | hum | a mains line, or a harmonic's, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
+//! | scale | RMS above [`LARGE_RMS_M_S2`] or below feeling, mean above 2 g, 0.9 to 1.1 or 1 mg, header, 45 dB off | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | unlike | from some frequency on, more than [`UNLIKE_NEIGHBOURS_DB`] from both neighbours in speed | |
@@ -27,14 +27,15 @@
 //! | joined | rows repeat the previous row out of step, like rows of other sensors | removed |
 //! | bunches | short steps of the times, with long steps at regular intervals | |
 //!
-//! With one or two speeds of a texture, hum cannot be distinguished from a line of the texture, so every such line
-//! counts as hum. A sample that is not finite has no verdict, because [`read`](super::read) fails on it, and with it
-//! the whole fit. The same holds for a file that ends within the part that is used, and for times that do not rise.
+//! Hum keeps its frequency while the speed changes: a line that moves with the speed, and so explains lines at more
+//! speeds, is the texture's. With one or two speeds every other line at a mains frequency counts as hum. A sample that
+//! is not finite has no verdict, because [`read`](super::read) fails on it, and with it the whole fit. The same holds
+//! for a file that ends within the part that is used, and for times that do not rise.
 //!
 //! A trial that is used in spite of a verdict other than silent marks its node as doubtful. A flagged stretch is cut if
-//! the remaining parts of at least 0.4 s make up half of the trial. Dropouts are cut also if the remaining parts of at
-//! least 0.1 s do ([`usable`]). Silent trials are not compared for copies. At rest or without contact, slow motion is
-//! not a finding. The option `--drop` leaves trials out, and `--strict` refuses the set.
+//! the remaining parts of at least 0.4 s make up half of the trial without its rests. Dropouts are cut also if the
+//! remaining parts of at least 0.1 s do ([`usable`]). Silent trials are not compared for copies. At rest or without
+//! contact, slow motion is not a finding. The option `--drop` leaves trials out, and `--strict` refuses the set.
 //!
 //! Bounds come from 24 real takes of a tool on 12 surfaces, whole and in parts of 2 s. None of them is in the
 //! repository; the comments of the constants state the values that they reach. All measures are relative to the take
@@ -45,6 +46,7 @@
 mod compared;
 mod copies;
 mod cut;
+mod hum;
 mod level;
 mod scale;
 mod set;
@@ -56,9 +58,10 @@ mod verdict;
 
 pub use compared::Compared;
 pub use copies::Sketch;
-pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
+pub use cut::{LEAST_KEPT, kept, kept_spans, stretches, usable};
+pub use hum::{HUM_RATIO_DB, MainsLine, mains_lines};
 pub use scale::{LARGE_RMS_M_S2, SILENCE_FLOOR_M_S2};
-pub use set::{HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
+pub use set::all_verdicts;
 pub use single_trial::{CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LEAST_RATE_HZ, SHORT_SAMPLES, flaws, samples};
 pub use unlike::UNLIKE_NEIGHBOURS_DB;
 pub use verdict::{Kind, Span, Verdict, in_words};

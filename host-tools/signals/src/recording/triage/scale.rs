@@ -37,12 +37,15 @@ const UNITS: [(&str, f64); 3] = [
 /// Range of the exponents of two for the counts per g.
 const COUNT_BITS: std::ops::RangeInclusive<u32> = 5..=16;
 
-/// Returns the verdicts on the unit of a trial whose axes have these `moments`. Those that the `account` of the samples
-/// gives come first.
+/// Returns the verdicts on the unit of a trial whose axes have these `moments`: those that the `account` of the samples
+/// gives, because a wrong level follows from them, or else that of the level.
 pub(super) fn scale(moments: &[Moments], account: &Account) -> Vec<Verdict> {
-    let doubts = account.doubts.iter().cloned();
-    let words = doubts.chain(level(moments, account.has_scale));
+    let mut words = account.doubts.clone();
+    if words.is_empty() {
+        words.extend(level(moments, account.has_scale));
+    }
     words
+        .into_iter()
         .map(|words| Verdict::new(Kind::Scale, format!("scale: {words}")))
         .collect()
 }

@@ -32,6 +32,9 @@ const SLOW_SHARE: f64 = 0.25;
 /// Number of samples on either side that a spike disturbs when the file is resampled.
 const SPIKE_REACH: usize = 20;
 
+/// Number of samples at each end of a resampled file that depend on what is assumed beyond it: 20 ms.
+const END_REACH: usize = 100;
+
 /// Least ratio of the signal to the round-off of its steps, dB. Below it, round-off becomes noticeable in the quiet
 /// bands of a texture, which are about 40 dB below its strong bands.
 pub const COARSE_SNR_DB: f64 = 20.0;
@@ -50,7 +53,7 @@ pub fn samples(samples: &Samples, slow_share: f64) -> Vec<Verdict> {
         verdicts.extend(of_defects(samples));
         verdicts.extend(dead_axes(&moments));
         verdicts.extend(level::verdicts(axes));
-        verdicts.extend(wandering(axes, slow_share));
+        verdicts.extend(wandering(axes, slow_share, samples.source_rate_hz));
     }
     let share = worst(axes, drift_share);
     if share >= DRIFT_SHARE {
@@ -61,9 +64,11 @@ pub fn samples(samples: &Samples, slow_share: f64) -> Vec<Verdict> {
 }
 
 /// Returns the verdict on slow motion, which has the fraction `share` of the power of all axes together.
-fn wandering(axes: &[Vec<f64>], share: f64) -> Option<Verdict> {
+fn wandering(axes: &[Vec<f64>], share: f64, source_rate_hz: f64) -> Option<Verdict> {
     let is_short = axes.first().map_or(0, Vec::len) < SHORT_SAMPLES;
-    (share >= SLOW_SHARE && !is_short).then(|| {
+    // Of a slow sensor's band, even a flat spectrum has much below 10 Hz.
+    let least = SLOW_SHARE.max(2.0 * SLOW_HZ / (source_rate_hz / 2.0));
+    (share >= least && !is_short).then(|| {
         let percent = 100.0 * share;
         let words = format!("wandering: {percent:.0} % of energy below {SLOW_HZ} Hz");
         Verdict::new(Kind::Wandering, words)
@@ -140,14 +145,17 @@ fn span(start_s: f64, seconds: f64, margin: usize, length: usize) -> Span {
 }
 
 /// Returns the stretches of a trial with these `verdicts` that do not come from a surface, even if a fit uses them:
-/// those that triage would cut, and every clipped peak, even if there are too few for a verdict. They are in order of
-/// their starts.
+/// those that triage would cut, the ends of a resampled file, and every clipped peak, even if there are too few for a
+/// verdict. They are in order of their starts.
 pub fn flaws(samples: &Samples, verdicts: &[Verdict]) -> Vec<Span> {
     let length = samples.axes.first().map_or(0, Vec::len);
     let clips = samples.defects.clips.iter();
     let clips = clips.map(|clip| span(clip.start_s, clip.seconds, SPIKE_REACH, length));
     let found = verdicts.iter().flat_map(|verdict| verdict.spans().iter().cloned());
-    let mut flaws: Vec<Span> = found.chain(clips).collect();
+    let is_resampled = (samples.source_rate_hz - f64::from(SAMPLE_RATE_HZ)).abs() > 0.0;
+    let ends = [0..END_REACH.min(length), length.saturating_sub(END_REACH)..length];
+    let ends = ends.into_iter().filter(|_| is_resampled);
+    let mut flaws: Vec<Span> = found.chain(clips).chain(ends).collect();
     flaws.sort_by_key(|flaw| flaw.start);
     flaws
 }

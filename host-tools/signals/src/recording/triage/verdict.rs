@@ -80,7 +80,7 @@ kinds! {
     /// A spectrum that deviates from those of both neighbours in speed.
     Unlike: "unlike", "check filter, sensor and gain of this recording, and record it again";
     /// A sample rate that is too low for what skin feels.
-    WrongRate: "wrong-rate", "record at 5 kHz or more";
+    WrongRate: "wrong-rate", "record at 5 kHz or more, as with a contact microphone";
     /// Times whose unit follows only from their steps.
     TimeUnit: "time-unit", "give --time-unit, or the unit in the column's name, such as time_ms";
     /// Rows of other sensors, which repeat the last sample.

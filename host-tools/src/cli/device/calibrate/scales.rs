@@ -7,7 +7,7 @@ use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingChange, Settings};
 use serde::Serialize;
 
-use super::{Bench, answer};
+use super::{CalibrationRun, answer};
 use crate::cli::input::positive;
 use crate::cli::output::tell;
 
@@ -53,7 +53,7 @@ fn nothing_stored(fault: impl std::fmt::Display) -> Error {
     Error::Request(format!("nothing was stored: {fault}"))
 }
 
-impl Bench<'_> {
+impl CalibrationRun<'_> {
     /// Measures the scales that were requested.
     pub fn scales(&self) -> Result<ScalesReport> {
         let Scales { weights, distance } = &self.arguments.scales;

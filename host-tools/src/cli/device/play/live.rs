@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Level, Stream};
-use host_tools::link::play::{Driven, Heard, vibration_m_s2};
+use host_tools::link::play::{Driven, PlayCounts, vibration_m_s2};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::number::counted;
 use host_tools::support::progress;
@@ -83,7 +83,7 @@ impl<'a> Live<'a> {
     }
 
     /// Shows the state of the playback.
-    pub fn show(&mut self, driven: &Driven, status: &Status, heard: &Heard) {
+    pub fn show(&mut self, driven: &Driven, status: &Status, heard: &PlayCounts) {
         let text = format!(
             "{:.1} s: {}{}; {}; {}, {}",
             driven.seconds,

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use clap::ArgGroup;
 use clap::builder::RangedU64ValueParser;
-use host_tools::link::play::{Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, Vibration, drive};
+use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, PlayCounts, Vibration, drive};
 use host_tools::link::{Device, LinkError};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
@@ -121,7 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let before = device.status()?;
     let library = arguments.library.as_deref();
     let library = library.map(|path| LibraryFile::read(path, &before)).transpose()?;
-    let mut heard = Heard::since(&before);
+    let mut heard = PlayCounts::since(&before);
     device.play(&request)?;
     let (played, fastest_mm_s) = keep_playing(&device, &plan, interrupt, &mut heard);
     let (driven, status) = stop(&device, played)?;
@@ -228,7 +228,7 @@ fn warn_of_stillness(device: &Device) {
     });
 }
 
-fn summary(request: &PlayRequest, driven: &Driven, heard: &Heard, expected: Option<Level>) -> String {
+fn summary(request: &PlayRequest, driven: &Driven, heard: &PlayCounts, expected: Option<Level>) -> String {
     let muted = match heard.muted_share() {
         Some(share) if share > 0.0 => format!(", muted {:.0} % of the time", share * 100.0),
         _ => String::new(),
@@ -264,7 +264,7 @@ fn levels(vibration: Option<Vibration>, expected: Option<Level>) -> String {
 }
 
 /// Returns the number of mutes, with their reasons as far as they were observed.
-fn mutes(heard: &Heard) -> String {
+fn mutes(heard: &PlayCounts) -> String {
     let count = counted(heard.mutes, "mute");
     match heard.reasons() {
         Some(reasons) if heard.mutes > 0 => format!("{count} ({reasons})"),
@@ -322,7 +322,7 @@ fn selection(arguments: &Arguments) -> Result<Selection> {
 }
 
 /// Plays until the end. Returns what was sent, and the largest speed that the sensors measured, mm/s.
-fn keep_playing(device: &Device, plan: &Drive, interrupt: Interrupt, heard: &mut Heard) -> (Played, Option<f64>) {
+fn keep_playing(device: &Device, plan: &Drive, interrupt: Interrupt, heard: &mut PlayCounts) -> (Played, Option<f64>) {
     // Both functions that `drive` calls use the display, one after the other.
     let live = RefCell::new(Live::begin(device, plan.motion.as_ref()));
     let is_over = Cell::new(false);

@@ -166,10 +166,8 @@ fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<Str
         .filter(|verdict| !(is_rest && verdict.name() == "silent"))
         .map(ToString::to_string)
         .collect();
-    if let Some(frequency_hz) = analysis.mains_line_hz {
-        verdicts.push(format!(
-            "a line at {frequency_hz:.1} Hz; if other speeds have it too, it is hum"
-        ));
+    if let Some(line) = analysis.mains_lines.first() {
+        verdicts.push(format!("a line {line}; if other speeds have it too, it is hum"));
     }
     for (name, wanted, found, unit) in [
         ("speed", point.speed_mm_s, level.speed_mm_s, "mm/s"),

@@ -29,7 +29,7 @@ fn number(variable: &str, default: u64) -> u64 {
 }
 
 /// Prints how to reproduce a failure, if the run ends with one.
-struct Told {
+struct FailureReport {
     seed: u64,
     step: u64,
     now_s: u64,
@@ -37,7 +37,7 @@ struct Told {
     last: VecDeque<&'static str>,
 }
 
-impl Drop for Told {
+impl Drop for FailureReport {
     fn drop(&mut self) {
         if std::thread::panicking() {
             let Self {
@@ -69,7 +69,7 @@ fn drawn(world: &mut World) -> &'static Operation {
 }
 
 /// Prints how often each thing was done so far, and the marks.
-fn tell(world: &World, told: &Told, begun: Instant) {
+fn tell(world: &World, told: &FailureReport, begun: Instant) {
     println!(
         "seed {}: {} steps in {} s of the device's time, {} s of this computer's",
         told.seed,
@@ -90,7 +90,7 @@ fn two_hosts_and_all_mishaps_leave_every_invariant_whole() {
     let seconds = number("STYLUS_SOAK_SECONDS", 60);
     let seed = number("STYLUS_SOAK_SEED", 1);
     let begun = Instant::now();
-    let mut told = Told {
+    let mut told = FailureReport {
         seed,
         step: 0,
         now_s: 0,

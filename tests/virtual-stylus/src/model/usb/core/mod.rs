@@ -6,4 +6,4 @@ mod bus;
 mod state;
 
 pub use super::packets::{Handshake, InAnswer, Pid};
-pub use state::{Core, Told};
+pub use state::{Core, RegisterMisuse};

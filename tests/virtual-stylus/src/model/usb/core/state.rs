@@ -91,7 +91,7 @@ pub(super) struct Received {
 }
 
 /// A register, and a request to it that the manual forbids or does not describe, or that the model does not carry out.
-pub type Told = (&'static str, &'static str);
+pub type RegisterMisuse = (&'static str, &'static str);
 
 /// The core.
 #[derive(Debug)]
@@ -126,7 +126,7 @@ pub struct Core {
     pub(super) popped: VecDeque<u32>,
     pub(super) transmit: [VecDeque<u32>; ENDPOINTS],
     pub(super) changes: u64,
-    pub(super) told: Vec<Told>,
+    pub(super) told: Vec<RegisterMisuse>,
 }
 
 impl Default for Core {
@@ -174,7 +174,7 @@ impl Core {
 
     /// Returns the requests since the last call that the manual forbids or does not describe, or that the model does
     /// not carry out.
-    pub fn take_told(&mut self) -> Vec<Told> {
+    pub fn take_told(&mut self) -> Vec<RegisterMisuse> {
         std::mem::take(&mut self.told)
     }
 

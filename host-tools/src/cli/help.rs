@@ -1,10 +1,46 @@
-//! Examples at the end of the help of each command. They are kept in one file, so that they can be read together. A
-//! test parses each of them.
+//! The help: groups of commands on its first screen, and examples at the end of each command's own. Examples are kept
+//! in one file, so that they can be read together. A test parses each of them.
 
 use clap::Command;
+use clap::builder::StyledStr;
 
 /// One example per line, with a short explanation after `#`.
 const EXAMPLES: &str = include_str!("examples.txt");
+
+/// The commands on the first screen of the help, in the groups of the manual's page of commands.
+const GROUPS: [(&str, &str); 6] = [
+    ("Recordings", "trials record segment simulate-rig"),
+    ("Models", "fit join inspect import-hatt"),
+    ("Judging", "evaluate compare page stress frontier"),
+    ("Playing on the computer", "render export scene"),
+    (
+        "The stylus",
+        "devices status upload slots play stop settings selftest calibrate check headroom update",
+    ),
+    ("This program", "demo completions man help"),
+];
+
+/// Returns `command`, the whole one, with all of its help.
+pub fn whole(command: Command) -> Command {
+    with_groups(with_short_outputs(with_examples(command, "stylus")))
+}
+
+/// Returns `command` with its subcommands in groups on the first screen of its help.
+fn with_groups(command: Command) -> Command {
+    let (heading, name_style) = (*command.get_styles().get_header(), *command.get_styles().get_literal());
+    let mut text = String::from("{about}\n\n{usage-heading} {usage}\n");
+    for (group, names) in GROUPS {
+        text += &format!("\n{heading}{group}:{heading:#}\n");
+        for name in names.split(' ') {
+            let about = command.find_subcommand(name).and_then(Command::get_about);
+            let about = about.map_or_else(|| "Print the help of a command".to_owned(), StyledStr::to_string);
+            text += &format!("  {name_style}{name:<12}{name_style:#}  {about}\n");
+        }
+    }
+    command
+        .help_template(text + &format!("\n{heading}Options:{heading:#}\n{{options}}{{after-help}}"))
+        .after_help("Begin: stylus demo")
+}
 
 /// Returns the examples of the command called `path`, such as `stylus scene check`, and of its subcommands.
 fn examples(path: &str) -> Vec<&'static str> {
@@ -17,7 +53,7 @@ fn examples(path: &str) -> Vec<&'static str> {
 }
 
 /// Returns `command`, which is called `path`, with examples at the end of the help of each of its subcommands.
-pub fn with_examples(command: Command, path: &str) -> Command {
+fn with_examples(command: Command, path: &str) -> Command {
     command.mut_subcommands(|inner| {
         let path = format!("{path} {}", inner.get_name());
         let inner = match examples(&path).as_slice() {
@@ -30,7 +66,7 @@ pub fn with_examples(command: Command, path: &str) -> Command {
 }
 
 /// Adds `-o` and `--output`, which most programs have, as other names of `--out` to every command that has it.
-pub fn with_short_outputs(command: Command) -> Command {
+fn with_short_outputs(command: Command) -> Command {
     command.mut_subcommands(|inner| {
         // Asked by the long name, because the `out` of `record` is positional. A short name would make it an option.
         let has_output = inner.get_arguments().any(|argument| argument.get_long() == Some("out"));
@@ -65,6 +101,22 @@ mod tests {
             return vec![path.to_owned()];
         }
         all
+    }
+
+    #[test]
+    fn the_first_screen_has_every_command_once_on_one_line_and_ends_with_where_to_begin() {
+        let shown = whole(Arguments::command()).render_help().to_string();
+        let mut named: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| names.split(' ')).collect();
+        let mut all = Arguments::command();
+        all.build();
+        let mut there: Vec<&str> = all.get_subcommands().map(Command::get_name).collect();
+        named.sort_unstable();
+        there.sort_unstable();
+        assert_eq!(named, there);
+        for line in shown.lines() {
+            assert!(line.chars().count() <= 100, "{line}");
+        }
+        assert!(shown.trim_end().ends_with("\nBegin: stylus demo"), "{shown}");
     }
 
     #[test]
@@ -112,12 +164,10 @@ mod tests {
     }
 
     /// Options whose values differ between commands on purpose. The motion of `play` may be the sensors. `upload` needs
-    /// no slot for `activate`. The JSON of `evaluate` is a file, because it has a report too. `record` makes strokes,
-    /// and `evaluate` reads them. Trials are a number in a listening test, and a list in `record`. Parts are results in
-    /// a folder, or components of textures. `import-hatt` counts speeds and forces.
-    const OF_SEVERAL_KINDS: [&str; 8] = [
-        "motion", "activate", "json", "strokes", "trials", "parts", "speeds", "forces",
-    ];
+    /// no slot for `activate`. `record` makes strokes, and `evaluate` reads them. Trials are a number in a
+    /// listening test, and a list in `record`. Parts are results in a folder, or components of textures. `import-hatt`
+    /// counts speeds and forces.
+    const OF_SEVERAL_KINDS: [&str; 7] = ["motion", "activate", "strokes", "trials", "parts", "speeds", "forces"];
 
     #[test]
     fn an_option_has_the_same_kind_of_value_and_the_same_choices_in_every_command() {

@@ -1,9 +1,9 @@
 //! First-order high-pass filter, so that no steady current warms the coil or pushes the hand.
 //!
-//! y = x - m, where the mean m follows x: m += α (x - m). The corner frequency is α f / 2π to first order: 1.99 Hz,
-//! with half the α at 10 kHz.
+//! The device's safety stages and the player on a computer use it. y = x - m, where the mean m follows x:
+//! m += α (x - m). The corner frequency is α f / 2π to first order: 1.99 Hz, with half the α at 10 kHz.
 
-use super::fixed::{STEP_BITS, shift_toward_zero};
+use crate::fixed::shift_toward_zero;
 
 /// α at 5 kHz: 82 / 2^15.
 pub const ALPHA: i64 = 82;
@@ -18,33 +18,38 @@ const EXTRA_BITS: u32 = 16;
 /// State of the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcBlocker {
-    /// The mean that is subtracted, in converter steps of 2^-32.
+    /// The mean that is subtracted, in units of the input of 2^-16.
     mean: i64,
 }
 
+impl Default for DcBlocker {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl DcBlocker {
+    /// A filter whose input has been zero.
     pub const fn new() -> Self {
         Self { mean: 0 }
     }
 
-    /// `input` without its mean, at most twice the largest input in magnitude.
+    /// `input`, at most 2^31 in magnitude, without its mean: at most twice the largest input.
     #[inline(always)]
     pub fn next<const ALPHA: i64>(&mut self, input: i64) -> i64 {
-        // Inputs are below 2^28 and means below 2^44, so the product stays below 2^52.
+        // Means are below 2^47, so the product stays below 2^55.
         let difference = (input << EXTRA_BITS) - self.mean;
         self.mean += shift_toward_zero(difference * ALPHA, ALPHA_BITS);
         shift_toward_zero((input << EXTRA_BITS) - self.mean, EXTRA_BITS)
     }
 }
 
-const _: () = assert!(STEP_BITS == 16, "the bounds above are for 16 digits");
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FULL: i64 = 2048 << STEP_BITS;
+    const FULL: i64 = 1 << 31;
 
     /// The next output at a rate, by its number of samples per tick.
     fn next(blocker: &mut DcBlocker, samples_per_tick: u32, input: i64) -> i64 {
