@@ -11,6 +11,7 @@ import { browser, folder } from "./bench.mjs";
 import { Opened, PHONE, launched } from "./chromium.mjs";
 
 const PAGE = process.env.STYLUS_LABORATORY;
+const AXE = fs.readFileSync(path.join(process.env.STYLUS_NODE_MODULES, "node_modules/axe-core/axe.min.js"), "utf8");
 const stylus = (...list) => execFileSync(process.env.STYLUS_PROGRAM, list, { cwd: folder, stdio: "pipe" });
 
 // Opens the page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
@@ -242,6 +243,90 @@ test("a fit that is cancelled leaves all that was entered, and a reload leaves a
     assert.match(await text(page, "#stored"), /0 files/);
   }));
 
+test("a panic of the module is told in its words, a new one has all files, and a lack of memory is told as that", () =>
+  opened(async (page) => {
+    await page.page.locator("#demo").click();
+    await settled(page);
+    // A worker whose next fit ends in a trap, with or without the words that a panic leaves.
+    const trapped = (words) => page.value((words) => {
+      const { lab } = laboratory;
+      // (func (export "f") unreachable)
+      const trap = [0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 7, 5, 1, 1, 102, 0, 0, 10, 5, 1, 3, 0,
+        0, 11];
+      const faulty = `${byId("worker").textContent}
+        const good = answered;
+        answered = (asked) => {
+          if (asked.ask.ask !== "fit") return good(asked);
+          const words = new TextEncoder().encode(${JSON.stringify(words)});
+          const room = exports.reserve(words.length + 1) >>> 0;
+          bytesAt(room, words.length).set(words);
+          exports = { ...exports, text: () => room, text_length: () => words.length };
+          new WebAssembly.Instance(new WebAssembly.Module(new Uint8Array([${trap}]))).exports.f();
+        };`;
+      const whole = lab.source;
+      lab.source = URL.createObjectURL(new Blob([faulty], { type: "text/javascript" }));
+      lab.end();
+      lab.source = whole;
+    }, words);
+    const rows = await page.value(() => JSON.stringify(laboratory.state.rows));
+    for (const [words, told] of [["panicked at fit.rs: <b>", /place: panicked at fit\.rs: <b>/], ["", /no memory left/]]) {
+      await trapped(words);
+      await fit(page);
+      assert.match(await text(page, "#trouble"), told);
+      assert.match(await text(page, "#trouble"), /a new one took its place/);
+      assert.equal(await page.value(() => JSON.stringify(laboratory.state.rows)), rows);
+    }
+    await fit(page);
+    assert.equal(await text(page, "#trouble"), "");
+    assert.match(await text(page, "#fit-text"), /60 trials/);
+  }));
+
+test("a file that is larger than a reader takes is refused in the readers' words before a byte of it is read", () =>
+  opened(async (page) => {
+    const told = (name, size) => page.value(([name, size]) => {
+      const file = new File([], name);
+      Object.defineProperty(file, "size", { value: size });
+      file.arrayBuffer = file.stream = file.text = () => {
+        throw new Error("it is read");
+      };
+      return laboratory.does(() => laboratory.add([{ path: name, file }])).then(() => byId("notes").innerText);
+    }, [name, size]);
+    assert.match(await told("a.csv", 513 * 2 ** 20), /recordings\/a\.csv: has more than 536870912 bytes, the most of a/);
+    assert.match(await told("a.lvm", 513 * 2 ** 20), /more than 536870912 bytes/);
+    assert.match(await told("a.wav", 2 ** 33), /more than 4296015872 bytes, the most of a recording/);
+    assert.match(await told("a.wav", 1.1e9), /all files together would have more than 1000\.0 MB/);
+    assert.match(await text(page, "#stored"), /^0 files/);
+  }));
+
+test("keys alone lead from the page's beginning to sound", () =>
+  opened(async (page) => {
+    // Moves by tab to the control with this name, as a person without a mouse does.
+    const tabbed = async (id) => {
+      const at = () => page.value(() => document.activeElement.id);
+      for (let n = 0; (await at()) !== id; n++) {
+        assert.ok(n < 500, `no way to ${id}`);
+        await page.press("Tab");
+      }
+    };
+    await tabbed("demo");
+    await page.press("Enter");
+    await settled(page);
+    await tabbed("fit");
+    await page.press("Enter");
+    await settled(page);
+    await tabbed("rub-frame");
+    const frame = await (await page.page.locator("#rub-frame").elementHandle()).contentFrame();
+    const isReady = () => globalThis.rubPage?.newKernel && rubPage.times.ready !== null;
+    await frame.waitForFunction(isReady, null, { polling: 100 });
+    for (let n = 0; !(await frame.evaluate(() => document.activeElement.id === "patch")); n++) {
+      assert.ok(n < 100, "no way to the patch");
+      await page.press("Tab");
+    }
+    await page.down("ArrowRight");
+    await frame.waitForFunction(() => document.getElementById("now-speed").textContent !== "0 mm/s", null, { polling: 50 });
+    await page.up("ArrowRight");
+  }));
+
 // Elements that make the page wider than its window.
 function tooWide() {
   const { clientWidth, scrollWidth } = document.documentElement;
@@ -254,16 +339,12 @@ function tooWide() {
   return found;
 }
 
-test("a telephone, a tablet and a wide window show all, light and dark, and a keyboard and a reader find it", () =>
+test("a telephone, a tablet and a wide window show all, light and dark, and a screen reader finds it", () =>
   opened(async (page) => {
-    await page.page.locator("#demo").focus();
-    await page.press("Enter");
+    await page.page.locator("#demo").click();
     await settled(page);
     await page.page.locator("#record summary").click();
-    await page.page.locator("#fit").focus();
-    await page.press("Enter");
-    await settled(page);
-    assert.equal(await text(page, "#trouble"), "");
+    await rubbed(page);
     for (const width of [390, 768, 1400]) {
       await page.page.setViewportSize({ width, height: 900 });
       assert.deepEqual(await page.value(tooWide), [], `at ${width}`);
@@ -278,6 +359,15 @@ test("a telephone, a tablet and a wide window show all, light and dark, and a ke
       }
     }
     assert.deepEqual(await page.unnamed(), []);
+    await page.page.locator("#open-report").click();
+    await settled(page);
+    for (const frame of page.page.frames()) {
+      await frame.evaluate(AXE);
+      const { violations } = await frame.evaluate(() => axe.run({ iframes: false }));
+      const told = ({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map(({ html }) => html.slice(0, 100))}`;
+      const serious = violations.filter(({ impact }) => ["serious", "critical"].includes(impact));
+      assert.deepEqual(serious.map(told), [], frame.url().slice(0, 60));
+    }
   }));
 
 test("on a telephone a finger finds every control, and rubs", () =>
