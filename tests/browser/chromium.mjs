@@ -21,11 +21,11 @@ function program() {
   throw new Error("install Chromium, or name a browser in STYLUS_BROWSER");
 }
 
-export function launched() {
+export function launched(more = []) {
   return chromium.launch({
     executablePath: program(),
     timeout: PATIENCE_MS,
-    args: ["--no-sandbox", "--autoplay-policy=user-gesture-required", "--disable-dev-shm-usage"],
+    args: ["--no-sandbox", "--autoplay-policy=user-gesture-required", "--disable-dev-shm-usage", ...more],
   });
 }
 

@@ -5,10 +5,9 @@
 // The wings below this crate, by the names that this crate uses.
 use stylus_fit::{fit, texture};
 use stylus_signals::{playing, recording};
-use {stylus_dsp as dsp, stylus_evaluation as evaluation, stylus_support as support};
+use {stylus_dsp as dsp, stylus_evaluation as evaluation, stylus_pages as family, stylus_support as support};
 
 pub mod evaluation_page;
-mod family;
 pub mod frontier_page;
 pub mod html;
 pub mod listening_page;

@@ -4,12 +4,13 @@
 //! gets its name.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::fs;
+use std::io::{self, BufWriter, Cursor, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
+use crate::files::{self, Written, other_than_a_file};
 use crate::temporaries::{Earlier, Temporary, folder_of};
 
 /// How to replace an existing output, for the command line and for Python.
@@ -42,9 +43,25 @@ fn take_new(target: &Path) -> bool {
 /// # Errors
 /// The error of `write`; something at `path` that is not a regular file; or a file that cannot be created, flushed to
 /// the disk, or replaced.
-pub fn write_with<T>(path: &Path, write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>) -> Result<T> {
+pub fn write_with<T>(path: &Path, write: impl FnOnce(&mut BufWriter<&mut Written>) -> Result<T>) -> Result<T> {
+    if files::is_in_memory(path) {
+        return write_held(path, write);
+    }
     let (unnamed, value) = Unnamed::write(path, write)?;
     unnamed.name()?;
+    Ok(value)
+}
+
+/// Writes a file in memory like [`write_with`].
+fn write_held<T>(path: &Path, write: impl FnOnce(&mut BufWriter<&mut Written>) -> Result<T>) -> Result<T> {
+    let mut held = Written::Memory(Cursor::default());
+    let mut buffer = BufWriter::new(&mut held);
+    let value = write(&mut buffer)?;
+    buffer.flush().map_err(Error::io("write", path))?;
+    drop(buffer);
+    if let Written::Memory(bytes) = held {
+        files::put(path, bytes.into_inner());
+    }
     Ok(value)
 }
 
@@ -58,7 +75,11 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// See [`write()`]. If a file cannot get its name, the files that already have theirs stay.
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
-    let written = files.iter().map(|(path, bytes)| {
+    let is_held = |(path, _): &&(&Path, &[u8])| files::is_in_memory(path);
+    for &(path, bytes) in files.iter().filter(is_held) {
+        files::put(path, bytes);
+    }
+    let written = files.iter().filter(|file| !is_held(file)).map(|(path, bytes)| {
         let written = Unnamed::write(path, |file| file.write_all(bytes).map_err(Error::io("write", path)));
         written.map(|(unnamed, ())| unnamed)
     });
@@ -100,31 +121,6 @@ pub(crate) fn appeared(path: &Path, failure: io::Error) -> Error {
     Error::io("replace", path)(failure)
 }
 
-/// Returns what is at a path, as a noun with its article, if it is not a regular file.
-pub(crate) fn other_than_a_file(found: &fs::Metadata) -> Option<&'static str> {
-    let kind = found.file_type();
-    if kind.is_file() {
-        return None;
-    }
-    if kind.is_dir() {
-        return Some("a folder");
-    }
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::FileTypeExt;
-        if kind.is_fifo() {
-            return Some("a pipe");
-        }
-        if kind.is_socket() {
-            return Some("a socket");
-        }
-        if kind.is_block_device() || kind.is_char_device() {
-            return Some("a device");
-        }
-    }
-    Some("no regular file")
-}
-
 /// A file that is on the disk and has no name yet.
 struct Unnamed<'a> {
     path: &'a Path,
@@ -133,22 +129,23 @@ struct Unnamed<'a> {
 }
 
 impl<'a> Unnamed<'a> {
-    fn write<T>(path: &'a Path, write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>) -> Result<(Self, T)> {
+    fn write<T>(path: &'a Path, write: impl FnOnce(&mut BufWriter<&mut Written>) -> Result<T>) -> Result<(Self, T)> {
         let target = target(path)?;
         let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
         // In the target's folder, because a file can be renamed only within one file system.
-        let (temporary, mut file) =
+        let (temporary, file) =
             Temporary::file_in(folder_of(&target), permissions.clone()).map_err(Error::io("create", path))?;
         // Permissions are set before the content is written, which must never be readable by more users than the
         // earlier file was. The umask may have removed some permissions.
         if let Some(permissions) = permissions.filter(|_| cfg!(unix)) {
             file.set_permissions(permissions).map_err(Error::io("write", path))?;
         }
-        let mut buffer = BufWriter::new(&mut file);
+        let mut written = Written::Disk(file);
+        let mut buffer = BufWriter::new(&mut written);
         let value = write(&mut buffer)?;
         buffer.flush().map_err(Error::io("write", path))?;
         drop(buffer);
-        file.sync_all().map_err(Error::io("bring to the disk", path))?;
+        written.sync().map_err(Error::io("bring to the disk", path))?;
         let unnamed = Self {
             path,
             target,

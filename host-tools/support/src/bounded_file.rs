@@ -2,12 +2,11 @@
 //! they are read, so that only existing data takes memory, even if a file has no end.
 
 use std::ffi::OsStr;
-use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
 
-use super::atomic_file::other_than_a_file;
 use super::error::{Error, Result};
+use super::files::{self, Opened};
 use super::nearest::nearly;
 
 /// Largest number of names in a folder that are compared with the name of a missing file.
@@ -80,8 +79,8 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
     };
     let wanted = path.file_name().and_then(OsStr::to_str);
     let there = || {
-        let names = fs::read_dir(folder).into_iter().flatten().flatten();
-        let names = names.filter_map(|entry| entry.file_name().into_string().ok());
+        let names = files::entries(folder).into_iter().flatten().flatten();
+        let names = names.filter_map(|entry| entry.name.into_string().ok());
         names.take(MOST_NAMES).collect::<Vec<_>>()
     };
     // Only the name of a file that is missing may be misspelt.
@@ -96,18 +95,24 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
 impl Format {
     /// Opens the file at `path`. It must be a regular file within the size limit, because it is read more than once or
     /// not in sequence. Devices and pipes are refused before they are opened.
-    pub fn open(self, path: &Path) -> Result<File> {
+    pub fn open(self, path: &Path) -> Result<Opened> {
         // To open a pipe would mean to wait for its other end.
-        let found = std::fs::metadata(path).map_err(|source| absent("open", path, source))?;
-        let (of, most) = self.limit();
-        if let Some(other) = other_than_a_file(&found) {
+        let found = files::found(path).map_err(|source| absent("open", path, source))?;
+        let (of, _) = self.limit();
+        if let Some(other) = found.other {
             let problem = format!("is {other}, and {of} is read from a file: copy it to one");
             return Err(Error::file(path, problem));
         }
-        if found.len() > most {
+        self.admit(path, found.len)?;
+        files::open(path).map_err(Error::io("open", path))
+    }
+
+    /// Returns an error if a file of `size` bytes is larger than its limit.
+    pub fn admit(self, path: &Path, size: u64) -> Result<()> {
+        if size > self.limit().1 {
             return Err(self.exceeded(path));
         }
-        File::open(path).map_err(Error::io("open", path))
+        Ok(())
     }
 
     fn exceeded(self, path: &Path) -> Error {
@@ -118,13 +123,13 @@ impl Format {
 
     /// Reads the file at `path`.
     pub fn read(self, path: &Path) -> Result<Vec<u8>> {
-        let file = File::open(path).map_err(|source| absent("read", path, source))?;
         // On Unix a folder can be opened, and reading it fails with words that name no remedy.
         let (of, most) = self.limit();
-        if file.metadata().is_ok_and(|found| found.is_dir()) {
+        if files::is_dir(path) {
             let problem = format!("is a folder, and {of} is read from a file: name one");
             return Err(Error::file(path, problem));
         }
+        let file = files::open(path).map_err(|source| absent("read", path, source))?;
         let mut bytes = Vec::new();
         // One byte more than allowed is enough to know that there are too many.
         let mut counted = file.take(most + 1);
@@ -154,7 +159,7 @@ mod tests {
 
     /// Makes the file one byte longer than [`SMALL`] may be.
     fn make_too_long(path: &Path) {
-        let file = File::create(path).unwrap();
+        let file = std::fs::File::create(path).unwrap();
         file.set_len(SMALL.limit().1 + 1).unwrap();
     }
 

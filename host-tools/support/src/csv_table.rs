@@ -18,6 +18,7 @@ use csv_core::ReadRecordResult;
 
 use super::bounded_file::Format;
 use super::error::{Error, Result};
+use super::files;
 
 mod first_lines;
 
@@ -62,7 +63,7 @@ impl CsvTable {
     /// # Errors
     /// The file cannot be read or is larger than the limit, or one of its first lines is too long or not UTF-8.
     pub fn read(path: &Path, format: Format) -> Result<Self> {
-        let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
+        let is_file = files::is_file(path);
         let text = if !is_file {
             Text::Memory(format.read_text(path)?)
         } else if let Some(text) = utf_16(path, format)? {

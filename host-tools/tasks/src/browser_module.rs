@@ -10,11 +10,15 @@ use std::process::Command;
 use anyhow::{Context, Result, bail};
 
 use crate::process::Progress;
+use crate::toolchain::Toolchain;
 use crate::workspace::Folders;
 use crate::{process, toolchain, workspace};
 
 /// The compilation target of modules for pages.
 pub const TARGET: &str = "wasm32-unknown-unknown";
+
+/// The package of the kernel's module.
+const PACKAGE: &str = "stylus-browser";
 
 /// The profile in the workspace's manifest.
 const PROFILE: &str = "browser";
@@ -29,15 +33,17 @@ const KEPT_COMPILER: &str = "host-tools/report/src/rub_page/kernel.txt";
 pub const MODULE_VARIABLE: &str = "STYLUS_BROWSER_MODULE";
 
 /// A module that was built.
-struct Built {
-    file: PathBuf,
-    bytes: Vec<u8>,
+pub struct Built {
+    /// The file.
+    pub file: PathBuf,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
     compiler: String,
 }
 
 /// Builds the module and keeps it. Returns a message on the result.
 pub fn write() -> Result<String> {
-    let Built { bytes, compiler, .. } = build()?;
+    let Built { bytes, compiler, .. } = build(PACKAGE, PROFILE, Progress::Quiet)?;
     std::fs::write(workspace::root().join(KEPT), &bytes)?;
     std::fs::write(workspace::root().join(KEPT_COMPILER), format!("{compiler}\n"))?;
     Ok(format!("{KEPT}: {} bytes by {compiler}", bytes.len()))
@@ -49,7 +55,7 @@ pub fn write() -> Result<String> {
 /// There is no toolchain, the build fails, the module names a folder of this machine, a file cannot be read, or the
 /// modules differ: in their bytes if one compiler built both, else in what they play.
 pub fn check() -> Result<String> {
-    let built = build()?;
+    let built = build(PACKAGE, PROFILE, Progress::Quiet)?;
     let kept = std::fs::read(workspace::root().join(KEPT)).context(KEPT)?;
     let compiler = std::fs::read_to_string(workspace::root().join(KEPT_COMPILER))?;
     let (compiler, own) = (compiler.trim(), &built.compiler);
@@ -101,25 +107,29 @@ fn play(file: &Path) -> Result<()> {
     process::run(&mut cargo)
 }
 
-fn build() -> Result<Built> {
-    if !toolchain::has_target(TARGET) {
-        bail!("the Rust toolchain here does not build for {TARGET}; install it: `rustup target add {TARGET}`");
+/// Builds the module of a `package` by this profile.
+///
+/// # Errors
+/// There is no toolchain, the build fails, or the module names a folder of this machine.
+pub fn build(package: &str, profile: &str, progress: Progress) -> Result<Built> {
+    if !toolchain::has_target(TARGET) && process::find("rustup", "").is_ok() {
+        let mut rustup = Command::new("rustup");
+        // Where it fails, there may be another toolchain.
+        let _ = process::run(rustup.args(["target", "add", TARGET]).current_dir(workspace::root()));
     }
-    let folders = Folders::here("browser");
-    let mut cargo = Command::new("cargo");
-    toolchain::without_inherited(&mut cargo);
+    let toolchain = Toolchain::that_builds_for(TARGET)?;
+    let folders = Folders::here(profile);
+    let mut cargo = toolchain.cargo_for(TARGET, "std,panic_abort", "build", &folders.sources, &folders.target);
     cargo
-        .current_dir(&folders.sources)
-        .args(["build", "--locked", "--package", "stylus-browser", "--lib"])
-        .args(["--target", TARGET, "--profile", PROFILE])
-        .args(Progress::Quiet.argument())
+        .args(["--package", package, "--lib", "--profile", profile])
+        .args(progress.argument())
         .env("CARGO_HOME", &folders.cargo_home)
-        .env("CARGO_TARGET_DIR", &folders.target)
         .env("CARGO_ENCODED_RUSTFLAGS", folders.compiler_flags(&[]))
         // Incremental compilation would divide the code differently.
         .env("CARGO_INCREMENTAL", "0");
     process::run(&mut cargo)?;
-    let file = folders.target.join(TARGET).join(PROFILE).join("stylus_browser.wasm");
+    let name = format!("{}.wasm", package.replace('-', "_"));
+    let file = folders.target.join(TARGET).join(profile).join(name);
     let bytes = std::fs::read(process::built(file.clone())?)?;
     // Then the same sources would give other bytes in another folder.
     if let Some(name) = folders.named_in(&bytes) {
@@ -128,7 +138,7 @@ fn build() -> Result<Built> {
     Ok(Built {
         file,
         bytes,
-        compiler: toolchain::version_in_use()?,
+        compiler: toolchain.compiler_version()?,
     })
 }
 

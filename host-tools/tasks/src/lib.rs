@@ -11,6 +11,7 @@ pub mod firmware;
 pub mod guest;
 pub mod hil;
 pub mod house;
+pub mod laboratory;
 pub mod lint;
 pub mod process;
 pub mod qemu;

@@ -11,7 +11,8 @@ use tasks::firmware::Image;
 use tasks::process::Progress;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, browser_module, firmware, hil, house, lint, qemu, release, soak, tables, virtual_stylus, workspace,
+    attack, browser_module, firmware, hil, house, laboratory, lint, qemu, release, soak, tables, virtual_stylus,
+    workspace,
 };
 
 /// Tasks around the microcontroller's core.
@@ -89,7 +90,10 @@ enum Task {
         #[arg(long)]
         check: bool,
     },
-    /// Build all that a person downloads: image, command for three systems, wheel, module, contents and checksums
+    /// Build the laboratory, a page that records, fits and plays with nothing installed: target/lab/stylus-lab.html
+    Lab,
+    /// Build all that a person downloads: laboratory, image, command for three systems, wheel, module, contents and
+    /// checksums
     Release(release::Arguments),
     /// Lint all code for the target; with the compiler that rust-version names, every warning fails
     CheckTarget,
@@ -141,6 +145,7 @@ fn main() -> ExitCode {
             };
             done.map(|told| println!("{told}"))
         }
+        Task::Lab => laboratory::write().map(|page| println!("{}", page.display())),
         Task::Release(arguments) => release::run(&arguments).map(|folder| println!("{}", folder.display())),
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),

@@ -9,7 +9,9 @@ use std::collections::HashMap;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::excitation::ExcitationReport;
 use super::fitted::Fit;
@@ -121,8 +123,8 @@ impl FitRecord {
             is_listed: true,
         };
         Ok(Self {
-            excitations: fit.excitations(),
-            lines: FoundLines::of(fit),
+            excitations: rounded(&fit.excitations()),
+            lines: rounded(&FoundLines::of(fit)),
             ..Self::of(&set, options, bytes)?
         })
     }
@@ -152,8 +154,8 @@ impl FitRecord {
             trial.remarks = report.remarks.iter().cloned().chain(verdicts).collect();
         }
         Self {
-            excitations: fit.excitations(),
-            lines: FoundLines::of(fit),
+            excitations: rounded(&fit.excitations()),
+            lines: rounded(&FoundLines::of(fit)),
             ..self
         }
     }
@@ -289,6 +291,32 @@ impl FittedTrial {
     }
 }
 
+/// Number of significant digits of a record's figures. Further ones depend on the sine and logarithm of the system.
+const DIGITS: usize = 6;
+
+/// Returns `figures` with [`DIGITS`] significant digits, so that every system writes the same record.
+fn rounded<T: Clone + Serialize + DeserializeOwned>(figures: &T) -> T {
+    let rounded = serde_json::to_value(figures).and_then(|mut value| {
+        round(&mut value);
+        serde_json::from_value(value)
+    });
+    // Figures that JSON cannot hold stay as they are.
+    rounded.unwrap_or_else(|_| figures.clone())
+}
+
+fn round(value: &mut Value) {
+    match value {
+        Value::Array(values) => values.iter_mut().for_each(round),
+        Value::Object(values) => values.values_mut().for_each(round),
+        Value::Number(number) if number.is_f64() => {
+            let figure = number.as_f64().unwrap_or_default();
+            let text = format!("{figure:.*e}", DIGITS - 1);
+            *value = text.parse::<f64>().map_or(Value::Null, Value::from);
+        }
+        _ => {}
+    }
+}
+
 /// Returns the hash of `bytes` in hexadecimal digits.
 fn content_hash(bytes: &[u8]) -> String {
     digits(Fnv::of(bytes))
@@ -323,6 +351,14 @@ const PIECE: usize = 1 << 16;
 mod tests {
     use super::*;
     use crate::recording::HeldSamples;
+
+    #[test]
+    fn figures_that_differ_by_the_systems_sine_are_recorded_alike() {
+        let figures = |value: f64| (value, [Some(-value)], 7_u64, "words".to_owned());
+        let one = rounded(&figures(2.903_872_438_705_361));
+        assert_eq!(one, rounded(&figures(2.903_872_438_705_264_3)));
+        assert_eq!(one, figures(2.903_87));
+    }
 
     fn trial(file: PathBuf, start_s: f64, duration_s: Option<f64>) -> Trial {
         Trial {

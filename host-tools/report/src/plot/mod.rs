@@ -5,7 +5,6 @@
 //! picture stays small whatever the length of a recording. A picture of simulated data says SIMULATED.
 
 mod canvas;
-pub(super) mod colours;
 mod curves;
 mod figure;
 mod grid;
@@ -16,6 +15,8 @@ mod spectrogram;
 mod waveforms;
 
 use std::path::Path;
+
+use stylus_pages::colours;
 
 use crate::support::atomic_file;
 use crate::support::error::Result;

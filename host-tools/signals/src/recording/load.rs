@@ -16,6 +16,7 @@ use super::{csv_file, numbers, resample, uneven, wav};
 use crate::dsp::sums::sum;
 use crate::support::csv_table::CsvTable;
 use crate::support::error::{Error, Result};
+use crate::support::files;
 use crate::support::number::counted;
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
@@ -136,7 +137,7 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
         Some(Kind::Table) => csv_file::read(trial, cut),
         None => {
             // A mistyped name is reported as a missing file, not as a file of an unknown kind.
-            std::fs::metadata(path).map_err(Error::io("read", path))?;
+            files::found(path).map_err(Error::io("read", path))?;
             let ending = ending(path);
             let problem = format!("'{ending}' files cannot be read: {}", conversion(&ending));
             Err(Error::file(path, problem))
@@ -147,7 +148,7 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
 /// Returns the name of an existing file in the same folder that differs from the missing file `path` only in capitals
 /// or in its extension, which many file browsers hide.
 fn named_alike(path: &Path) -> Option<String> {
-    if path.exists() {
+    if files::exists(path) {
         return None;
     }
     let with_slashes = path.to_string_lossy().replace('\\', "/");
@@ -156,9 +157,9 @@ fn named_alike(path: &Path) -> Option<String> {
     }
     let wanted = path.file_name()?.to_string_lossy().to_lowercase();
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
-    let beside = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
-    let names = beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
-    names.into_iter().find(|name| {
+    let beside = files::entries(folder.unwrap_or(Path::new("."))).ok()?;
+    let mut names = beside.filter_map(|entry| Some(entry.ok()?.name.to_string_lossy().into_owned()));
+    names.find(|name| {
         let name = name.to_lowercase();
         let is_cut =
             Kind::of(Path::new(&name)).is_some() && name.rsplit_once('.').is_some_and(|(stem, _)| stem == wanted);

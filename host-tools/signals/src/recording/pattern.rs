@@ -9,6 +9,7 @@ use super::kind::{Kind, remedy};
 use super::set::TRIALS_FILE;
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
+use crate::support::files;
 
 /// A number in a name, such as 50 or 0.35.
 const NUMBER: &str = r"([0-9]+(?:\.[0-9]+)?)";
@@ -170,18 +171,17 @@ impl Pattern {
 
 /// Adds the recordings in `folder` and its subfolders. `above` is the path of `folder` relative to the top folder.
 fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> {
-    for entry in std::fs::read_dir(folder).map_err(Error::io("read", folder))? {
+    for entry in files::entries(folder).map_err(Error::io("read", folder))? {
         let entry = entry.map_err(Error::io("read", folder))?;
-        let path = above.join(entry.file_name());
-        let kind = entry.file_type().map_err(Error::io("read", folder))?;
+        let path = above.join(&entry.name);
         // A link to a folder is not a folder here, so that links cannot lead in a circle.
-        if kind.is_dir() {
-            collect(&entry.path(), &path, paths)?;
+        if entry.is_dir {
+            collect(&folder.join(&entry.name), &path, paths)?;
             continue;
         }
         // A Mac writes such a file beside each on a card.
-        let is_shadow = entry.file_name().to_string_lossy().starts_with("._");
-        if Kind::of(&path).is_some() && !is_shadow && entry.file_name() != TRIALS_FILE {
+        let is_shadow = entry.name.to_string_lossy().starts_with("._");
+        if Kind::of(&path).is_some() && !is_shadow && entry.name != TRIALS_FILE {
             paths.push(path);
         }
     }

@@ -35,7 +35,9 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
     let response = response(blocks);
     let resampled = channels.iter().map(|channel| {
         let mean = mean(channel);
-        let mut output = vec![mean; (frames * to).div_ceil(from)];
+        // In 64 bits, because a page counts in 32: 20 s at 44.1 kHz would be too many.
+        let samples = (frames as u64 * u64::from(to_hz)).div_ceil(u64::from(from_hz));
+        let mut output = vec![mean; samples as usize];
         for (block, samples) in extended(channel, block_in / 2).chunks(block_in).enumerate() {
             input.fill(0.0);
             for (centred, sample) in input.iter_mut().zip(samples) {

@@ -3,7 +3,6 @@
 //! The reader of samples receives only the format and the samples. Chunks of titles, pictures and cue points never
 //! reach it, and every length that a header states is compared with the file before it determines the size of anything.
 
-use std::fs::File;
 use std::io::{BufReader, Chain, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -11,6 +10,7 @@ use super::rate::MAX_CHANNELS;
 use super::rate::SampleRate;
 use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
+use crate::support::files::Opened;
 use crate::support::number::counted;
 
 /// Longest format chunk, bytes; the extensible format takes 40.
@@ -47,7 +47,7 @@ const EXTENDED_FORMAT: usize = 24;
 /// The format and the samples of a WAV file.
 pub(super) struct Wave {
     /// Format and samples, as a separate WAV file.
-    pub samples: Chain<Cursor<Vec<u8>>, BufReader<File>>,
+    pub samples: Chain<Cursor<Vec<u8>>, BufReader<Opened>>,
     /// True for integer samples, whose acceleration at full scale the file does not state.
     pub are_integers: bool,
     /// True if a length in the header does not fit the file. If it is that of the samples, they are read to the file's
@@ -78,7 +78,7 @@ struct Head {
 pub(super) fn open(path: &Path) -> Result<Wave> {
     let failed = |failure| Error::io("read", path)(failure);
     let file = Format::Wave.open(path)?;
-    let file_bytes = file.metadata().map_err(failed)?.len();
+    let file_bytes = file.size().map_err(failed)?;
     let mut left = file_bytes.saturating_sub(12);
     let mut file = BufReader::new(file);
     let mut header = take(&mut file, 12).map_err(failed)?;
@@ -137,7 +137,7 @@ pub(super) fn open(path: &Path) -> Result<Wave> {
 /// Returns the length of the samples, `left` bytes, if they extend to the end of `file`; otherwise `None`. They do if
 /// the header states no length, or if the data after the stated length is not a chunk. The position in the file stays
 /// the same.
-fn held(file: &mut BufReader<File>, declared: u64, left: u64) -> std::io::Result<Option<u64>> {
+fn held(file: &mut BufReader<Opened>, declared: u64, left: u64) -> std::io::Result<Option<u64>> {
     // More than the file has: a length that was never known, or a file that ends early.
     if declared > left {
         return Ok((declared >= LEAST_UNKNOWN).then_some(left));
@@ -170,7 +170,7 @@ impl Head {
     }
 
     /// Returns the file with these chunks, where `last` is the beginning of the last chunk.
-    fn wave(self, mut header: Vec<u8>, last: &[u8], file: BufReader<File>, is_unfinished: bool) -> Wave {
+    fn wave(self, mut header: Vec<u8>, last: &[u8], file: BufReader<Opened>, is_unfinished: bool) -> Wave {
         header.extend(self.chunks);
         header.extend(last);
         Wave {
@@ -181,7 +181,7 @@ impl Head {
     }
 
     /// Reads the content of a `chunk` before the samples, `padded` bytes, or skips it.
-    fn read(&mut self, path: &Path, file: &mut BufReader<File>, chunk: &[u8], padded: u64) -> Result<()> {
+    fn read(&mut self, path: &Path, file: &mut BufReader<Opened>, chunk: &[u8], padded: u64) -> Result<()> {
         let failed = |failure| Error::io("read", path)(failure);
         let Some((id, length)) = head(chunk) else {
             return Ok(());
@@ -266,6 +266,6 @@ fn take(file: &mut impl Read, count: u64) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn skip(file: &mut BufReader<File>, count: u64) -> std::io::Result<()> {
+fn skip(file: &mut BufReader<Opened>, count: u64) -> std::io::Result<()> {
     file.seek(SeekFrom::Current(count.cast_signed())).map(drop)
 }

@@ -14,6 +14,7 @@ use super::unit::scale;
 use crate::support::bounded_file::{Format, absent};
 use crate::support::csv_table::{CsvTable, Header, Row, is_named};
 use crate::support::error::{Error, Result};
+use crate::support::files;
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::number::{positive, recorded_force, recorded_speed};
 
@@ -95,14 +96,14 @@ impl RecordingSet {
                     "no recordings given: name a folder, a list or files".into(),
                 ));
             }
-            [folder] if folder.is_dir() && !folder.join(TRIALS_FILE).exists() => {
+            [folder] if files::is_dir(folder) && !files::exists(&folder.join(TRIALS_FILE)) => {
                 let problem = format!(
                     "has no {TRIALS_FILE}, the list of its recordings: `{}` makes one of the files' names",
                     list_command(folder, "{texture}_{speed}mms_{force}N", usual_ending(folder))
                 );
                 return Err(Error::file(folder, problem));
             }
-            [folder] if folder.is_dir() => Self::from_list(&folder.join(TRIALS_FILE))?,
+            [folder] if files::is_dir(folder) => Self::from_list(&folder.join(TRIALS_FILE))?,
             [file] if file.file_name().is_some_and(|name| name == TRIALS_FILE) || is_list(file) => {
                 Self::from_list(file)?
             }
@@ -115,7 +116,7 @@ impl RecordingSet {
     /// Opens inputs like [`RecordingSet::open`], with values for what they lack.
     pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
         for input in inputs {
-            if let Err(source) = std::fs::metadata(input) {
+            if let Err(source) = files::found(input) {
                 return Err(absent("open", input, source));
             }
         }
@@ -139,7 +140,7 @@ impl RecordingSet {
 
     fn from_files(files: &[PathBuf]) -> Result<Self> {
         let trials = files.iter().map(|file| {
-            if file.is_dir() {
+            if files::is_dir(file) {
                 let problem = "is a folder: give it alone, or recordings only; beside a library, by --recordings";
                 return Err(Error::file(file, problem));
             }
@@ -265,12 +266,12 @@ pub fn list_command(folder: &Path, pattern: &str, ending: &str) -> String {
 /// Returns the usual extension of the files in `folder`: that of tables if there are more tables than WAV files,
 /// otherwise that of WAV files.
 fn usual_ending(folder: &Path) -> &'static str {
-    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let files = files::entries(folder).into_iter().flatten().flatten();
     let has_ending = |name: &Path, ending: &str| name.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
     let (mut tables, mut sounds) = (0_usize, 0_usize);
     for file in files {
-        tables += usize::from(has_ending(&file.path(), "csv"));
-        sounds += usize::from(has_ending(&file.path(), "wav"));
+        tables += usize::from(has_ending(Path::new(&file.name), "csv"));
+        sounds += usize::from(has_ending(Path::new(&file.name), "wav"));
     }
     if tables > sounds { "csv" } else { "wav" }
 }

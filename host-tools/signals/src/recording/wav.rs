@@ -41,8 +41,8 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
         are_integers,
         is_unfinished,
     } = riff::open(path)?;
-    let file_bytes = samples.get_ref().1.get_ref().metadata();
-    let file_bytes = file_bytes.map_err(Error::io("open", path))?.len();
+    let file_bytes = samples.get_ref().1.get_ref().size();
+    let file_bytes = file_bytes.map_err(Error::io("open", path))?;
     let samples = Box::new(ReadOnlySource::new(samples));
     let stream = MediaSourceStream::new(samples, MediaSourceStreamOptions::default());
     let format = WavReader::try_new(stream, FormatOptions::default());

@@ -79,4 +79,4 @@ pub use description::{
     Tremor, Wander, Weave,
 };
 pub use file::RigFile;
-pub use output::{Summary, TextureSummary, simulate_to_folder};
+pub use output::{Summary, TextureSummary, simulate, simulate_to_folder};

@@ -1,7 +1,7 @@
 //! A simulated set on disk: one WAV file per trial, and the table of trials. Each file says that it is simulated.
 
+use std::fmt;
 use std::path::Path;
-use std::{fmt, fs};
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::number::counted;
 use crate::support::output::OutputFolder;
-use crate::support::{atomic_file, progress};
+use crate::support::{atomic_file, files, progress};
 
 /// Name of the file that states that the set is simulated. It is written before any recording.
 const MARKER: &str = "SIMULATED.txt";
@@ -86,8 +86,8 @@ pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path, overwrite: bool)
     folder.fill(|folder| simulate(rig, seed, folder.path()))
 }
 
-/// Like [`simulate_to_folder`], for an empty folder.
-fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
+/// Like [`simulate_to_folder`], into an empty folder.
+pub fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
     let description = rig.description();
     let notice = notice(rig, seed);
     atomic_file::write(&out.join(MARKER), notice.as_bytes())?;
@@ -95,7 +95,7 @@ fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
         let folder = out.join(&texture.name);
         // Missing parent folders are not created: if an interrupt has removed the set's folder, it must not be created
         // again.
-        fs::create_dir(&folder).map_err(Error::io("create", &folder))?;
+        files::create_dir(&folder).map_err(Error::io("create", &folder))?;
     }
 
     let recording = &description.recording;
@@ -160,7 +160,7 @@ impl Row {
         let wav = wav_bytes(trial, description.recording.sample_rate_hz, &comment)
             .map_err(|failure| Error::file(&path, failure.to_string()))?;
         // The folder appears whole or not at all, so its recordings are written in place.
-        fs::write(&path, &wav).map_err(Error::io("write", &path))?;
+        files::write(&path, &wav).map_err(Error::io("write", &path))?;
         Ok(Self {
             texture: texture.to_owned(),
             file,

@@ -12,10 +12,11 @@ use serde_json::{Value, json};
 use crate::{process, workspace};
 
 /// Packages from which the files of a release are built.
-const ROOTS: [&str; 5] = [
+const ROOTS: [&str; 6] = [
     "host-tools",
     "stylus-browser",
     "stylus-image",
+    "stylus-laboratory",
     "stylus-player-c",
     "stylus-python",
 ];

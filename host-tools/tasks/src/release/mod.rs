@@ -17,13 +17,15 @@ use anyhow::{Context, Result, bail};
 use crate::firmware::{self, Image, UpdateArguments};
 use crate::toolchain::Toolchain;
 use crate::workspace::{self, Folders};
-use crate::{browser_module, process};
+use crate::{browser_module, laboratory, process};
 
 use command::System;
 
 /// A part of a release.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Part {
+    /// The laboratory, as one page
+    Laboratory,
     /// The image for the stylus
     Image,
     /// The command and the player for Linux on x86-64
@@ -43,7 +45,8 @@ pub enum Part {
 }
 
 impl Part {
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 9] = [
+        Self::Laboratory,
         Self::Image,
         Self::LinuxX86,
         Self::LinuxArm,
@@ -146,6 +149,11 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
         return keep(&command::build(system, build)?, &build.out, Some(&name));
     }
     match part {
+        Part::Laboratory => keep(
+            &laboratory::write()?,
+            &build.out,
+            Some(&format!("stylus-lab-{version}.html")),
+        ),
         Part::Image => {
             for board in stylus_board::ALL {
                 let image = firmware::build(&Toolchain::find()?, board, Image::Product)?;

@@ -1,6 +1,5 @@
 //! Samples as a mono WAV file, which is written whole or not at all.
 
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
@@ -10,6 +9,7 @@ use model_format::{OutputSample, Texture};
 use super::samples::{Rendering, exact_m_s2};
 use crate::playing::motion::MotionPath;
 use crate::support::error::{Error, Result};
+use crate::support::files::Written;
 use crate::support::{atomic_file, progress};
 
 /// Upper bound of the length of a WAV file's headers, bytes. Headers and samples share the 4 GiB that the file's length
@@ -106,7 +106,7 @@ fn write_each<Sample>(
     sample_rate_hz: u32,
     format: WavFormat,
     samples: impl ExactSizeIterator<Item = Sample>,
-    mut write: impl FnMut(&mut WavWriter<&mut BufWriter<&mut File>>, Sample) -> hound::Result<()>,
+    mut write: impl FnMut(&mut WavWriter<&mut BufWriter<&mut Written>>, Sample) -> hound::Result<()>,
 ) -> Result<u64> {
     // Refused before the work, so that no long rendering ends in an error.
     format.validate(samples.len())?;

@@ -1,9 +1,12 @@
 //! The parts that all pages share: one stylesheet with one set of colours, and the scripts that show a picture's values
-//! and play sounds.
+//! and play sounds. And the one page that holds no result: the [`laboratory`], which makes them in a browser.
 
 use plotters::style::RGBColor;
 
-use super::plot::colours::{BLUE, FADED, GREEN, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, hex, in_the_dark};
+pub mod colours;
+pub mod laboratory;
+
+use colours::{BLUE, FADED, GREEN, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, hex, in_the_dark};
 
 /// Colours of pages as CSS variables: name, colour on light ground, colour on dark ground.
 const PAGE: [(&str, &str, &str); 11] = [
