@@ -152,7 +152,7 @@ fn named_alike(path: &Path) -> Option<String> {
         return None;
     }
     let with_slashes = path.to_string_lossy().replace('\\', "/");
-    if Path::new(&with_slashes).exists() {
+    if files::exists(Path::new(&with_slashes)) {
         return Some(with_slashes);
     }
     let wanted = path.file_name()?.to_string_lossy().to_lowercase();
