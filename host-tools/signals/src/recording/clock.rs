@@ -236,8 +236,8 @@ impl<'a> Stamps<'a> {
         let is_coarse = resolution > MOST_OF_BUNCH as f64 * mean_step(&times);
         if is_coarse && !are_changes && times[0] < times[times.len() - 1] {
             let problem = format!(
-                "{} has so few digits that more than {MOST_OF_BUNCH} samples share a time: give --sample-rate, or write \
-                 times with more digits",
+                "{} has so few digits that more than {MOST_OF_BUNCH} samples share a time: give --sample-rate, or \
+                 write times with more digits",
                 self.told.column
             );
             return Err(Error::file(self.table.path(), problem));
@@ -485,8 +485,8 @@ impl Clock {
             return by_width(1);
         }
         let many = by_width(((units * resolution / mean).ceil() as usize).clamp(1, (times.len() / 4).max(1)));
-        // Digits make single steps uneven, and many steps together hide that samples are missing. A clock that is off by
-        // little cannot be told from few missing samples.
+        // Digits make single steps uneven, and many steps together hide that samples are missing. A clock that is off
+        // by little cannot be told from few missing samples.
         let single = (resolution < LONG * mean).then(|| by_width(1));
         let most = (FEW_LOST * times.len() as f64).max(2.0 * many.missing.len() as f64);
         single
