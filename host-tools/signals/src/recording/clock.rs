@@ -233,6 +233,15 @@ impl<'a> Stamps<'a> {
         let bunch = bunch(&times).filter(|_| !are_changes);
         // Samples that share a time are known by their bunch alone.
         let shared = bunch.filter(|_| times.windows(2).any(|pair| pair[0] == pair[1]));
+        let is_coarse = resolution > MOST_OF_BUNCH as f64 * mean_step(&times);
+        if is_coarse && !are_changes && times[0] < times[times.len() - 1] {
+            let problem = format!(
+                "{} has so few digits that more than {MOST_OF_BUNCH} samples share a time: give --sample-rate, or \
+                 write times with more digits",
+                self.told.column
+            );
+            return Err(Error::file(self.table.path(), problem));
+        }
         let clock = Clock::of(&times, shared.map_or(resolution, |(_, apart)| apart), are_changes);
         let step = if self.told.is_even && bunch.is_some() {
             slope(&times)
@@ -476,8 +485,8 @@ impl Clock {
             return by_width(1);
         }
         let many = by_width(((units * resolution / mean).ceil() as usize).clamp(1, (times.len() / 4).max(1)));
-        // Digits make single steps uneven, and many steps together hide that samples are missing. A clock that is off by
-        // little cannot be told from few missing samples.
+        // Digits make single steps uneven, and many steps together hide that samples are missing. A clock that is off
+        // by little cannot be told from few missing samples.
         let single = (resolution < LONG * mean).then(|| by_width(1));
         let most = (FEW_LOST * times.len() as f64).max(2.0 * many.missing.len() as f64);
         single
@@ -939,6 +948,7 @@ mod tests {
             (&[0.0, f64::INFINITY], "line 4"),
             (&[0.0, 0.002, 0.001, 0.003, 0.002], "line 5"),
             (&[0.0, 0.001, 0.1, 0.101], "a gap of 0.099000 s"),
+            (&[&[3.0; 500][..], &[4.0; 500]].concat()[..], "so few digits"),
         ] {
             // All values differ, so that no row occurs twice.
             let channels = || vec![(0..times.len()).map(|n| n as f64).collect()];

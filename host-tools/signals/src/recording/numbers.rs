@@ -77,7 +77,8 @@ mod tests {
             let span = 2f64.powi(bits);
             let smooth = noise(seed, 5006);
             let smooth = smooth.windows(6).map(|near| near.iter().sum::<f64>() / 6f64.sqrt());
-            let signed: Vec<f64> = smooth.map(|x| (span * (level * x + if level < 0.1 { 0.0 } else { offset })).round()).collect();
+            let offset = if level < 0.1 { 0.0 } else { offset };
+            let signed: Vec<f64> = smooth.map(|x| (span * (level * x + offset)).round()).collect();
             let unsigned: Vec<f64> = signed.iter().map(|x| x.rem_euclid(span)).collect();
             let mut found = [unsigned.clone(), signed.clone()];
             let told = gone_on(&mut found[..1], Integers::Counts);

@@ -1,4 +1,5 @@
-//! The order of a file's rows in time. Times fall where a counter wraps, where a block begins, or where rows are swapped.
+//! The order of a file's rows in time. Times fall where a counter wraps, where a block begins, or where rows are
+//! swapped.
 
 use super::uneven::mean_of_most;
 
@@ -11,8 +12,8 @@ pub(super) struct Order {
     pub remark: Option<String>,
 }
 
-/// Least size of a fall of times, in steps, at which they start again, and largest ratio of the step across a wrap to the
-/// usual one, so that a few samples may be missing there.
+/// Least size of a fall of times, in steps, at which they start again, and largest ratio of the step across a wrap to
+/// the usual one, so that a few samples may be missing there.
 const START: (f64, f64) = (2.0, 8.0);
 
 /// Least number of steps in a counter's span.

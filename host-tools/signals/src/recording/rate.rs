@@ -56,8 +56,8 @@ impl SampleRate {
     }
 }
 
-/// Returns the remark, in words, that a `given` rate counts before the one that a file states; none if they are the same
-/// but for rounding.
+/// Returns the remark, in words, that a `given` rate counts before the one that a file states; none if they are the
+/// same but for rounding.
 pub(super) fn counts_before(given_hz: f64, states: &str, told_hz: f64) -> Option<String> {
     let is_other = (told_hz / given_hz - 1.0).abs() > NEAR_WHOLE;
     is_other.then(|| format!("{states} {told_hz:.1} Hz, and the rate that was given counts: {given_hz} Hz"))

@@ -77,8 +77,8 @@ impl Freehand {
         notes
     }
 
-    /// Appends a row to `channels`, one for each of `columns`; an outlier becomes 0, and a motion that is not written NaN.
-    /// `names` are the names of the row's columns.
+    /// Appends a row to `channels`, one for each of `columns`; an outlier becomes 0, and a motion that is not written
+    /// NaN. `names` are the names of the row's columns.
     fn push(&mut self, row: &Row<'_, '_>, columns: &[Column], names: &[&str], channels: &mut [Vec<f64>]) -> Result<()> {
         let mut bad = false;
         for (column, channel) in columns.iter().zip(&mut *channels) {
@@ -331,8 +331,8 @@ fn refuse_no_press(path: &Path, force_n: &[f64]) -> Result<()> {
     Err(Error::file(path, problem))
 }
 
-/// Length of a block whose level is compared with its speed, s; longest delay that is sought, and shortest that is told,
-/// in blocks.
+/// Length of a block whose level is compared with its speed, s; longest delay that is sought, and shortest that is
+/// told, in blocks.
 const DELAY_BLOCK_S: f64 = 0.02;
 const DELAYS: (isize, usize) = (25, 5);
 

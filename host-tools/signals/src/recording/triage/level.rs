@@ -4,7 +4,7 @@
 //! exceed this by far are findings. The bounds come from 24 real takes, whole and in parts of 2 s.
 
 use super::verdict::{Kind, Span, Verdict};
-use crate::dsp::sums::{moments_inlined, upper_median};
+use crate::dsp::sums::moments_inlined;
 use crate::dsp::wide;
 use model_format::SAMPLE_RATE_HZ;
 
@@ -17,21 +17,15 @@ const SILENT_DB: f64 = 50.0;
 /// Least number of parts of a silence: 0.1 s.
 const SILENT_PARTS: usize = 5;
 
-/// How far below the loud parts the sensor's noise must be, dB: twice the 3 dB by which a hand's own variation changes
-/// the mean of a second.
-const REST_DB: f64 = 6.0;
+/// How far below the loud parts a steady part must be to count as only the sensor's noise, dB.
+const QUIET_DB: f64 = 30.0;
 
-/// Least number of parts of one rest: 0.4 s. A steady tone, such as hum, is that long only where the texture rests.
-const REST_PARTS: usize = 20;
+/// Least number of parts of only the sensor's noise: 0.4 s.
+const QUIET_PARTS: usize = 20;
 
-/// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 of the file's own samples of
-/// white noise it is 0.6 dB, and more for fewer samples.
-const STEADY_DB: f64 = 1.0;
-
-/// Least ratio of the standard deviation of the other parts' levels to that of the sensor's noise, because those of a
-/// rig's two steady speeds are about equal; and how far below the loud parts steady noise is the sensor's anyway, dB.
-const LIVELIER: f64 = 2.0;
-const CLEAR_DB: f64 = 20.0;
+/// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
+/// 0.6 dB.
+const QUIET_SPREAD_DB: f64 = 1.3;
 
 /// Number of samples of a part in the search for taps, 10 ms, and number of parts of an event.
 const TAP_PART: usize = 50;
@@ -64,9 +58,9 @@ const STEP_SHARE: f64 = 0.6;
 const STEP_DB: f64 = 6.0;
 
 /// Returns the verdicts on the level of all `axes` together.
-pub(super) fn verdicts(axes: &[Vec<f64>], source_rate_hz: f64) -> Vec<Verdict> {
+pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
     let samples = axes.first().map_or(0, Vec::len);
-    let silence = silent_spans(axes, samples, source_rate_hz);
+    let silence = silent_spans(axes, samples);
     let mut verdicts = Vec::new();
     let silent: usize = silence.iter().map(ExactSizeIterator::len).sum();
     // Next to silence, any event would outweigh the rest.
@@ -103,8 +97,8 @@ fn decibels(power: f64) -> f64 {
     10.0 * power.max(f64::MIN_POSITIVE).log10()
 }
 
-/// Returns the runs of parts that are far below the loudest parts, and those of only the sensor's noise.
-fn silent_spans(axes: &[Vec<f64>], samples: usize, source_rate_hz: f64) -> Vec<Span> {
+/// Returns the runs of parts that are far below the loudest parts.
+fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
     let levels: Vec<f64> = powers(axes, SILENCE_PART).into_iter().map(decibels).collect();
     if levels.len() < 2 * SILENT_PARTS {
         return Vec::new();
@@ -114,9 +108,10 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize, source_rate_hz: f64) -> Vec<S
     // A tap of 40 ms in 2 s covers at most three of 100 parts, and does not change this level.
     let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
     let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
-    let steady_db = STEADY_DB * (f64::from(SAMPLE_RATE_HZ) / source_rate_hz).sqrt().max(1.0);
-    if let Some(bound) = rest_below(&levels, loud, steady_db) {
-        spans.extend(runs(&levels, bound, SILENT_PARTS));
+    for run in runs(&levels, loud - QUIET_DB, QUIET_PARTS) {
+        if spread(&levels[run.clone()]) < QUIET_SPREAD_DB {
+            spans.push(run);
+        }
     }
     // Both searches may find the same part.
     spans.sort_by_key(|span| span.start);
@@ -140,34 +135,6 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize, source_rate_hz: f64) -> Vec<S
         .collect()
 }
 
-/// Returns the level below which a part holds only the sensor's noise, dB; `None` if the trial has no rest.
-///
-/// The noise is the same in all rests of a trial, and steady. Bounds are tried from the highest down, and the parts at
-/// both ends of each run are left out, because the tool may still move in them.
-fn rest_below(levels: &[f64], loud: f64, steady_db: f64) -> Option<f64> {
-    let of_bound = |below_db: u32| {
-        let bound = loud - f64::from(below_db);
-        let runs = runs(levels, bound, SILENT_PARTS + 2);
-        let is_long = runs.iter().any(|run| run.len() >= REST_PARTS + 2);
-        let inner = runs.iter().flat_map(|run| &levels[run.start + 1..run.end - 1]);
-        let rest: Vec<f64> = inner.copied().collect();
-        let (noise, spread_db) = (mean(&rest), spread(&rest));
-        // What reaches up to the bound is the lower end of something livelier, which the bound has cut off.
-        if !is_long || spread_db > steady_db || bound - noise < 3.0 * steady_db {
-            return None;
-        }
-        let highest = noise + 3.0 * spread_db;
-        let others: Vec<f64> = levels.iter().copied().filter(|level| *level > highest).collect();
-        let middle = upper_median(&others)?;
-        let deviations: Vec<f64> = others.iter().map(|level| (level - middle).abs()).collect();
-        // 1.48 median absolute deviations are a standard deviation (Hampel, JASA 69, 1974, 383), but for the few parts
-        // in which the speed changes.
-        let is_lively = 1.48 * upper_median(&deviations)? >= LIVELIER * spread_db.max(0.6 * steady_db);
-        (is_lively || loud - noise >= CLEAR_DB).then_some(highest)
-    };
-    (REST_DB as u32..SILENT_DB as u32).find_map(of_bound)
-}
-
 /// Returns the runs of at least `least` levels below `bound`.
 fn runs(levels: &[f64], bound: f64, least: usize) -> Vec<Span> {
     let mut found = Vec::new();
@@ -189,13 +156,9 @@ fn spread(levels: &[f64]) -> f64 {
     (squares(levels) / levels.len() as f64).sqrt()
 }
 
-fn mean(levels: &[f64]) -> f64 {
-    levels.iter().sum::<f64>() / levels.len().max(1) as f64
-}
-
 /// Returns the sum of the squared deviations from the mean.
 fn squares(levels: &[f64]) -> f64 {
-    let mean = mean(levels);
+    let mean = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
     levels.iter().map(|level| (level - mean) * (level - mean)).sum()
 }
 
@@ -255,6 +218,7 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
     let all = squares(&values);
     let left = |at: &usize| squares(&values[..*at]) + squares(&values[*at..]);
     let best = (STEP_PARTS..=values.len() - STEP_PARTS).min_by(|a, b| left(a).total_cmp(&left(b)))?;
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let step_db = mean(&values[best..]) - mean(&values[..best]);
     let n = values.len() as f64;
     let moment: f64 = values
@@ -282,10 +246,9 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::{RATE_HZ, bounded_noise, plus, tone};
+    use super::super::test_signals::{bounded_noise, plus};
     use super::*;
-    use proptest::prelude::*;
-    use test_helpers::{holds, noise};
+    use test_helpers::holds;
 
     fn scaled(range: Span, by: f64) -> Vec<f64> {
         let mut signal = bounded_noise(1);
@@ -296,7 +259,7 @@ mod tests {
     #[test]
     fn a_silent_part_is_found_with_its_ends_also_if_it_is_most_of_the_trial() {
         for silent in [0..1000, 4000..5000, 500..10_000] {
-            let found = verdicts(&[scaled(silent.clone(), 1e-4)], RATE_HZ);
+            let found = verdicts(&[scaled(silent.clone(), 1e-4)]);
             let [verdict] = &found[..] else {
                 panic!("{found:?}");
             };
@@ -310,7 +273,7 @@ mod tests {
         let burst = bounded_noise(3);
         let tap = (0..150).map(|n| 40.0 * burst[n] * (-(n as f64) / 40.0).exp());
         let late = std::iter::repeat_n(0.0, 6000).chain(tap).chain(std::iter::repeat(0.0));
-        let found = verdicts(&[plus(&bounded_noise(1), late)], RATE_HZ);
+        let found = verdicts(&[plus(&bounded_noise(1), late)]);
         let [verdict] = &found[..] else {
             panic!("{found:?}");
         };
@@ -320,7 +283,7 @@ mod tests {
 
     #[test]
     fn steps_and_ramps_of_the_level_are_told_apart() {
-        let found = verdicts(&[scaled(5000..10_000, 4.0)], RATE_HZ);
+        let found = verdicts(&[scaled(5000..10_000, 4.0)]);
         let words = found[0].to_string();
         assert!(words.starts_with("level change: +12 dB at 1.0"), "{words}");
         let ramp: Vec<f64> = bounded_noise(1)
@@ -328,64 +291,7 @@ mod tests {
             .enumerate()
             .map(|(n, x)| x * (n as f64 / 5000.0).exp())
             .collect();
-        let message = verdicts(&[ramp], RATE_HZ)[0].to_string();
+        let message = verdicts(&[ramp])[0].to_string();
         holds(&message, &["from beginning to end"]);
-    }
-
-    /// A surface with a resonance at 360 Hz, of unit RMS, whose residual is heavy-tailed and whose level swings within
-    /// 0.1 s.
-    fn rubbed(seed: u64, samples: usize, swing: f64) -> Vec<f64> {
-        let [source, size, slow] = [0, 1, 2].map(|part| noise(seed + 1000 * part, samples));
-        let (mut low, mut last, mut level) = (0.0, 0.0, slow[0]);
-        let texture: Vec<f64> = (0..samples)
-            .map(|n| {
-                level = 0.998 * level + 0.063 * slow[n];
-                let residual = source[n] * (0.5 * size[n] + swing * level).exp();
-                (last, low) = (low, 1.7 * low - 0.9 * last + 0.3 * residual);
-                low
-            })
-            .collect();
-        let rms = moments_inlined(&texture).variance.sqrt();
-        texture.iter().map(|x| x / rms).collect()
-    }
-
-    fn rests(signal: Vec<f64>) -> Vec<Span> {
-        let found = verdicts(&[signal], RATE_HZ);
-        let rest = found.iter().find(|verdict| verdict.kind() == Kind::PartlySilent);
-        rest.map_or(Vec::new(), |verdict| verdict.spans().to_vec())
-    }
-
-    proptest! {
-        #[test]
-        fn rests_are_found_at_any_noise_of_a_sensor_and_with_hum(
-            seed in 0u64..1000, noise_db in -30.0..-8.0f64, swing in 0.2..0.8f64, hum in 0.0..0.1f64,
-            first in 2500usize..9000, last in 2500usize..9000,
-        ) {
-            let length = first + last + 8000;
-            let moves = |n: usize| if (first..length - last).contains(&n) { 1.0 } else { 0.0 };
-            let sensor = noise(seed + 9000, length);
-            let both = rubbed(seed, length, swing).into_iter().zip(sensor).enumerate();
-            let signal: Vec<f64> = both.map(|(n, (x, e))| moves(n) * x + 10f64.powf(noise_db / 20.0) * e).collect();
-            let found = rests(plus(&signal, tone(50.0, hum).cycle()));
-            let covered = |from: usize, to: usize| -> usize {
-                found.iter().map(|span| span.end.min(to).saturating_sub(span.start.max(from))).sum()
-            };
-            prop_assert!(covered(0, first) + 400 >= first, "{:?}", found);
-            prop_assert!(covered(length - last, length) + 400 >= last, "{:?}", found);
-            prop_assert!(covered(first, length - last) < 1500, "{:?}", found);
-        }
-
-        #[test]
-        fn sound_takes_have_no_rest_with_hum_of_any_strength_or_two_steady_speeds(
-            seed in 0u64..1000, length in 10_000usize..30_000, swing in 0.0..0.8f64,
-            hz in prop::sample::select(vec![50.0, 60.0, 100.0, 120.0, 180.0]), power in -2.0..1.3f64,
-            slower in prop::sample::select(vec![0.5, 0.3, 0.15]),
-        ) {
-            let signal = rubbed(seed, length, swing);
-            let hum = tone(hz, 10f64.powf(power)).cycle();
-            prop_assert_eq!(rests(plus(&signal, hum)), Vec::<Span>::new());
-            let slow = signal.iter().enumerate().map(|(n, x)| if 2 * n < length { *x } else { slower * x });
-            prop_assert_eq!(rests(slow.collect()), Vec::<Span>::new());
-        }
     }
 }

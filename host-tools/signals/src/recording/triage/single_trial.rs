@@ -52,7 +52,7 @@ pub fn samples(samples: &Samples, slow_share: f64) -> Vec<Verdict> {
     if power.sqrt() >= SILENCE_FLOOR_M_S2 {
         verdicts.extend(of_defects(samples));
         verdicts.extend(dead_axes(&moments));
-        verdicts.extend(level::verdicts(axes, samples.source_rate_hz));
+        verdicts.extend(level::verdicts(axes));
         verdicts.extend(wandering(axes, slow_share, samples.source_rate_hz));
     }
     let share = worst(axes, drift_share);

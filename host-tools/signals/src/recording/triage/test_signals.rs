@@ -15,7 +15,7 @@ pub fn bounded_noise(seed: u64) -> Vec<f64> {
         .collect()
 }
 
-pub fn tone(frequency_hz: f64, amplitude: f64) -> impl Iterator<Item = f64> + Clone {
+pub fn tone(frequency_hz: f64, amplitude: f64) -> impl Iterator<Item = f64> {
     let step = core::f64::consts::TAU * frequency_hz / RATE_HZ;
     (0..10_000).map(move |n| amplitude * (step * f64::from(n)).sin())
 }
