@@ -10,6 +10,7 @@ use std::process::Command;
 use anyhow::{Context, Result, bail};
 
 use crate::process::Progress;
+use crate::toolchain::Toolchain;
 use crate::workspace::Folders;
 use crate::{process, toolchain, workspace};
 
@@ -42,7 +43,7 @@ pub struct Built {
 
 /// Builds the module and keeps it. Returns a message on the result.
 pub fn write() -> Result<String> {
-    let Built { bytes, compiler, .. } = build(PACKAGE, PROFILE)?;
+    let Built { bytes, compiler, .. } = build(PACKAGE, PROFILE, Progress::Quiet)?;
     std::fs::write(workspace::root().join(KEPT), &bytes)?;
     std::fs::write(workspace::root().join(KEPT_COMPILER), format!("{compiler}\n"))?;
     Ok(format!("{KEPT}: {} bytes by {compiler}", bytes.len()))
@@ -54,7 +55,7 @@ pub fn write() -> Result<String> {
 /// There is no toolchain, the build fails, the module names a folder of this machine, a file cannot be read, or the
 /// modules differ: in their bytes if one compiler built both, else in what they play.
 pub fn check() -> Result<String> {
-    let built = build(PACKAGE, PROFILE)?;
+    let built = build(PACKAGE, PROFILE, Progress::Quiet)?;
     let kept = std::fs::read(workspace::root().join(KEPT)).context(KEPT)?;
     let compiler = std::fs::read_to_string(workspace::root().join(KEPT_COMPILER))?;
     let (compiler, own) = (compiler.trim(), &built.compiler);
@@ -110,20 +111,19 @@ fn play(file: &Path) -> Result<()> {
 ///
 /// # Errors
 /// There is no toolchain, the build fails, or the module names a folder of this machine.
-pub fn build(package: &str, profile: &str) -> Result<Built> {
-    if !toolchain::has_target(TARGET) {
-        bail!("the Rust toolchain here does not build for {TARGET}; install it: `rustup target add {TARGET}`");
+pub fn build(package: &str, profile: &str, progress: Progress) -> Result<Built> {
+    if !toolchain::has_target(TARGET) && process::find("rustup", "").is_ok() {
+        let mut rustup = Command::new("rustup");
+        // Where it fails, there may be another toolchain.
+        let _ = process::run(rustup.args(["target", "add", TARGET]).current_dir(workspace::root()));
     }
+    let toolchain = Toolchain::that_builds_for(TARGET)?;
     let folders = Folders::here(profile);
-    let mut cargo = Command::new("cargo");
-    toolchain::without_inherited(&mut cargo);
+    let mut cargo = toolchain.cargo_for(TARGET, "std,panic_abort", "build", &folders.sources, &folders.target);
     cargo
-        .current_dir(&folders.sources)
-        .args(["build", "--locked", "--package", package, "--lib"])
-        .args(["--target", TARGET, "--profile", profile])
-        .args(Progress::Quiet.argument())
+        .args(["--package", package, "--lib", "--profile", profile])
+        .args(progress.argument())
         .env("CARGO_HOME", &folders.cargo_home)
-        .env("CARGO_TARGET_DIR", &folders.target)
         .env("CARGO_ENCODED_RUSTFLAGS", folders.compiler_flags(&[]))
         // Incremental compilation would divide the code differently.
         .env("CARGO_INCREMENTAL", "0");
@@ -138,7 +138,7 @@ pub fn build(package: &str, profile: &str) -> Result<Built> {
     Ok(Built {
         file,
         bytes,
-        compiler: toolchain::version_in_use()?,
+        compiler: toolchain.compiler_version()?,
     })
 }
 

@@ -1,8 +1,8 @@
-//! A Rust toolchain that builds for the microcontroller's core.
+//! A Rust toolchain that builds for the microcontroller's core, or for pages.
 //!
-//! On most machines it is rustup's, with the target that `rust-toolchain.toml` names. Where rustup cannot install the
+//! On most machines it is rustup's, with the targets that `rust-toolchain.toml` names. Where rustup cannot install a
 //! target, Debian's own toolchain is used. It is either installed, or unpacked by `tests/run` into the folder of
-//! builds. It lacks the target too, and builds `core` from the library's source.
+//! builds. It lacks the targets too, and builds the library from its source.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use anyhow::{Result, bail};
 use crate::workspace::TARGET;
 use crate::{process, workspace};
 
-/// Packages of Debian 12 that build for [`TARGET`].
+/// Packages of Debian 12 that build for these targets.
 const DEBIAN_PACKAGES: &str = "rustc-web cargo-web rust-web-src rust-web-llvm rust-web-clippy lld-22";
 
 /// Returns the folder with the programs of Debian's toolchain: the unpacked one if there is one, else the installed
@@ -27,23 +27,28 @@ fn debian_folder() -> PathBuf {
     }
 }
 
-/// A toolchain that builds for [`TARGET`].
+/// A toolchain that builds for a target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Toolchain {
-    /// The toolchain in use, if it has the target.
+    /// The toolchain in use, which has the target.
     Installed {
         /// Folder of the toolchain.
         sysroot: PathBuf,
     },
-    /// Debian's toolchain, which builds `core` from source.
+    /// Debian's toolchain, which builds the library from source.
     Debian,
 }
 
 impl Toolchain {
-    /// Returns the first toolchain found that builds for the target.
+    /// Returns the first toolchain found that builds for the microcontroller's core.
     pub fn find() -> Result<Self> {
+        Self::that_builds_for(TARGET)
+    }
+
+    /// Returns the first toolchain found that builds for `target`.
+    pub fn that_builds_for(target: &str) -> Result<Self> {
         if let Some(sysroot) = sysroot(Path::new("rustc"))
-            && sysroot.join("lib/rustlib").join(TARGET).join("lib").is_dir()
+            && sysroot.join("lib/rustlib").join(target).join("lib").is_dir()
         {
             return Ok(Self::Installed { sysroot });
         }
@@ -54,7 +59,7 @@ impl Toolchain {
             Ok(Self::Debian)
         } else {
             bail!(
-                "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where \
+                "no Rust toolchain here builds for {target}; install it: `rustup target add {target}`, or, where \
                  rustup has no such target, on Debian 12 `tests/run` (without root), or as root `apt-get install \
                  {DEBIAN_PACKAGES}`"
             )
@@ -78,6 +83,18 @@ impl Toolchain {
     /// Returns the command `cargo <subcommand> --locked --target <the target>`, run in `folder`, with outputs in
     /// `target_folder`.
     pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
+        self.cargo_for(TARGET, "core", subcommand, folder, target_folder)
+    }
+
+    /// Like [`Self::cargo`], for `target`, whose `library` Debian's toolchain builds from source.
+    pub fn cargo_for(
+        &self,
+        target: &str,
+        library: &str,
+        subcommand: &str,
+        folder: &Path,
+        target_folder: &Path,
+    ) -> Command {
         let mut command = match self {
             Self::Installed { .. } => Command::new("cargo"),
             Self::Debian => Command::new(debian_folder().join("cargo")),
@@ -85,12 +102,13 @@ impl Toolchain {
         command.current_dir(folder);
         without_inherited(&mut command);
         command.env("CARGO_TARGET_DIR", target_folder);
-        command.args([subcommand, "--locked", "--target", TARGET]);
+        command.args([subcommand, "--locked", "--target", target]);
         if *self == Self::Debian {
             // The compiler looks for its linker, rust-lld, on the search path.
             command.env("PATH", debian_first());
-            // Building `core` is a nightly feature. No other nightly feature is used.
-            command.env("RUSTC_BOOTSTRAP", "1").args(["-Z", "build-std=core"]);
+            // Building the library is a nightly feature. No other nightly feature is used.
+            command.env("RUSTC_BOOTSTRAP", "1");
+            command.args(["-Z", &format!("build-std={library}")]);
         }
         command
     }
@@ -102,7 +120,7 @@ impl std::fmt::Display for Toolchain {
             Self::Installed { sysroot } => write!(f, "{}", sysroot.display()),
             Self::Debian => {
                 let folder = debian_folder();
-                write!(f, "Debian's, in {}, with core from its source", folder.display())
+                write!(f, "Debian's, in {}, with the library from its source", folder.display())
             }
         }
     }
