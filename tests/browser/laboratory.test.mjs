@@ -11,6 +11,7 @@ import { browser, folder } from "./bench.mjs";
 import { Opened, PHONE, launched } from "./chromium.mjs";
 
 const PAGE = process.env.STYLUS_LABORATORY;
+const AXE = fs.readFileSync(path.join(process.env.STYLUS_NODE_MODULES, "node_modules/axe-core/axe.min.js"), "utf8");
 const stylus = (...list) => execFileSync(process.env.STYLUS_PROGRAM, list, { cwd: folder, stdio: "pipe" });
 
 // Opens the page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
@@ -86,6 +87,8 @@ test("a folder with its list gives the command's library and record, and what is
     assert.match(await text(page, "#notes"), /8 rows from the list logger\/trials\.csv/);
     await fit(page);
     assert.equal(await text(page, "#trouble"), "");
+    // What was fitted keeps its name when the next library is to have another.
+    await page.page.locator("#name").fill("next");
     const bytes = (file) => fs.readFileSync(path.isAbsolute(file) ? file : path.join(folder, file));
     assert.deepEqual(bytes(await saved(page, "Library")), bytes("textures.lib"));
     assert.deepEqual(bytes(await saved(page, "Its record")), bytes("textures.lib.fit.json"));
@@ -132,6 +135,15 @@ function noise(seed = 1) {
 }
 
 const steady = () => wave(5000, 2, noise());
+
+// Two recordings whose names say what they are, in a folder of this name.
+function surfaces(name) {
+  const home = path.join(folder, name);
+  fs.mkdirSync(home);
+  const files = ["cork_60mms_1N.wav", "felt_60mms_1N.wav"].map((file) => path.join(home, file));
+  files.forEach((file, at) => fs.writeFileSync(file, wave(5000, 2, noise(at + 11))));
+  return files;
+}
 
 test("a fault of a file is told in the command's words, and the others are read", () =>
   opened(async (page) => {
@@ -242,6 +254,99 @@ test("a fit that is cancelled leaves all that was entered, and a reload leaves a
     assert.match(await text(page, "#stored"), /0 files/);
   }));
 
+test("a panic of the module is told in its words, a new one has all files, and a lack of memory is told as that", () =>
+  opened(async (page) => {
+    await give(page, surfaces("panics"));
+    // A worker whose next fit ends in a trap, with or without the words that a panic leaves.
+    const trapped = (words) => page.value((words) => {
+      const { lab } = laboratory;
+      // (func (export "f") unreachable)
+      const trap = [0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 7, 5, 1, 1, 102, 0, 0, 10, 5, 1, 3, 0,
+        0, 11];
+      const faulty = `${byId("worker").textContent}
+        const good = answered;
+        answered = (asked) => {
+          if (asked.ask.ask !== "fit") return good(asked);
+          const words = new TextEncoder().encode(${JSON.stringify(words)});
+          const room = exports.reserve(words.length + 1) >>> 0;
+          bytesAt(room, words.length).set(words);
+          exports = { ...exports, text: () => room, text_length: () => words.length };
+          new WebAssembly.Instance(new WebAssembly.Module(new Uint8Array([${trap}]))).exports.f();
+        };`;
+      const whole = lab.source;
+      lab.source = URL.createObjectURL(new Blob([faulty], { type: "text/javascript" }));
+      lab.end();
+      lab.source = whole;
+    }, words);
+    const rows = await page.value(() => JSON.stringify(laboratory.state.rows));
+    const cases = [["panicked at fit.rs: <b>", /place: panicked at fit\.rs: <b>/], ["", /no memory left/]];
+    for (const [words, told] of cases) {
+      await trapped(words);
+      await fit(page);
+      assert.match(await text(page, "#trouble"), told);
+      assert.match(await text(page, "#trouble"), /a new one took its place/);
+      assert.equal(await page.value(() => JSON.stringify(laboratory.state.rows)), rows);
+    }
+    await fit(page);
+    assert.equal(await text(page, "#trouble"), "");
+    assert.match(await text(page, "#fit-text"), /2 trials/);
+  }));
+
+test("a file that is larger than a reader takes is refused in the readers' words before a byte of it is read", () =>
+  opened(async (page) => {
+    const told = (name, size) => page.value(([name, size]) => {
+      const file = new File([], name);
+      Object.defineProperty(file, "size", { value: size });
+      file.arrayBuffer = file.stream = file.text = () => {
+        throw new Error("it is read");
+      };
+      return laboratory.does(() => laboratory.add([{ path: name, file }])).then(() => byId("notes").innerText);
+    }, [name, size]);
+    const most = /recordings\/a\.csv: has more than 536870912 bytes, the most of a table of samples/;
+    assert.match(await told("a.csv", 513 * 2 ** 20), most);
+    assert.match(await told("a.lvm", 513 * 2 ** 20), /more than 536870912 bytes/);
+    assert.match(await told("a.wav", 2 ** 33), /more than 4296015872 bytes, the most of a recording/);
+    assert.match(await told("a.wav", 1.1e9), /all files together would have more than 1000\.0 MB/);
+    assert.match(await text(page, "#stored"), /^0 files/);
+  }));
+
+test("keys alone lead from the page's beginning to sound", () =>
+  opened(async (page) => {
+    // Moves by tab to the control with this name, as a person without a mouse does.
+    const tabbed = async (id) => {
+      const at = () => page.value(() => document.activeElement.id);
+      for (let n = 0; (await at()) !== id; n++) {
+        assert.ok(n < 500, `no way to ${id}`);
+        await page.press("Tab");
+      }
+    };
+    // Before other calls, because the browser hears of it no sooner than of a key that follows.
+    const chooser = page.page.waitForEvent("filechooser");
+    await tabbed("files");
+    await page.press("Enter");
+    await (await chooser).setFiles(surfaces("keys"));
+    await page.loaded(() => laboratory.state.rows.length === 2);
+    await settled(page);
+    await tabbed("fit");
+    await page.press("Enter");
+    await settled(page);
+    // An empty frame would take the key and show nothing.
+    await page.loaded(() => document.getElementById("rub-frame").contentDocument.getElementById("patch") !== null);
+    await tabbed("rub-frame");
+    const frame = await (await page.page.locator("#rub-frame").elementHandle()).contentFrame();
+    for (let n = 0; !(await frame.evaluate(() => document.activeElement.id === "patch")); n++) {
+      assert.ok(n < 100, "no way to the patch");
+      await page.press("Tab");
+    }
+    // A browser draws nothing of a frame out of sight, and the patch is in sight by now.
+    const isReady = () => globalThis.rubPage?.newKernel && rubPage.times.ready !== null;
+    await frame.waitForFunction(isReady, null, { polling: 100 });
+    await page.down("ArrowRight");
+    const isMoving = () => document.getElementById("now-speed").textContent !== "0 mm/s";
+    await frame.waitForFunction(isMoving, null, { polling: 50 });
+    await page.up("ArrowRight");
+  }));
+
 // Elements that make the page wider than its window.
 function tooWide() {
   const { clientWidth, scrollWidth } = document.documentElement;
@@ -254,16 +359,12 @@ function tooWide() {
   return found;
 }
 
-test("a telephone, a tablet and a wide window show all, light and dark, and a keyboard and a reader find it", () =>
+test("a telephone, a tablet and a wide window show all, light and dark, and a screen reader finds it", () =>
   opened(async (page) => {
-    await page.page.locator("#demo").focus();
-    await page.press("Enter");
+    await page.page.locator("#demo").click();
     await settled(page);
     await page.page.locator("#record summary").click();
-    await page.page.locator("#fit").focus();
-    await page.press("Enter");
-    await settled(page);
-    assert.equal(await text(page, "#trouble"), "");
+    await rubbed(page);
     for (const width of [390, 768, 1400]) {
       await page.page.setViewportSize({ width, height: 900 });
       assert.deepEqual(await page.value(tooWide), [], `at ${width}`);
@@ -278,6 +379,15 @@ test("a telephone, a tablet and a wide window show all, light and dark, and a ke
       }
     }
     assert.deepEqual(await page.unnamed(), []);
+    await page.page.locator("#open-report").click();
+    await settled(page);
+    for (const frame of page.page.frames()) {
+      await frame.evaluate(AXE);
+      const { violations } = await frame.evaluate(() => axe.run({ iframes: false }));
+      const told = ({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map(({ html }) => html.slice(0, 100))}`;
+      const serious = violations.filter(({ impact }) => ["serious", "critical"].includes(impact));
+      assert.deepEqual(serious.map(told), [], frame.url().slice(0, 60));
+    }
   }));
 
 test("on a telephone a finger finds every control, and rubs", () =>
@@ -302,7 +412,7 @@ test("on a telephone a finger finds every control, and rubs", () =>
     }
     assert.notEqual(speed, "0 mm/s");
     await touch("touchEnd", null);
-  }, PHONE));
+  }, { ...PHONE, viewport: { width: 390, height: 800 } }));
 
 // Fits what the page has. Returns the frame of the page to rub, ready.
 async function rubbed(page) {
@@ -342,7 +452,7 @@ test("a take by the microphone is the sound that is played to it, and gives its 
       fs.writeFileSync(path.join(truth, "trials.csv"),
         "file,texture,speed_mm_s,force_n,scale_m_s2\ncork.wav,cork,60,0.5,20\n");
       await saved(page, "Its record");
-      stylus("evaluate", truth, "--library", library, "--synthesis", "60", "--json", "truth.json");
+      stylus("evaluate", truth, "--library", library, "--synthesis", "60", "--json-out", "truth.json");
       const { trials } = JSON.parse(fs.readFileSync(path.join(folder, "truth.json")));
       const errors = trials[0].band_errors_db.filter((error) => error !== null);
       assert.ok(errors.length > 15 && errors.every((error) => Math.abs(error) < 1), errors.join(" "));

@@ -196,7 +196,7 @@ const DEMO: [(&str, &str); 2] = [
     ("forces_n = ", "[0.4, 0.8, 1.2]"),
 ];
 
-/// Simulates the recordings. Returns the paths of all files.
+/// Simulates the recordings. Returns the paths of these and of their list.
 fn demo(folder: &Path) -> Result<Value> {
     let full = RigFile::demo();
     let line = |line: &str| {
@@ -209,6 +209,10 @@ fn demo(folder: &Path) -> Result<Value> {
     let set = RecordingSet::open(&[folder.to_owned()])?;
     let files = set.trials.iter().map(|trial| trial.file.clone());
     let files: Vec<PathBuf> = files.chain([folder.join(TRIALS_FILE)]).collect();
+    // The description of the rig is no recording that somebody gave.
+    for (other, _) in files::below(folder).iter().filter(|(file, _)| !files.contains(file)) {
+        files::remove(other);
+    }
     Ok(json!(files))
 }
 
@@ -306,7 +310,7 @@ impl Opened {
     fn of(kept: &Kept) -> Result<Self> {
         let bytes = Format::Library.read(&kept.library)?;
         let record = FitRecord::beside(&kept.library, &bytes)?;
-        let mut set = RecordingSet::open(&[kept.folder.clone()])?;
+        let mut set = RecordingSet::open(std::slice::from_ref(&kept.folder))?;
         if let Some(record) = &record {
             set = record.as_fitted(set)?;
         }

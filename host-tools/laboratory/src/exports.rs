@@ -72,7 +72,11 @@ exports! {
     /// Answers the request in the room, whose text has `length` bytes. Returns 0, or 1 for a refusal; `text` has the
     /// answer as JSON, or the reason.
     fn ask(length: usize) -> u32 {
-        let mut asked = ROOM.with_borrow_mut(|room| std::mem::take(&mut room.asked));
+        let mut asked = ROOM.with_borrow_mut(|room| {
+            // Memory that runs out ends the module without a word, and the last answer must not be taken for one.
+            room.text.clear();
+            std::mem::take(&mut room.asked)
+        });
         let bytes = asked.split_off(length.min(asked.len()));
         let asked = serde_json::from_slice::<Asked>(&asked).map_err(|fault| fault.to_string());
         let answered = asked.and_then(|asked| answer(&asked, bytes).map_err(|fault| fault.to_string()));

@@ -282,7 +282,7 @@ mod tests {
     fn names_fill_rows_by_the_pattern_that_fits_all_of_them_and_nothing_is_guessed_otherwise() {
         let cork = ("cork".to_owned(), Some(60.0), Some(0.5));
         for name in ["cork_60mms_0.5N_1.wav", "cork_60mms_0.5N.csv", "school/cork_60_0.5.wav"] {
-            assert_eq!(texts(&[name], ""), [cork.clone()], "{name}");
+            assert_eq!(texts(&[name], ""), std::slice::from_ref(&cork), "{name}");
         }
         let unlike = texts(&["cork_60mms_0.5N.wav", "felt.wav"], "");
         assert_eq!(unlike[1], ("felt".to_owned(), None, None));

@@ -48,7 +48,7 @@ fn files_in_memory_give_the_library_record_and_pages_of_those_on_the_disk() {
     let home = tempfile::tempdir().unwrap();
     let folder = home.path().join("recordings");
     simulated(&folder);
-    let set = RecordingSet::open(&[folder.clone()]).unwrap();
+    let set = RecordingSet::open(std::slice::from_ref(&folder)).unwrap();
     let options = Options::default();
     let on_disk = fit(&set, &options, |_| ()).unwrap();
     let bytes = on_disk.library().unwrap();
@@ -148,12 +148,12 @@ fn a_list_with_a_gap_names_the_line_and_a_unit_is_a_number_there() {
     test_helpers::holds(&refused, &["trials.csv, line 3: no speed_mm_s"]);
     fit(json!([row("a <b>.wav", "100"), row("=c.wav", "50")])).unwrap();
     let list = files::held(&folder.join("trials.csv")).unwrap();
-    let set = RecordingSet::open(&[folder.clone()]).unwrap();
+    let set = RecordingSet::open(std::slice::from_ref(&folder)).unwrap();
     assert_eq!(
         set.trials[1].file,
         folder.join("=c.wav"),
         "{}",
         String::from_utf8_lossy(&list)
     );
-    assert_eq!(set.trials[0].scale_m_s2, Some(0.00980665));
+    assert_eq!(set.trials[0].scale_m_s2, Some(0.009_806_65));
 }

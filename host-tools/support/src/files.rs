@@ -240,6 +240,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 /// A file that is read.
+#[derive(Debug)]
 pub enum Opened {
     /// A file of the disk.
     Disk(fs::File),

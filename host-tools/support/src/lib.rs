@@ -1,6 +1,6 @@
 //! Tools that every other wing needs: the error type, files read up to a limit, tables as CSV, WAV files, dates, files
-//! on the disk or in memory, files and folders written whole or not at all, decimals, names of files, names like a given
-//! one, numbers of options, bounds of a hand's motion, hashes of content, safe display of text, warnings by kind,
+//! on the disk or in memory, files and folders written whole or not at all, decimals, names of files, names like a
+//! given one, numbers of options, bounds of a hand's motion, hashes of content, safe display of text, warnings by kind,
 //! parallel work in order, progress bars, fields of a TOML text, and a setting of how the allocator handles freed
 //! memory.
 //!

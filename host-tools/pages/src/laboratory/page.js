@@ -234,8 +234,9 @@ class Page {
     await this.lookAtAll();
   }
 
+  // The library that was fitted, which keeps its name when the next one is to have another.
   get library() {
-    return `${this.state.name}.lib`;
+    return this.state.fitted.library;
   }
 
   async fit() {
@@ -246,22 +247,23 @@ class Page {
     this.show();
     this.table.point(null);
     const plain = used.map(({ use: _, ...row }) => row);
+    const library = `${this.state.name}.lib`;
     try {
-      this.state.fitted = await this.lab.ask({ ask: "fit", folder, rows: plain, library: this.library });
+      this.state.fitted = { library, ...(await this.lab.ask({ ask: "fit", folder, rows: plain, library })) };
     } catch (fault) {
       // The list's first line is its header.
       const line = /trials\.csv, line (\d+): /.exec(fault.message);
       if (line) this.table.point(used[Number(line[1]) - 2]);
       throw fault;
     }
-    for (const path of [this.library, `${this.library}.fit.json`, `${folder}/trials.csv`]) {
+    for (const path of [library, `${library}.fit.json`, `${folder}/trials.csv`]) {
       await this.keep(path, await this.lab.made(path));
     }
     const { trials } = this.state.fitted;
     used.forEach((row, at) => Object.assign(this.state.looked[row.file] ?? {}, { verdicts: trials[at].verdicts }));
     this.table.show(rows, this.state.looked);
     this.show();
-    const kept = { folder, library: this.library, page: "rub.html", report: "report" };
+    const kept = { folder, library, page: "rub.html", report: "report" };
     this.state.judged = await this.lab.ask({ ask: "judge", ...kept });
     for (const path of ["rub.html", this.state.judged.report]) await this.store?.put(path, await this.html(path));
     await this.showJudged();

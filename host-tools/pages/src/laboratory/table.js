@@ -41,7 +41,9 @@ class Table {
       row.use = use.checked;
       this.onChange(row, "use");
     });
-    const line = element("tr", {}, element("td", {}, use), element("td", { className: "file" }, row.file));
+    // Names are broken behind signs rather than within words.
+    const name = row.file.split(/(?<=[/_])/).flatMap((part) => [part, element("wbr")]);
+    const line = element("tr", {}, element("td", {}, use), element("td", { className: "file" }, ...name));
     const inputs = {};
     for (const [key, heading, size, isMore] of COLUMNS) {
       const input = element("input", { value: row[key], size, "aria-label": `${heading} of ${row.file}` });

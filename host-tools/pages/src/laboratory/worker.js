@@ -1,5 +1,7 @@
 // The laboratory's module in a thread of its own: one request after the other.
 
+const NO_MEMORY = "the browser has no memory left: leave out some recordings, or use the command";
+
 let exports;
 
 const bytesAt = (at, length) => new Uint8Array(exports.memory.buffer, at, length);
@@ -9,7 +11,7 @@ const textAt = (at, length) => new TextDecoder().decode(bytesAt(at, length));
 function answered({ ask, bytes = new Uint8Array() }) {
   const asked = new TextEncoder().encode(JSON.stringify(ask));
   const at = exports.reserve(asked.length + bytes.length) >>> 0;
-  if (at === 0) throw new Error("the browser has no memory left: leave out some recordings, or use the command");
+  if (at === 0) throw new Error(NO_MEMORY);
   bytesAt(at, asked.length).set(asked);
   bytesAt(at + asked.length, bytes.length).set(bytes);
   const isRefused = exports.ask(asked.length) !== 0;
@@ -45,9 +47,9 @@ onmessage = async ({ data }) => {
     const { told, bytes } = answered(data);
     postMessage({ id, told, bytes }, [bytes.buffer]);
   } catch (fault) {
-    // A trap has left its words, and the module must not be called again.
+    // A panic has left its words, and a lack of memory none. The module must not be called again.
     const hasStopped = fault instanceof WebAssembly.RuntimeError || fault instanceof RangeError;
-    const words = hasStopped ? textAt(exports.text() >>> 0, exports.text_length()) || fault.message : fault.message;
+    const words = hasStopped ? textAt(exports.text() >>> 0, exports.text_length()) || NO_MEMORY : fault.message;
     postMessage({ id, fault: words, hasStopped });
   }
 };
