@@ -320,8 +320,9 @@ test("keys alone lead from the page's beginning to sound", () =>
         await page.press("Tab");
       }
     };
-    await tabbed("files");
+    // Before other calls, because the browser hears of it no sooner than of a key that follows.
     const chooser = page.page.waitForEvent("filechooser");
+    await tabbed("files");
     await page.press("Enter");
     await (await chooser).setFiles(surfaces("keys"));
     await page.loaded(() => laboratory.state.rows.length === 2);
@@ -329,14 +330,17 @@ test("keys alone lead from the page's beginning to sound", () =>
     await tabbed("fit");
     await page.press("Enter");
     await settled(page);
+    // An empty frame would take the key and show nothing.
+    await page.loaded(() => document.getElementById("rub-frame").contentDocument.getElementById("patch") !== null);
     await tabbed("rub-frame");
     const frame = await (await page.page.locator("#rub-frame").elementHandle()).contentFrame();
-    const isReady = () => globalThis.rubPage?.newKernel && rubPage.times.ready !== null;
-    await frame.waitForFunction(isReady, null, { polling: 100 });
     for (let n = 0; !(await frame.evaluate(() => document.activeElement.id === "patch")); n++) {
       assert.ok(n < 100, "no way to the patch");
       await page.press("Tab");
     }
+    // A browser draws nothing of a frame out of sight, and the patch is in sight by now.
+    const isReady = () => globalThis.rubPage?.newKernel && rubPage.times.ready !== null;
+    await frame.waitForFunction(isReady, null, { polling: 100 });
     await page.down("ArrowRight");
     const isMoving = () => document.getElementById("now-speed").textContent !== "0 mm/s";
     await frame.waitForFunction(isMoving, null, { polling: 50 });
