@@ -255,10 +255,7 @@ fn the_codebook_of_a_snippet_is_drawn_by_the_weights_of_the_nodes() {
     let two_levels = alternating((0..20).map(|n| -40 * (n % 2)));
     let magnitudes = [
         vec![1.0],
-        values(&two_levels)[..=BLOCK_SAMPLES]
-            .iter()
-            .map(|x| x.abs())
-            .collect(),
+        values(&two_levels)[..=BLOCK_SAMPLES].iter().map(|x| x.abs()).collect(),
     ];
     let bytes = bare_of(vec![alternating([0; 16]), two_levels], [1, 2, 0, 0]);
     let texture = texture(&bytes);

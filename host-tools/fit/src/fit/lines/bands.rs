@@ -153,8 +153,8 @@ impl WholeSpectrum {
         let powers = || self.bins[low..=high].iter().map(Complex::norm_sqr);
         let (sum, squares) = powers().fold((0.0, 0.0), |(a, b), p| (a + p, b + p * p));
         // The equivalent number of independent intensities is bandwidth times duration; the mean square of a
-        // periodogram's values is twice the square of their expectation. Zeros after the samples make more values of the
-        // same number. One is subtracted, because few values give too high a number.
+        // periodogram's values is twice the square of their expectation. Zeros after the samples make more values, but
+        // no more independent ones. One is subtracted, because few values give too high a number.
         let share = self.samples as f64 / self.length as f64;
         let count = (2.0 * share * sum * sum / squares.max(f64::MIN_POSITIVE) - 1.0).max(1.0);
         let envelope = self.envelope_of([low, high]);
