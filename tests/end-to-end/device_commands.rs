@@ -50,7 +50,7 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
     assert_eq!(full["textures"][1]["provenance"], "SIMULATED");
     holds(&bench.succeed("slots"), &["(active)", "15 x 8"]);
     let status = bench.succeed("status");
-    let start = "start external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults";
+    let start = "start NUCLEO-H743ZI2, external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults";
     holds(&status, &["stylus 0123456789ABCDEF01234567", start, "µs"]);
     holds(&status, &["changing texture or library 1 x"]);
 }

@@ -265,7 +265,7 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
         ("time_s,speed_mm_s,force_n\n0,1,2\n", "columns of accel"),
         ("a,speed_mm_s,force_n\n0,1,2\n", "sample rate"),
         (&with("0,x,1,1\n"), "line 2"),
-        (&with(""), "time_s"),
+        (&with(""), "no samples"),
         (&with("0,0,1,1e5\n0.001,0,1,1e5\n"), "impossible values"),
         (&with("0,0,1,1\n1,0,1,1\n"), "sample rate of 1 Hz"),
         (&with("0,0,1,1\n0.001,0,1,1\n"), "steady"),

@@ -512,7 +512,7 @@ fn what_is_mended_in_the_times_is_said() {
         (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
         (stamped("t", 1.0, bunches), "bunches of 3"),
         (stamped("t", 1.0, coarse), "bunches of 8 samples share a time"),
-        (stamped("t", 1.0, back), "start again after 2.001"),
+        (stamped("t", 1.0, back), "start again after 2,"),
         (
             stamped("t", 1.0, swapped),
             "40 of its rows are put in the order of their times",

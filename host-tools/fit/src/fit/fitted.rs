@@ -3,7 +3,7 @@
 use model_format::{NodeSpec, Provenance, TextureSpec, limits};
 
 use super::blocks::Part;
-use super::excitation::{self, Axes, Choice, Chosen, ExcitationReport};
+use super::excitation::{self, Axes, Choice, Chosen, Excess, ExcitationReport};
 use super::grid::{Member, assemble};
 use super::lines::Findings;
 use super::notes;
@@ -110,20 +110,26 @@ impl FittedTexture {
         self.lower(&excess);
     }
 
-    /// Lowers the level of the nodes at these indices of speed and force by the factor by which their loudest moments
-    /// exceed what is allowed over their recordings.
-    fn lower(&mut self, excess: &[((usize, usize), f64)]) {
-        for &((speed, force), excess) in excess {
+    /// Lowers the nodes that are too loud: to the level of their recordings, and further if their loudest moments
+    /// exceed what is allowed over these.
+    fn lower(&mut self, excess: &[Excess]) {
+        for node in excess {
             // An excess is a ratio of amplitudes, the level a power.
-            self.scale(self.grid.index(speed, force), excess.powi(-2));
+            let index = self.grid.index(node.at.0, node.at.1);
+            self.scale(index, (node.level * node.moments).powi(-2));
         }
-        let Some(most_db) = excess.iter().map(|(_, e)| 20.0 * e.log10()).reduce(f64::max) else {
+        let softer: Vec<f64> = excess
+            .iter()
+            .map(|node| node.moments)
+            .filter(|moments| *moments > 1.0)
+            .collect();
+        let Some(most_db) = softer.iter().map(|moments| 20.0 * moments.log10()).reduce(f64::max) else {
             return;
         };
         let text = format!(
-            "{} up to {most_db:.1} dB softer than recorded, because their loudest moments, or a tone, would be louder \
-             than in any of their recordings: --excitation gaussian plays them at their level",
-            counted(excess.len(), "node")
+            "{} up to {most_db:.1} dB softer than recorded, because their loudest moments would be louder than any of \
+             their recordings: --excitation gaussian plays them at their level",
+            counted(softer.len(), "node")
         );
         let note = Warning::of_texture("softer", &self.name, most_db, text);
         self.notes.push(note);

@@ -6,12 +6,12 @@
 //! content, too, so that a record of another library is ignored.
 
 use std::collections::HashMap;
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::ser::{Formatter, Serializer};
 
 use super::excitation::ExcitationReport;
 use super::fitted::Fit;
@@ -296,24 +296,23 @@ const DIGITS: usize = 6;
 
 /// Returns `figures` with [`DIGITS`] significant digits, so that every system writes the same record.
 fn rounded<T: Clone + Serialize + DeserializeOwned>(figures: &T) -> T {
-    let rounded = serde_json::to_value(figures).and_then(|mut value| {
-        round(&mut value);
-        serde_json::from_value(value)
-    });
+    let mut text = Vec::new();
+    let written = figures.serialize(&mut Serializer::with_formatter(&mut text, Rounded));
     // Figures that JSON cannot hold stay as they are.
+    let rounded = written.and_then(|()| serde_json::from_slice(&text));
     rounded.unwrap_or_else(|_| figures.clone())
 }
 
-fn round(value: &mut Value) {
-    match value {
-        Value::Array(values) => values.iter_mut().for_each(round),
-        Value::Object(values) => values.values_mut().for_each(round),
-        Value::Number(number) if number.is_f64() => {
-            let figure = number.as_f64().unwrap_or_default();
-            let text = format!("{figure:.*e}", DIGITS - 1);
-            *value = text.parse::<f64>().map_or(Value::Null, Value::from);
-        }
-        _ => {}
+/// Writes JSON with rounded figures.
+struct Rounded;
+
+impl Formatter for Rounded {
+    fn write_f64<W: ?Sized + Write>(&mut self, writer: &mut W, figure: f64) -> io::Result<()> {
+        write!(writer, "{figure:.*e}", DIGITS - 1)
+    }
+
+    fn write_f32<W: ?Sized + Write>(&mut self, writer: &mut W, figure: f32) -> io::Result<()> {
+        self.write_f64(writer, figure.into())
     }
 }
 

@@ -191,18 +191,35 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
     sources.into_par_iter().map(of_source).collect()
 }
 
+/// What is too loud at a node, as ratios of amplitudes.
+#[derive(Clone, Copy, Debug)]
+pub struct Excess {
+    /// Indices of the node's speed and force.
+    pub at: (usize, usize),
+    /// Ratio of the RMS to the recordings', where a tone of the codebook meets a resonance; otherwise 1.
+    pub level: f64,
+    /// Ratio of the loudest moments to the bound, at the recordings' level, at least 1.
+    pub moments: f64,
+}
+
 /// Returns the excess that is left once `parts` are made: each node at which they are louder than [`BOUND`] times its
-/// recordings, or at which a tone on a resonance raises the level by [`HIGHER`], with the factor of the excess.
-pub(super) fn remaining_excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Vec<((usize, usize), f64)> {
+/// recordings, or at which a tone on a resonance raises the level by [`HIGHER`].
+pub(super) fn remaining_excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Vec<Excess> {
     let sources = sources(traces, forces, parts);
     let of_source = |source: &SourceNodes<'_>| {
         let nodes = source.nodes.par_iter();
         let ratios = nodes.map(|node| {
             let (loudness, rms) = source.over(node);
             let level = if rms > HIGHER { rms } else { 1.0 };
-            (node.1.at, level.max(loudness / BOUND))
+            Excess {
+                at: node.1.at,
+                level,
+                moments: (loudness / level / BOUND).max(1.0),
+            }
         });
-        ratios.filter(|(_, excess)| *excess > 1.0).collect::<Vec<_>>()
+        ratios
+            .filter(|node| node.level * node.moments > 1.0)
+            .collect::<Vec<_>>()
     };
     sources.values().flat_map(of_source).collect()
 }

@@ -216,7 +216,7 @@ proptest! {
         let parts = chosen(trace(&filtered(&other, hz), 40), &forced(ExcitationChoice::Snippets)).parts;
         let excess = bound::remaining_excess(&[trace(&calm, 40)], 1, &parts);
         prop_assert!(!is_swelling || excess.len() == 1, "levels 6 dB above the RMS are too loud");
-        let factor = excess.first().map_or(1.0, |left| left.1);
+        let factor = excess.first().map_or(1.0, |left| left.level * left.moments);
         let mut node = node_of(&calm, 40);
         node.output_power /= (factor * factor) as f32;
         let texture = TextureSpec::new("surface", &[100.0], &[1.0], vec![node]);

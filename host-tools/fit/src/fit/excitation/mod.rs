@@ -44,6 +44,7 @@ use super::reports::TrialReport;
 use crate::dsp::sums::dot;
 use crate::support::warning::Warning;
 
+pub(super) use bound::Excess;
 pub use evidence::Evidence;
 use loudness::Loudest;
 pub(super) use texture::{Axes, Choice, Chosen};

@@ -6,7 +6,7 @@ use crate::support::number::counted;
 use model_format::{BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, PartsSpec, SAMPLE_RATE_HZ, limits};
 use serde::{Deserialize, Serialize};
 
-use super::bound::{self, Reach};
+use super::bound::{self, Excess, Reach};
 use super::codebook::{Coded, coded};
 use super::evidence::Evidence;
 use super::material::{LEAST_STRETCHES, MOST_STRETCHES, STRETCH_SAMPLES, choose};
@@ -26,8 +26,8 @@ pub(in crate::fit) struct Chosen {
     pub report: ExcitationReport,
     /// Notes for the user.
     pub notes: Vec<Warning>,
-    /// Nodes, by their indices of speed and force, that are still too loud, with the factor by which they are.
-    pub excess: Vec<((usize, usize), f64)>,
+    /// Nodes that are still too loud.
+    pub excess: Vec<Excess>,
 }
 
 /// Grid of a texture.

@@ -336,11 +336,11 @@ fn refuse_no_press(path: &Path, force_n: &[f64]) -> Result<()> {
 const DELAY_BLOCK_S: f64 = 0.02;
 const DELAYS: (isize, usize) = (25, 5);
 
-/// Least correlation of levels and speeds, and least gain of it, at a delay that is told.
+/// Least correlation of levels with speeds and forces, and least gain of it, at a delay that is told.
 const DELAYED: (f64, f64) = (0.6, 0.1);
 
-/// Returns by how much the speed comes after the level of the accelerations, s, if it clearly does. A texture's level
-/// follows its speed at once.
+/// Returns by how much the motion comes after the level of the accelerations, s, if it clearly does. A texture's level
+/// follows its speed and force at once.
 fn delay_s(recording: &Freehand) -> Option<f64> {
     let block = (DELAY_BLOCK_S * recording.rate_hz) as usize;
     let power = |n: usize| {
@@ -357,24 +357,41 @@ fn delay_s(recording: &Freehand) -> Option<f64> {
         (0..blocks).map(of_block).collect()
     };
     let levels: Vec<f64> = sums(&power).iter().map(|power| (power + 1e-9).ln()).collect();
-    let speeds: Vec<f64> = sums(&|n| recording.speed_mm_s[n])
-        .iter()
-        .map(|speed| (speed + 1.0).ln())
-        .collect();
+    let logarithms = |values: &[f64], least: f64| -> Vec<f64> {
+        let means = sums(&|n| values[n].max(0.0));
+        means.into_iter().map(|mean| (mean + least).ln()).collect()
+    };
+    let motion = [
+        logarithms(&recording.speed_mm_s, 1.0),
+        logarithms(&recording.force_n, 0.01),
+    ];
     let (longest, least) = DELAYS;
     let margin = longest.unsigned_abs();
     let middle = levels.get(margin..levels.len().checked_sub(margin)?)?;
     let alike = |delay: isize| {
-        Some((
-            delay,
-            correlation(middle, speeds.get(margin.checked_add_signed(delay)?..)?),
-        ))
+        let begin = margin.checked_add_signed(delay)?;
+        let [speeds, forces] = [motion[0].get(begin..)?, motion[1].get(begin..)?];
+        Some((delay, explained(middle, speeds, forces)))
     };
     let (delay, best) = (-longest..=longest)
         .filter_map(alike)
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     let is_clear = best > DELAYED.0 && best > alike(0)?.1 + DELAYED.1 && delay.unsigned_abs() >= least;
     is_clear.then_some(delay as f64 * DELAY_BLOCK_S)
+}
+
+/// Returns the multiple correlation of `levels` with as many of `speeds` and `forces`, because a level that a force
+/// moves too has another phase than the speed.
+fn explained(levels: &[f64], speeds: &[f64], forces: &[f64]) -> f64 {
+    let of_speed = correlation(levels, speeds);
+    let (of_force, of_both) = (
+        correlation(levels, forces),
+        correlation(speeds, &forces[..levels.len()]),
+    );
+    let square = of_speed * of_speed + of_force * of_force - 2.0 * of_speed * of_force * of_both;
+    let explained = (square / (1.0 - of_both * of_both)).sqrt();
+    // A force that stands says nothing.
+    if explained.is_finite() { explained } else { of_speed }
 }
 
 /// Returns the correlation coefficient of `values` with as many of `others`.
