@@ -116,7 +116,7 @@ fn what_cannot_be_played_is_refused_with_its_remedy_and_what_plays_goes_on() {
         let refused = mover.choose(library, selection, Without::default(), 1);
         refused.expect_err("it is not there")
     };
-    let no_texture = ChoiceError::NoTexture { index: 99, count: 15 };
+    let no_texture = ChoiceError::NoTexture { index: 99, count: 12 };
     assert_eq!(choose(&LIBRARIES[0], Selection::Texture(99)), Fault::Choice(no_texture));
     assert!(matches!(choose(&LIBRARIES[0], Selection::Scene(1)), Fault::Choice(_)));
     assert_eq!(choose(&slow, Selection::Texture(0)), Fault::SampleRate(2000));
