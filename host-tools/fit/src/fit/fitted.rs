@@ -22,6 +22,9 @@ use crate::texture::grid::Grid;
 use crate::texture::library::{spec_of, stored_nodes};
 use crate::texture::quantise::is_too_loud;
 
+/// Least reduction of a node's level for which there is a note, dB: the just noticeable difference (Israr 2006).
+const NOTABLE_SOFTER_DB: f64 = 2.2;
+
 /// A fitted texture.
 #[derive(Clone, Debug)]
 pub struct FittedTexture {
@@ -118,18 +121,15 @@ impl FittedTexture {
             let index = self.grid.index(node.at.0, node.at.1);
             self.scale(index, (node.level * node.moments).powi(-2));
         }
-        let softer: Vec<f64> = excess
-            .iter()
-            .map(|node| node.moments)
-            .filter(|moments| *moments > 1.0)
-            .collect();
-        let Some(most_db) = softer.iter().map(|moments| 20.0 * moments.log10()).reduce(f64::max) else {
+        let softer_db = excess.iter().map(|node| 20.0 * node.moments.log10());
+        let softer_db: Vec<f64> = softer_db.filter(|db| *db >= NOTABLE_SOFTER_DB).collect();
+        let Some(most_db) = softer_db.iter().copied().reduce(f64::max) else {
             return;
         };
         let text = format!(
             "{} up to {most_db:.1} dB softer than recorded, because their loudest moments would be louder than any of \
              their recordings: --excitation gaussian plays them at their level",
-            counted(softer.len(), "node")
+            counted(softer_db.len(), "node")
         );
         let note = Warning::of_texture("softer", &self.name, most_db, text);
         self.notes.push(note);

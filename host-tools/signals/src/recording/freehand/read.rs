@@ -386,7 +386,7 @@ fn explained(levels: &[f64], speeds: &[f64], forces: &[f64]) -> f64 {
     let of_speed = correlation(levels, speeds);
     let (of_force, of_both) = (
         correlation(levels, forces),
-        correlation(speeds, &forces[..levels.len()]),
+        correlation(&speeds[..levels.len()], forces),
     );
     let square = of_speed * of_speed + of_force * of_force - 2.0 * of_speed * of_force * of_both;
     let explained = (square / (1.0 - of_both * of_both)).sqrt();
