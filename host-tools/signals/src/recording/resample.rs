@@ -62,9 +62,12 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
     resampled.collect()
 }
 
+/// A filter's blocks and response.
+type Response = ([usize; 2], Rc<[Complex<f64>]>);
+
 thread_local! {
-    /// The last filter's response and its blocks, because a set's recordings usually have one rate.
-    static RESPONSE: RefCell<([usize; 2], Rc<[Complex<f64>]>)> = RefCell::new(([0; 2], Rc::new([])));
+    /// The last response, because a set's recordings usually have one rate.
+    static RESPONSE: RefCell<Response> = RefCell::new(([0; 2], Rc::new([])));
 }
 
 /// Returns the bins of [`low_pass`], followed by as many zeros.

@@ -81,8 +81,9 @@ impl Evidence {
         let own = of(&mut fourier::forward(&mut residual[..samples].to_vec()).into_iter());
         // Each trial has noise of its own: errors of the same noise would add up over trials. Last digits do not count,
         // because they depend on the system, and a trial has the same noise on all of them.
-        let first = residual.iter().take(8).map(|x| (1e3 * x).round() as i64 as u64);
-        let seed = first.fold(0, |seed: u64, x| seed.wrapping_mul(0x100_0000_01b3).wrapping_add(x));
+        let some = residual[..samples].iter().step_by(samples / 8);
+        let digits = some.map(|x| u64::from((*x as f32).to_bits() >> 8));
+        let seed = digits.fold(0, |seed: u64, digits| seed.wrapping_mul(0x100_0000_01b3).wrapping_add(digits));
         let mut generator = Pcg64::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
         let mut bins = std::iter::repeat_with(|| Complex::new(normal(), normal()));
