@@ -83,7 +83,9 @@ impl Evidence {
         // because they depend on the system, and a trial has the same noise on all of them.
         let some = residual[..samples].iter().step_by(samples / 8);
         let digits = some.map(|x| u64::from((*x as f32).to_bits() >> 8));
-        let seed = digits.fold(0, |seed: u64, digits| seed.wrapping_mul(0x100_0000_01b3).wrapping_add(digits));
+        let seed = digits.fold(0, |seed: u64, digits| {
+            seed.wrapping_mul(0x100_0000_01b3).wrapping_add(digits)
+        });
         let mut generator = Pcg64::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
         let mut bins = std::iter::repeat_with(|| Complex::new(normal(), normal()));
