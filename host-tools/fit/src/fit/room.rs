@@ -74,9 +74,10 @@ fn too_large(nodes: &[usize], bytes: &str) -> Error {
         order => Some(format!("--each with {}", order?)),
     });
     let remedies: Vec<String> = all.into_iter().chain(each.flatten()).collect();
-    let remedies = match remedies.is_empty() {
-        true => "fewer speeds or forces, as with --snap auto".to_owned(),
-        false => remedies.join(", or "),
+    let remedies = if remedies.is_empty() {
+        "fewer speeds or forces, as with --snap auto".to_owned()
+    } else {
+        remedies.join(", or ")
     };
     Error::Model(format!(
         "{} of {} take {bytes} bytes, and a library holds {} textures and {} bytes: give {remedies}",
