@@ -113,7 +113,10 @@ impl Evidence {
             sum.seconds += trial.seconds;
             count += 1.0;
         }
-        sum.scores.iter_mut().for_each(|score| *score /= count.sqrt().max(1.0));
+        // Many trials make a deviation significant that no hand feels, so that it also has to be that of one trial in the
+        // mean.
+        let scale = count.sqrt().max(count / SIGNIFICANT).max(1.0);
+        sum.scores.iter_mut().for_each(|score| *score /= scale);
         sum
     }
 
