@@ -22,6 +22,10 @@ use crate::dsp::sums::mean_square;
 /// Least magnitude of a score that is significant. Of Gaussian trials of 0.5 s and more, at most 2 in 100 reach it.
 const SIGNIFICANT: f64 = 3.5;
 
+/// Least magnitude of the mean score of many trials that counts. In trials of 2 s it is a fifth of a spread of levels.
+/// Over a hundred trials far less is significant, and no hand feels it.
+const FELT: f64 = 2.0;
+
 /// Bands in which levels are measured, and the band of the kurtosis, Hz.
 const BANDS_HZ: [[f64; 2]; 3] = [[20.0, 60.0], [60.0, 500.0], [20.0, 1000.0]];
 
@@ -103,7 +107,8 @@ impl Evidence {
         }
     }
 
-    /// Returns the deviations of several trials together, by Stouffer's sum.
+    /// Returns the deviations of several trials together: by Stouffer's sum, and significant only if their mean is at
+    /// least [`FELT`].
     pub(super) fn of_all(trials: impl IntoIterator<Item = Self>) -> Self {
         let (mut sum, mut count) = (Self::default(), 0.0f64);
         for trial in trials.into_iter().filter(|trial| trial.seconds > 0.0) {
@@ -113,9 +118,8 @@ impl Evidence {
             sum.seconds += trial.seconds;
             count += 1.0;
         }
-        // Many trials make a deviation significant that no hand feels, so that it also has to be that of one trial in the
-        // mean.
-        let scale = count.sqrt().max(count / SIGNIFICANT).max(1.0);
+        // With more than three trials the second bound is the higher one.
+        let scale = count.sqrt().max(count * FELT / SIGNIFICANT).max(1.0);
         sum.scores.iter_mut().for_each(|score| *score /= scale);
         sum
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use model_format::{Library, MillimetresPerSecond, Newton, NodeSpec, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
 
+use super::evidence::Evidence;
 use super::texture::{Axes, Choice, Chosen};
 use super::trace::Trace;
 use crate::dsp::autocorrelation::Autocorrelation;
@@ -129,6 +130,19 @@ fn at_most_two_of_a_hundred_gaussian_recordings_are_taken_for_something_else() {
         println!("{told} of {OF_LENGTH} of {samples} samples");
         assert!(told <= 2, "{told} of {samples} samples");
     }
+}
+
+#[test]
+fn what_no_hand_feels_is_gaussian_however_many_trials_show_it_and_what_one_trial_shows_is_not() {
+    let of = |score: f64, trials: usize| {
+        let trial = Evidence {
+            scores: [0.0, score, 0.0],
+            seconds: 2.0,
+        };
+        Evidence::of_all(std::iter::repeat_n(trial, trials)).is_gaussian()
+    };
+    assert!([1, 2, 3, 10, 1000].iter().all(|&trials| of(-1.9, trials)));
+    assert!(of(3.4, 1) && !of(3.6, 1) && !of(-2.6, 2) && !of(2.1, 4) && !of(2.1, 1000));
 }
 
 /// The residual of a white signal is no louder than the signal, so the bound on loudness does not find the event.
