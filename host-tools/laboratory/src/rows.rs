@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use stylus_signals::recording::freehand::is_simulated;
 use stylus_signals::recording::pattern::{Named, Pattern, one_number};
-use stylus_signals::recording::{Kind, RecordingSet, Trial, is_list, read, scale};
+use stylus_signals::recording::{Kind, LIST_COLUMNS, RecordingSet, Trial, is_list, read, scale};
 use stylus_support::csv_table::written;
 use stylus_support::error::{Error, Result};
 use stylus_support::file_name::portable;
@@ -51,21 +51,6 @@ pub struct Row {
     pub simulated: String,
 }
 
-/// Columns of the list, in the order of [`Row::fields`].
-const COLUMNS: [&str; 11] = [
-    "file",
-    "texture",
-    "speed_mm_s",
-    "force_n",
-    "scale_m_s2",
-    "start_s",
-    "duration_s",
-    "sample_rate_hz",
-    "time_unit",
-    "even_times",
-    "simulated",
-];
-
 impl Row {
     /// The row of a trial of a list in `folder`.
     fn of(trial: &Trial, folder: &Path) -> Self {
@@ -89,6 +74,7 @@ impl Row {
         }
     }
 
+    /// The texts, in the order of [`LIST_COLUMNS`].
     fn fields(&self) -> [&str; 11] {
         [
             &self.file,
@@ -136,19 +122,18 @@ pub struct Filled {
 /// # Errors
 /// A list that cannot be read; a pattern that is none.
 pub fn filled(folder: &Path, pattern: &str, known: &[String]) -> Result<Filled> {
-    let mut all = Vec::new();
-    collect(folder, Path::new(""), &mut all)?;
+    let all: Vec<PathBuf> = files::below(folder).into_iter().map(|(path, _)| path).collect();
     let mut known: HashSet<PathBuf> = known.iter().map(|file| folder.join(file)).collect();
     let mut filled = Filled::default();
     let (lists, recordings): (Vec<PathBuf>, Vec<PathBuf>) = all
         .iter()
-        .map(|file| folder.join(file))
         .filter(|path| Kind::of(path).is_some())
+        .cloned()
         .partition(|path| is_list(path));
     // By a pattern, rows are filled again.
     let has_lists = pattern.is_empty();
-    let others = all.iter().filter(|file| has_lists && Kind::of(file).is_none());
-    let mut others: Vec<PathBuf> = others.map(|file| folder.join(file)).collect();
+    let others = all.iter().filter(|path| has_lists && Kind::of(path).is_none());
+    let mut others: Vec<PathBuf> = others.cloned().collect();
     for list in lists.into_iter().filter(|_| has_lists) {
         let set = RecordingSet::from_list(&list)?;
         let own = set.trials.iter().filter(|trial| !known.contains(&trial.file));
@@ -194,20 +179,6 @@ pub fn filled(folder: &Path, pattern: &str, known: &[String]) -> Result<Filled> 
     }
     filled.left_out = others;
     Ok(filled)
-}
-
-/// Adds all files in `folder` and its subfolders, relative to it.
-fn collect(folder: &Path, above: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
-    for entry in files::entries(folder).map_err(Error::io("read", folder))? {
-        let entry = entry.map_err(Error::io("read", folder))?;
-        let path = above.join(&entry.name);
-        if entry.is_dir {
-            collect(&folder.join(&entry.name), &path, all)?;
-        } else {
-            all.push(path);
-        }
-    }
-    Ok(())
 }
 
 /// Returns what the names of `files` say, and by what pattern.
@@ -260,8 +231,8 @@ pub fn listed(list: &Path, rows: &[Row]) -> Result<RecordingSet> {
     let fields: Vec<[&str; 11]> = rows.iter().map(Row::fields).collect();
     // Columns that no row fills would only be in the way of whoever opens the list.
     let is_used = |column: &usize| *column < 4 || fields.iter().any(|row| !row[*column].is_empty());
-    let used: Vec<usize> = (0..COLUMNS.len()).filter(is_used).collect();
-    let table = std::iter::once(&COLUMNS).chain(&fields);
+    let used: Vec<usize> = (0..LIST_COLUMNS.len()).filter(is_used).collect();
+    let table = std::iter::once(&LIST_COLUMNS).chain(&fields);
     let text = written(table.map(|row| used.iter().map(|&column| row[column])));
     atomic_file::write(list, text.as_bytes())?;
     RecordingSet::from_list(list)

@@ -322,9 +322,12 @@ struct Columns(HashMap<&'static str, usize>);
 /// Largest number of trials in a list: ten times those of a large laboratory, at about 1 kB of memory each.
 pub const MOST_TRIALS: usize = 100_000;
 
-const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
-
-const OPTIONAL: [&str; 7] = [
+/// Columns of a list. The first [`REQUIRED`] must be there.
+pub const LIST_COLUMNS: [&str; 11] = [
+    "file",
+    "texture",
+    "speed_mm_s",
+    "force_n",
     "scale_m_s2",
     "start_s",
     "duration_s",
@@ -333,6 +336,7 @@ const OPTIONAL: [&str; 7] = [
     "even_times",
     "simulated",
 ];
+const REQUIRED: usize = 4;
 
 /// Columns for the user's own remarks, which are not read.
 const REMARKS: [&str; 6] = ["note", "notes", "comment", "remark", "remarks", "take"];
@@ -362,18 +366,19 @@ fn time_unit(text: Option<&str>) -> std::result::Result<Option<TimeUnit>, String
 
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
+        let (required, optional) = LIST_COLUMNS.split_at(REQUIRED);
         let expected = format!(
             "the columns of a list are {}, {}; {} are not used",
-            REQUIRED.join(", "),
-            OPTIONAL.join(", "),
+            required.join(", "),
+            optional.join(", "),
             REMARKS.join(", ")
         );
         let mut columns = HashMap::new();
-        for name in REQUIRED {
+        for &name in required {
             columns.insert(name, header.needed(name, &expected)?);
         }
         for name in header.names() {
-            let mut known = REQUIRED.iter().chain(&OPTIONAL).chain(&REMARKS);
+            let mut known = LIST_COLUMNS.iter().chain(&REMARKS);
             let Some(&known) = known.find(|known| is_named(name, known)) else {
                 return Err(header.error(format!("unknown column '{name}': {expected}")));
             };
