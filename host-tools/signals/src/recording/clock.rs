@@ -182,12 +182,16 @@ impl<'a> Stamps<'a> {
             return Err(Error::file(self.table.path(), problem));
         }
         let times: Vec<f64> = rows.iter().map(|&row| self.times[row]).collect();
+        if times[0] >= times[times.len() - 1] {
+            let problem = format!("{} is {} in all lines: give --sample-rate", self.told.column, times[0]);
+            return Err(Error::file(self.table.path(), problem));
+        }
         let are_changes = removed == 0 && are_changes(channels, &rows, &times);
         let bunch = bunch(&times).filter(|_| !are_changes);
         // Samples that share a time are known by their bunch alone.
         let shared = bunch.filter(|_| times.windows(2).any(|pair| pair[0] == pair[1]));
         let is_coarse = resolution > MOST_OF_BUNCH as f64 * mean_step(&times);
-        if is_coarse && !are_changes && times[0] < times[times.len() - 1] {
+        if is_coarse && !are_changes {
             let problem = format!(
                 "{} has so few digits that more than {MOST_OF_BUNCH} samples share a time: give --sample-rate, or \
                  write times with more digits",
@@ -635,7 +639,7 @@ mod tests {
         for (times, word) in [
             (&[][..], "no samples"),
             (&[1.0], "one sample"),
-            (&[0.0, 0.0, 0.0], "a sample rate of"),
+            (&[0.0, 0.0, 0.0], "is 0 in all lines"),
             (&[0.0, f64::NAN], "line 4"),
             (&[0.0, f64::INFINITY], "line 4"),
             (&[0.0, 0.002, 0.001, 0.003, 0.002], "line 5"),
