@@ -7,7 +7,7 @@
 //! **A codebook** (`codebook`) is up to 5 s of the residual with its level, whitened, and coded in 3 bits whose noise
 //! is moved above the felt band. Whitening keeps the spectrum of the chosen material from being added to the model's.
 //! The material is taken at equal ranks of the power, so that the codebook has the distribution of the whole
-//! (`material`). Each octave of speed has its own codebook if there is enough material (`regions`).
+//! (`material`). Each range of speeds has its own codebook if there is enough material (`regions`).
 //!
 //! Waves are neither turned nor cut into pieces: those of a real surface are not symmetric in time or sign, and
 //! listeners and classifiers tell both. Where several axes were projected on one, all trials point to the same side.

@@ -95,7 +95,6 @@ fn clicks_are_as_short_at_every_speed_as_the_recordings_of_that_speed_have_them(
     let (scale_db, scale_beyond) = apart(&levels_db(other), &recorded);
     // The mean over seeds, because a minute of one scatters.
     let seeds = [1, 2, 3, 4].map(|seed| apart(&levels_db(&synthesis(&library, 120.0, 1.0, 60.0, seed)), &recorded));
-    println!("{seeds:?}");
     let mean = |of: fn(&(f64, f64)) -> f64| seeds.iter().map(of).sum::<f64>() / 4.0;
     let (played_db, beyond) = (mean(|seed| seed.0), mean(|seed| seed.1));
     println!("{played_db:.2} dB, {beyond:.4}; another stretch {scale_db:.2} dB, {scale_beyond:.4}");

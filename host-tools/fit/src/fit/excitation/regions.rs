@@ -3,13 +3,16 @@
 
 use std::ops::Range;
 
+/// Width of a range, octaves. Clicks of an octave's slowest trials are rarer and ring longer than its fastest trials'.
+const WIDTH_OCTAVES: f32 = 0.75;
+
 /// Divides the ascending `speeds_mm_s` into at most `most` ranges of indices with the same ratio of highest to lowest
-/// speed, which is about an octave if `most` allows. Ranges that hold no speed are left out.
+/// speed, which is about [`WIDTH_OCTAVES`] if `most` allows. Ranges that hold no speed are left out.
 pub(super) fn by_speed(speeds_mm_s: &[f32], most: usize) -> Vec<Range<usize>> {
     let lowest = speeds_mm_s.iter().copied().find(|&speed| speed > 0.0);
     let octaves = |speed: f32| (speed / lowest.unwrap_or(1.0)).log2().max(0.0);
     let widest = speeds_mm_s.last().copied().map_or(0.0, octaves);
-    let count = (widest.round() as usize).clamp(1, most.max(1));
+    let count = ((widest / WIDTH_OCTAVES).round() as usize).clamp(1, most.max(1));
     // If all speeds are equal, the ratio of octaves is not a number, which is converted to zero.
     let part = |speed| (count as f32 * octaves(speed) / widest) as usize;
     let before = |number| speeds_mm_s.partition_point(|&speed| part(speed).min(count - 1) < number);

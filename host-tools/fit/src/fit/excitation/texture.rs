@@ -104,7 +104,7 @@ impl Choice<'_> {
         }
     }
 
-    /// Returns the codebooks of the ranges of speeds that need one. There are as many ranges as octaves of speed, or
+    /// Returns the codebooks of the ranges of speeds that need one. There are as many ranges as [`by_speed`] makes, or
     /// fewer, until some need one, and these have enough material and room.
     fn codebooks(&self, traces: &[Trace], reach: &Reach) -> Vec<OfSpeeds> {
         let made = |most: usize| {

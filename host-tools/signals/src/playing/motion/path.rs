@@ -201,10 +201,9 @@ impl MotionPath {
             })
     }
 
-    /// Returns what was taken about the times, and a doubt, with the remedy, if they are unlikely to be those of a hand in
-    /// seconds. This is so if the
-    /// motion lasts longer than ten minutes, or if its rows are far apart and it either lasts longer than a minute or
-    /// has a path of more than 5 m.
+    /// Returns what was taken about the times, and a doubt, with the remedy, if they are unlikely to be those of a hand
+    /// in seconds. This is so if the motion lasts longer than ten minutes, or if its rows are far apart and it either
+    /// lasts longer than a minute or has a path of more than 5 m.
     pub fn doubt_of_times(&self) -> Option<String> {
         let duration_s = self.duration_s();
         let steps = self.points.windows(2);
@@ -547,7 +546,8 @@ mod tests {
                 time_s += step;
                 Point { time_s, speed_mm_s, force_n, position_mm: 0.0, contact: false }
             });
-            let path = MotionPath { points: points.collect(), tells_position: false, tells_contact: false, clock_s: 0.0 };
+            let points = points.collect();
+            let path = MotionPath { points, tells_position: false, tells_contact: false, clock_s: 0.0 };
             let before = path.points.iter().rev().find(|point| point.time_s <= moment);
             let after = path.points.iter().find(|point| point.time_s > moment);
             let ends = [before.or(after).unwrap(), after.or(before).unwrap()];
