@@ -103,6 +103,7 @@ impl<'a> TextureRecord<'a> {
             provenance: match reader.varint()? {
                 0 => Provenance::Recorded,
                 1 => Provenance::Simulated,
+                2 => Provenance::Unscaled,
                 _ => return None,
             },
             speed_axis: reader.string()?,
@@ -138,6 +139,21 @@ pub enum Provenance {
     Recorded,
     /// Computed by the rig simulator.
     Simulated,
+    /// Recorded, as integers whose acceleration nothing states: the level is not known.
+    Unscaled,
+}
+
+impl Provenance {
+    /// Returns the provenance of what has `parts` of these provenances. One that is simulated makes the whole simulated,
+    /// so that no simulation passes for a recording, and one without a scale takes the others' away.
+    pub fn of_all(parts: impl IntoIterator<Item = Self>) -> Self {
+        let graver = |whole, part| match (whole, part) {
+            (Self::Simulated, _) | (_, Self::Simulated) => Self::Simulated,
+            (Self::Unscaled, _) | (_, Self::Unscaled) => Self::Unscaled,
+            _ => Self::Recorded,
+        };
+        parts.into_iter().fold(Self::Recorded, graver)
+    }
 }
 
 impl core::fmt::Display for Provenance {
@@ -145,6 +161,7 @@ impl core::fmt::Display for Provenance {
         f.write_str(match self {
             Self::Recorded => "recorded",
             Self::Simulated => "SIMULATED",
+            Self::Unscaled => "recorded, level not known",
         })
     }
 }

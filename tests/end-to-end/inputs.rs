@@ -295,6 +295,13 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
     let told = bench.told(&fit);
     holds(&told, &["1 of 2 recordings hold integers", "scale_m_s2"]);
     holds(&told, &["a level of 0.099 m/s² RMS", "--scale"]);
+    let unknown = "recorded, level not known";
+    holds(&bench.succeed("inspect a.lib"), &[unknown]);
+    let of_textures = json(&bench.succeed("inspect a.lib --json"))["textures"].clone();
+    let found = of_textures.as_array().unwrap().iter().map(|own| (own["name"].clone(), own["level_is_known"].clone()));
+    assert_eq!(found.collect::<Vec<_>>(), [("silk".into(), false.into()), ("felt".into(), true.into())]);
+    bench.succeed("page a.lib --out page.html");
+    holds(&String::from_utf8_lossy(&bench.read("page.html")), &["The level of silk is not known"]);
     // Any scale in the list resolves the doubt, and so does an option.
     for (header, row, option, rms) in [
         (",scale_m_s2", ",1", "", 0.1),
@@ -303,6 +310,7 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
     ] {
         list(&format!("{HEADER}{header}"), row);
         assert!(!bench.told(&format!("{fit} {option}")).contains("hold integers"));
+        assert!(!bench.succeed("inspect a.lib").contains(unknown));
         let report = json(&bench.succeed(&format!("{fit} --json {option}")));
         let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
         assert!((found / rms - 1.0).abs() < 0.02, "{found} for {rms}");

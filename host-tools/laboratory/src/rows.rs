@@ -69,7 +69,7 @@ impl Row {
             even_times: trial.has_even_times.map_or_else(String::new, |even| even.to_string()),
             simulated: match trial.provenance {
                 model_format::Provenance::Simulated => "true".to_owned(),
-                model_format::Provenance::Recorded => String::new(),
+                model_format::Provenance::Recorded | model_format::Provenance::Unscaled => String::new(),
             },
         }
     }

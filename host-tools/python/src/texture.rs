@@ -45,7 +45,8 @@ pub fn described<'py>(py: Python<'py>, texture: &Texture<'_>) -> PyResult<Bound<
         made(py, "Node", arguments)
     });
     let nodes = nodes.collect::<PyResult<Vec<_>>>()?;
-    let simulated = texture.provenance() == Provenance::Simulated;
+    let origin = texture.provenance();
+    let (simulated, level_is_known) = (origin == Provenance::Simulated, origin != Provenance::Unscaled);
     let (name, speeds, forces) = (texture.name(), array(py, speeds), array(py, forces));
-    made(py, "Texture", (name, simulated, rate_hz, speeds, forces, nodes))
+    made(py, "Texture", (name, simulated, level_is_known, rate_hz, speeds, forces, nodes))
 }

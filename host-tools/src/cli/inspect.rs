@@ -128,7 +128,10 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
             ("order min, median, max", format!("{low}/{middle}/{high}")),
             (
                 "noise RMS m/s²",
-                format!("{} to {}", rounded(least.into()), rounded(most.into())),
+                match texture.level_is_known {
+                    true => format!("{} to {}", rounded(least.into()), rounded(most.into())),
+                    false => "not known".to_owned(),
+                },
             ),
             ("silent", texture.silent_nodes.to_string()),
             ("filled", texture.filled_nodes.to_string()),

@@ -60,7 +60,7 @@ macro_rules! plain_enum {
     };
 }
 
-plain_enum!(Provenance { Recorded, Simulated });
+plain_enum!(Provenance { Recorded, Simulated, Unscaled });
 
 #[cfg(test)]
 mod tests {
@@ -75,6 +75,7 @@ mod tests {
 
     #[test]
     fn schemas_name_variants_in_the_order_of_the_wire() {
-        assert_eq!([Provenance::Recorded, Provenance::Simulated].map(index), [0, 1]);
+        let all = [Provenance::Recorded, Provenance::Simulated, Provenance::Unscaled];
+        assert_eq!(all.map(index), [0, 1, 2]);
     }
 }

@@ -65,19 +65,17 @@ impl FittedTexture {
         if members.is_empty() {
             return Err(nothing_to_fit(&name, idle, all.len()));
         }
-        // One simulated trial is enough, so that no simulation passes for a recording.
-        let is_simulated = |member: &Member<'_>| member.trial.provenance == Provenance::Simulated;
+        let provenance = |member: &Member<'_>| match (member.trial.provenance, member.report.integers) {
+            (Provenance::Recorded, Some(_)) => Provenance::Unscaled,
+            (own, _) => own,
+        };
         let assembled = assemble(&name, &members, &recordings.findings, options)?;
         let notes = notes::of(&name, &assembled, &members, idle, options);
         let grid = assembled.grid;
         Ok(Self {
             notes,
             members: all.iter().map(|own| own.number).collect(),
-            provenance: if members.iter().any(is_simulated) {
-                Provenance::Simulated
-            } else {
-                Provenance::Recorded
-            },
+            provenance: Provenance::of_all(members.iter().map(provenance)),
             nodes: stored_nodes(&name, &grid, options.sample_rate_hz)
                 .map_err(|failure| with_unit(failure, &grid, &members))?,
             grid,

@@ -29,17 +29,13 @@ impl CompiledScene {
         Plan::new(&self.scene, library).map_err(|error| Error::Request(format!("scene '{}': {error}", self.scene.name)))
     }
 
-    /// Returns the provenance of the scene in `library`: simulated if any of its textures is simulated.
+    /// Returns the provenance of the scene in `library`, which is that of all its textures.
     pub fn provenance(&self, library: &Library<'_>) -> Provenance {
-        let mut textures = self.scene.surfaces.iter().filter_map(|surface| {
+        let textures = self.scene.surfaces.iter().filter_map(|surface| {
             let texture = usize::from(surface.texture?);
             library.textures().nth(texture)
         });
-        if textures.any(|texture| texture.provenance() == Provenance::Simulated) {
-            Provenance::Simulated
-        } else {
-            Provenance::Recorded
-        }
+        Provenance::of_all(textures.map(|texture| texture.provenance()))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Summary of a texture: its grid, its orders and its nodes.
 
 use model_format::{
-    CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, NodeFlags, PartKind, Tail, TailSpec, Texture, Wander,
+    CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, NodeFlags, PartKind, Provenance, Tail, TailSpec, Texture, Wander,
 };
 use serde::Serialize;
 
@@ -12,6 +12,8 @@ pub struct TextureSummary {
     pub name: String,
     /// Provenance of its recordings.
     pub provenance: String,
+    /// False if its levels are not in m/s², because nothing states the acceleration of its recordings' integers.
+    pub level_is_known: bool,
     /// Sample rate, Hz.
     pub sample_rate_hz: u32,
     /// Values of the speed axis, mm/s.
@@ -129,6 +131,7 @@ impl TextureSummary {
         Self {
             name: texture.name().to_owned(),
             provenance: texture.provenance().to_string(),
+            level_is_known: texture.provenance() != Provenance::Unscaled,
             sample_rate_hz: texture.sample_rate_hz(),
             speeds_mm_s: texture.speed_axis().values().collect(),
             forces_n: texture.force_axis().values().collect(),

@@ -95,7 +95,7 @@ impl Strokes {
     ) -> crate::support::error::Result<()> {
         let mut text = match provenance {
             Provenance::Simulated => String::from("# SIMULATED\n"),
-            Provenance::Recorded => String::new(),
+            Provenance::Recorded | Provenance::Unscaled => String::new(),
         };
         text.push_str("time_s,x_m_s2,y_m_s2,z_m_s2,speed_mm_s,force_n\n");
         let speeds = self.speeds_mm_s(calibration);

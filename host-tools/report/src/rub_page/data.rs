@@ -66,6 +66,7 @@ struct DigestData {
 pub struct TextureData {
     pub name: String,
     simulated: bool,
+    pub level_is_known: bool,
     sample_rate_hz: u32,
     bytes: usize,
     pub speeds_mm_s: Vec<f64>,
@@ -243,6 +244,7 @@ impl TextureData {
         Ok(Self {
             name: texture.name().to_owned(),
             simulated: texture.provenance() == Provenance::Simulated,
+            level_is_known: texture.provenance() != Provenance::Unscaled,
             sample_rate_hz: texture.sample_rate_hz(),
             bytes: texture.coefficient_bytes() + part_bytes(texture),
             speeds_mm_s: speeds.iter().map(|&v| as_written(v)).collect(),

@@ -131,12 +131,22 @@ pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<Wr
 fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
     let data = &data::Data::of(inputs, progress)?;
     let templates = pictures::templates(data)?;
-    let notice = if data.simulated {
-        "<p class=\"notice\">SIMULATED: the textures here were fitted to recordings that the rig simulator computed. \
-         They say nothing of real surfaces.</p>"
-    } else {
-        ""
-    };
+    let mut notice = String::new();
+    if data.simulated {
+        notice.push_str(
+            "<p class=\"notice\">SIMULATED: the textures here were fitted to recordings that the rig simulator \
+             computed. They say nothing of real surfaces.</p>",
+        );
+    }
+    let unscaled = data.textures.iter().filter(|texture| !texture.level_is_known);
+    let unscaled: Vec<_> = unscaled.map(|texture| escaped(&texture.name)).collect();
+    if !unscaled.is_empty() {
+        notice.push_str(&format!(
+            "<p class=\"notice\">The level of {} is not known: nothing stated the acceleration of a count when the \
+             recordings were fitted.</p>",
+            unscaled.join(", ")
+        ));
+    }
     let content = format!(
         "{body}{templates}\
          <script type=\"text/plain\" id=\"kernel\">{kernel}</script>\n\
@@ -144,7 +154,7 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
          <script type=\"application/json\" id=\"data\">{data}</script>\n\
          <script type=\"text/plain\" id=\"worklet\">{worklet}</script>\n\
          <script>\n{plots}</script>\n<script>\n{script}</script>\n",
-        body = include_str!("body.html").replace(NOTICE_MARK, notice),
+        body = include_str!("body.html").replace(NOTICE_MARK, &notice),
         kernel = STANDARD.encode(KERNEL),
         library = STANDARD.encode(inputs.bytes),
         data = page_json(data),

@@ -607,7 +607,8 @@ class RubPage {
     byId("now-speed").textContent = `${Math.round(Math.abs(played.contact ? played.speed : 0))} mm/s`;
     byId("now-force").textContent = `${(played.contact ? played.force : 0).toFixed(2)} N`;
     const power = this.recent.reduce((sum, value) => sum + value * value, 0) / Math.max(1, this.recent.length);
-    byId("now-level").textContent = power > 0 ? shown(Math.sqrt(power), "m/s²") : "silent";
+    const level = this.texture.data.level_is_known ? shown(Math.sqrt(power), "m/s²") : "not known";
+    byId("now-level").textContent = power > 0 ? level : "silent";
     this.waveform.draw(this.recent, this.rate);
     const voice = this.voice();
     this.drawSpectrum(voice);

@@ -6,7 +6,7 @@ use host_tools::link::Device;
 use host_tools::procedures::response::{Headroom, headroom};
 use host_tools::support::error::Result;
 use host_tools::texture::library::{decode_library, read_library};
-use model_format::Library;
+use model_format::{Library, Provenance};
 use serde::Serialize;
 
 use super::connection::Link;
@@ -36,6 +36,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let library = decode_library(&arguments.library, &bytes)?;
     let device = arguments.link.connect()?;
     let (calibrated, textures) = of(&device, &library)?;
+    for texture in library.textures().filter(|own| own.provenance() == Provenance::Unscaled) {
+        warn(&format!(
+            "the level of '{}' is not known, nor is its headroom: fit it again, with --scale",
+            texture.name()
+        ));
+    }
     if !calibrated {
         warn("no response is stored, so levels at the tip are not known: run `stylus calibrate --response`");
     }
