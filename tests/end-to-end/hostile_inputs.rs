@@ -152,6 +152,7 @@ fn files_are_read_up_to_the_size_of_their_kind() {
     }
     bench.refuse_each(
         "scene check long.toml --library good.lib | long.toml | bytes, the most of
+        page good.lib --plant long.toml --out a.html | long.toml | bytes, the most of
         simulate-rig --rig long.toml --out rig | long.toml | bytes, the most of
         inspect long.lib | long.lib | bytes, the most of
         fit long.csv --sample-rate 5000 --out a.lib | long.csv | bytes, the most of

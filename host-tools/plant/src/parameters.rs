@@ -1,5 +1,7 @@
 //! Parameters of a plant.
 
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -7,6 +9,9 @@ use toml::Value;
 
 use crate::chance::Chance;
 use crate::fault::{Axis, Fault};
+
+/// Largest size of a file of parameters, bytes: a hundred times that of a preset.
+const MAX_BYTES: u64 = 64 * 1024;
 
 /// Names of the presets. Each is an actuator that is held lightly.
 pub const PRESETS: [&str; 2] = ["haptuator", "mark-ii-d"];
@@ -186,14 +191,22 @@ impl Parameters {
     /// The parameters in the TOML file `source`, or those of the preset of that name if no such file can be read.
     ///
     /// # Errors
-    /// A file that cannot be read or used, or a name that is neither a file nor a preset.
+    /// A file that cannot be read or used or is longer than 64 KiB, or a name that is neither a file nor a preset.
     pub fn read(source: &Path) -> Result<Self> {
         let name = source.display().to_string();
         let file = |reason: String| Error::File {
             path: name.clone(),
             reason,
         };
-        match std::fs::read_to_string(source) {
+        let text = || -> io::Result<String> {
+            let mut text = String::new();
+            File::open(source)?.take(MAX_BYTES + 1).read_to_string(&mut text)?;
+            Ok(text)
+        };
+        match text() {
+            Ok(text) if text.len() as u64 > MAX_BYTES => {
+                Err(file(format!("has more than {MAX_BYTES} bytes, the most of a plant's parameters")))
+            }
             Ok(text) => Self::from_toml(&text).map_err(|error| file(error.to_string())),
             Err(error) => Self::preset(&name).map_err(|unknown| file(format!("{error}; {unknown}"))),
         }
