@@ -298,10 +298,20 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
     let unknown = "recorded, level not known";
     holds(&bench.succeed("inspect a.lib"), &[unknown]);
     let of_textures = json(&bench.succeed("inspect a.lib --json"))["textures"].clone();
-    let found = of_textures.as_array().unwrap().iter().map(|own| (own["name"].clone(), own["level_is_known"].clone()));
-    assert_eq!(found.collect::<Vec<_>>(), [("silk".into(), false.into()), ("felt".into(), true.into())]);
+    let found = of_textures
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|own| (own["name"].clone(), own["level_is_known"].clone()));
+    assert_eq!(
+        found.collect::<Vec<_>>(),
+        [("silk".into(), false.into()), ("felt".into(), true.into())]
+    );
     bench.succeed("page a.lib --out page.html");
-    holds(&String::from_utf8_lossy(&bench.read("page.html")), &["The level of silk is not known"]);
+    holds(
+        &String::from_utf8_lossy(&bench.read("page.html")),
+        &["The level of silk is not known"],
+    );
     // Any scale in the list resolves the doubt, and so does an option.
     for (header, row, option, rms) in [
         (",scale_m_s2", ",1", "", 0.1),

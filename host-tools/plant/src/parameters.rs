@@ -204,9 +204,9 @@ impl Parameters {
             Ok(text)
         };
         match text() {
-            Ok(text) if text.len() as u64 > MAX_BYTES => {
-                Err(file(format!("has more than {MAX_BYTES} bytes, the most of a plant's parameters")))
-            }
+            Ok(text) if text.len() as u64 > MAX_BYTES => Err(file(format!(
+                "has more than {MAX_BYTES} bytes, the most of a plant's parameters"
+            ))),
             Ok(text) => Self::from_toml(&text).map_err(|error| file(error.to_string())),
             Err(error) => Self::preset(&name).map_err(|unknown| file(format!("{error}; {unknown}"))),
         }

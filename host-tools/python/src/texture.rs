@@ -48,5 +48,9 @@ pub fn described<'py>(py: Python<'py>, texture: &Texture<'_>) -> PyResult<Bound<
     let origin = texture.provenance();
     let (simulated, level_is_known) = (origin == Provenance::Simulated, origin != Provenance::Unscaled);
     let (name, speeds, forces) = (texture.name(), array(py, speeds), array(py, forces));
-    made(py, "Texture", (name, simulated, level_is_known, rate_hz, speeds, forces, nodes))
+    made(
+        py,
+        "Texture",
+        (name, simulated, level_is_known, rate_hz, speeds, forces, nodes),
+    )
 }

@@ -59,6 +59,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // A library is one file, so several inputs can only be recordings.
     let is_recordings = !is_strokes && (given.len() > 1 || is_recordings(&given[0]));
     check(arguments, is_recordings)?;
+    let plant = arguments.plant.as_deref().map(named_plant).transpose()?;
+    let plant = plant.as_ref().map(|(name, plant)| (name.as_str(), plant));
     let recordings = if is_recordings {
         given.as_slice()
     } else {
@@ -77,8 +79,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     // The path only names the library in an error. The bytes may have been fitted just now.
     let library = decode_library(&given[0], &bytes)?;
-    let plant = arguments.plant.as_deref().map(named_plant).transpose()?;
-    let plant = plant.as_ref().map(|(name, plant)| (name.as_str(), plant));
     let out = &arguments.out;
     let inputs = Inputs {
         library: &library,

@@ -60,7 +60,11 @@ macro_rules! plain_enum {
     };
 }
 
-plain_enum!(Provenance { Recorded, Simulated, Unscaled });
+plain_enum!(Provenance {
+    Recorded,
+    Simulated,
+    Unscaled
+});
 
 #[cfg(test)]
 mod tests {

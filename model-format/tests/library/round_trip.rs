@@ -96,7 +96,11 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
         (
             name(),
             1..=limits::MAX_SAMPLE_RATE_HZ,
-            prop_oneof![Just(Provenance::Recorded), Just(Provenance::Simulated), Just(Provenance::Unscaled)],
+            prop_oneof![
+                Just(Provenance::Recorded),
+                Just(Provenance::Simulated),
+                Just(Provenance::Unscaled)
+            ],
             (nodes, any::<bool>()),
             parts(speeds.len() * forces.len()),
             lines(nodes_that_move),

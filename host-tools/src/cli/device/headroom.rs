@@ -36,7 +36,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let library = decode_library(&arguments.library, &bytes)?;
     let device = arguments.link.connect()?;
     let (calibrated, textures) = of(&device, &library)?;
-    for texture in library.textures().filter(|own| own.provenance() == Provenance::Unscaled) {
+    for texture in library
+        .textures()
+        .filter(|own| own.provenance() == Provenance::Unscaled)
+    {
         warn(&format!(
             "the level of '{}' is not known, nor is its headroom: fit it again, with --scale",
             texture.name()
