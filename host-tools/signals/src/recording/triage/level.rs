@@ -17,11 +17,14 @@ const SILENT_DB: f64 = 50.0;
 /// Least number of parts of a silence: 0.1 s.
 const SILENT_PARTS: usize = 5;
 
-/// How far below the loud parts a steady part must be to count as only the sensor's noise, dB.
-const QUIET_DB: f64 = 30.0;
+/// How far below the loud parts a steady part must be to count as only the sensor's noise and hum, dB.
+const QUIET_DB: f64 = 15.0;
 
 /// Least number of parts of only the sensor's noise: 0.4 s.
 const QUIET_PARTS: usize = 20;
+
+/// Number of parts at both ends of a quiet run whose level says nothing, because a hand starts and ends within them.
+const QUIET_ENDS: usize = 2;
 
 /// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
 /// 0.6 dB.
@@ -109,7 +112,8 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
     let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
     let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
     for run in runs(&levels, loud - QUIET_DB, QUIET_PARTS) {
-        if spread(&levels[run.clone()]) < QUIET_SPREAD_DB {
+        let inner = run.start + QUIET_ENDS..run.end - QUIET_ENDS;
+        if spread(&levels[inner]) < QUIET_SPREAD_DB {
             spans.push(run);
         }
     }

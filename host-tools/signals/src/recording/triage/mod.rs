@@ -12,7 +12,7 @@
 //! | repeated | values are held, in even steps | each value is used once |
 //! | coarse | the round-off of the steps is less than [`COARSE_SNR_DB`] below the signal | |
 //! | truncated | the file is shorter than its header states, beyond the part that is used | |
-//! | partly-silent | 0.1 s or more at 50 dB below the loud parts, or 0.4 s of steady noise at 30 dB below | cut |
+//! | partly-silent | 0.1 s or more at 50 dB below the loud parts, or 0.4 s of steady noise at 15 dB below | cut |
 //! | tap | 40 ms with 25 % of the energy, 9 dB above the next event | cut |
 //! | level-change | a step or a ramp of 6 dB explains 60 % of the level's variance | |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
