@@ -23,8 +23,8 @@ const QUIET_DB: f64 = 15.0;
 /// Least number of parts of only the sensor's noise: 0.4 s.
 const QUIET_PARTS: usize = 20;
 
-/// Number of parts at both ends of a quiet run whose level says nothing, because a hand starts and ends within them.
-const QUIET_ENDS: usize = 2;
+/// Number of parts at an end of a quiet run, inside the trial, in which a hand may start or end: 0.1 s.
+const QUIET_ENDS: usize = 5;
 
 /// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
 /// 0.6 dB.
@@ -112,8 +112,13 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
     let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
     let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
     for run in runs(&levels, loud - QUIET_DB, QUIET_PARTS) {
-        let inner = run.start + QUIET_ENDS..run.end - QUIET_ENDS;
-        if spread(&levels[inner]) < QUIET_SPREAD_DB {
+        let start = if run.start > 0 { run.start + QUIET_ENDS } else { 0 };
+        let end = if run.end < levels.len() {
+            run.end - QUIET_ENDS
+        } else {
+            run.end
+        };
+        if end >= start + QUIET_PARTS && spread(&levels[start..end]) < QUIET_SPREAD_DB {
             spans.push(run);
         }
     }
@@ -269,6 +274,39 @@ mod tests {
             };
             assert_eq!(verdict.kind(), Kind::PartlySilent);
             assert_eq!(verdict.spans(), &[silent][..]);
+        }
+    }
+
+    /// A hand starts and ends within 0.2 s.
+    #[test]
+    fn rests_of_a_noisy_sensor_are_found_at_both_ends_and_between_strokes() {
+        let sensor = bounded_noise(2);
+        for (rests, starts_with) in [([0..2600, 7300..10_000], true), ([0..0, 3500..6500], false)] {
+            let slowed = bounded_noise(1).into_iter().enumerate().map(|(n, x)| {
+                let away = rests.iter().map(|rest| {
+                    if n < rest.start {
+                        rest.start - n
+                    } else {
+                        (n + 1).saturating_sub(rest.end)
+                    }
+                });
+                x * (away.min().unwrap_or(0) as f64 / 1000.0).min(1.0)
+            });
+            let signal = slowed.zip(&sensor).map(|(x, noise)| x + 0.05 * noise).collect();
+            let found = verdicts(&[signal]);
+            let spans = found
+                .iter()
+                .find(|own| own.kind() == Kind::PartlySilent)
+                .map_or(&[][..], Verdict::spans);
+            let found: Vec<&Span> = rests.iter().filter(|rest| rest.len() > 0).collect();
+            assert_eq!(spans.len(), found.len(), "{spans:?}");
+            assert_eq!(spans[0].start == 0, starts_with, "{spans:?}");
+            for (span, rest) in spans.iter().zip(found) {
+                assert!(
+                    span.start.abs_diff(rest.start) <= 300 && span.end.abs_diff(rest.end) <= 300,
+                    "{spans:?}"
+                );
+            }
         }
     }
 
