@@ -49,6 +49,7 @@ pub(super) fn conversion(ending: &str) -> String {
         "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
             format!("give .wav or .csv; `ffmpeg -i FILE.{ending} FILE.wav` converts sound")
         }
+        "zip" | "7z" | "gz" | "rar" => "unpack it, and give the folder".to_owned(),
         "lib" => "it is a texture library; `stylus join` makes one of several".to_owned(),
         _ => "export the samples as .csv, or as .wav".to_owned(),
     }
