@@ -300,14 +300,7 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     // Only the texture is missing now.
     let refused = bench.refuse(play);
     holds(&refused, &["no texture"]);
-    // A setting without a value, or an unknown name, is refused before anything is set.
-    bench.refuse_each(
-        "settings set power-limit 0.3 hard-limit | hard-limit has no value
-        settings set power-limit 0.3 volume 1 | no setting 'volume'
-        settings set power-limit loud | must be a number",
-    );
-    let row = json(&bench.succeed("settings get power-limit --json"));
-    near(row[0]["value"].as_f64().unwrap(), 0.2, 1e-6);
+    bench.refuse_each("settings set power-limit 0.3 volume 1 | no setting 'volume'");
 }
 
 #[test]
@@ -357,8 +350,6 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     near(report["at_rest"]["mean"][3].as_f64().unwrap(), zero, 1.0);
     let refused = bench.refuse("play --texture silk");
     holds(&refused, &["no library is active"]);
-    let refused = bench.refuse(&calibrate.replace("--resistance 8", "--resistance 0.01"));
-    holds(&refused, &["coil-resistance of 0.01"]);
     // Without an answer nothing is stored.
     let unanswered = bench.run(&calibrate.replace("--yes ", ""));
     assert!(!unanswered.status.success());

@@ -489,24 +489,3 @@ fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
         assert_eq!(strip.trial(14, 7).clipped, 0);
     }
 }
-
-#[test]
-fn the_demos_rig_is_the_papers_with_scratches_in_the_place_of_organza() {
-    let (paper, demo) = (RigFile::paper(), RigFile::demo());
-    let mut demo = demo.description().clone();
-    assert_eq!(demo.textures[1].name, "scratched");
-    demo.textures[1] = paper.description().textures[1].clone();
-    demo.name = paper.description().name.clone();
-    // It contains no trial, no speed and no tremor about which a fit would warn.
-    let recording = &demo.recording;
-    assert!(recording.forces_n[0] > 0.0 && recording.speeds_mm_s[0] >= 40.0);
-    assert!(demo.measurement.tremor.is_none());
-    demo.recording = paper.description().recording.clone();
-    demo.measurement = paper.description().measurement.clone();
-    assert_eq!(&demo, paper.description());
-    let rig = RigFile::demo();
-    let strip = Strip::new(&rig, 1, 1);
-    let samples = strip.trial(3, 4).samples_m_s2[2].clone();
-    let kurtosis = crate::dsp::liveliness::Liveliness::of(&[&samples], 5000.0, None).kurtosis;
-    assert!(kurtosis.unwrap() > 8.0, "scratches: {kurtosis:?}");
-}
