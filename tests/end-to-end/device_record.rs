@@ -126,20 +126,6 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
 }
 
 #[test]
-fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
-    stylus.lose_samples(Duration::from_millis(300), 100);
-    let report = report(&record(&bench, "--texture silk --speeds 100 --forces 1 --yes"));
-    let row = &report["recorded"][0];
-    let lost = row["loss"]["in_device"].as_u64().unwrap();
-    assert!((4..=5).contains(&lost), "{row}");
-    assert_eq!(row["loss"]["on_link"], 0, "{row}");
-    assert_eq!(row["holes"], 1, "{row}");
-    assert_eq!(report["lost_blocks"], lost);
-}
-
-#[test]
 fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
     for (torn, is_kept) in [(40, true), (2_000, false)] {
         let (stylus, bench) = attached(FakeStylus::start());

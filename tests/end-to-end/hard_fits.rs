@@ -104,11 +104,6 @@ fn trials_at_rest_or_without_contact_are_left_out_with_a_note() {
     let report = json(&bench.succeed("fit set --out felt.lib --json"));
     let message = &report["warnings"][0];
     holds(message, &["'felt': 2 trials at speed 0 or force 0"]);
-    let library = bench.read("felt.lib");
-    let library = model_format::Library::decode(&library).unwrap();
-    let texture = library.textures().next().unwrap();
-    let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
-    assert_eq!((speeds, forces), (2, 1));
     let used = report["trials"].as_array().unwrap().iter();
     let used: Vec<bool> = used.map(|trial| trial["used"].as_bool().unwrap()).collect();
     assert_eq!(used, [false, false, true, true]);

@@ -131,8 +131,6 @@ fn the_rule_of_outputs_holds_for_every_command_before_its_work() {
         ] {
             refuse(&bench, command, name, word);
         }
-        let command = format!("{command} --overwrite");
-        refuse(&bench, &command, "mine", "notes.txt");
     }
     refuse(&bench, "demo --out {}", "mine", "notes.txt");
 }

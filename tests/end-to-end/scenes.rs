@@ -161,18 +161,14 @@ const FAULTS: &str = r#"
 8 | [surface.thump] | unknown field `thump`
 9 | frequency_hz = 2400 | it must be finite and 10 to 2250
 10 | decay_s = 0 | decay is 0 s
-12 | limit_m_s2 = inf | limit is inf
 15 | name = "silk" | surface 1 is called 'silk' already
 16 |  | stick-slip modulates a texture
 19 | duty = 0 | duty is 0
-21 | below_mm_s = 0 | below is 0 mm/s
 25 | surface = "stick" | no surface 'stick'; it has silk, sticky
 31 | start_mm = 39 | before the region in line 24 ends at 40 mm
 32 | end_mm = 40 | it ends at 40 mm, which is not beyond
 35 | kind = "notch" | unknown variant `notch`
 36 | frequency_hz = 2 | a pole lies beyond
-37 | q = nan | is NaN
-38 | gain_db = 30 | is 30 dB
 "#;
 
 /// Checks that a scene with this text is refused with `problem` at `line`.

@@ -499,7 +499,6 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
         ("sample,ch1\n0,1\n1,2\n", &["'sample'", "remove column 1"]),
         ("a,b,c,d\n1,2,3,4\n", &["4 columns", "comma", "1 to 3"]),
         ("x,y\n1,2\n1,oops\n", &["line 3", "'oops'", "column 2"]),
-        ("x;y\n1;2\n1\n", &["line 3", "semicolon"]),
         ("x,y\n1,\n1,NA\n", &["column 2", "no numbers"]),
         ("sample,x\n7,1\n8,2\n11,3\n", &["line 4", "11 after 8", "column 1"]),
         (&counted, &["no header", "counts", "time_s"]),

@@ -63,21 +63,6 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
 }
 
 #[test]
-fn a_bus_that_breaks_many_packets_still_enumerates_within_some_tries() {
-    let mut device = Device::on_usb(Options::default());
-    for seed in 0..if long() { 6 } else { 2 } {
-        device.stylus.usb(move |host, _| host.break_packets(100_000, seed));
-        let tries = (1..=40).find(|_| device.enumerate().is_ok());
-        println!("seed {seed}: {tries:?}");
-        assert!(tries.is_some(), "seed {seed}");
-        device.stylus.usb(|host, _| host.break_packets(0, 0));
-        device.enumerate().expect("it enumerates");
-        device.status();
-        assert_eq!(device.stylus.resets(), []);
-    }
-}
-
-#[test]
 fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     let mut device = Device::on_usb(library::options());
     // The device is suspended after 3 ms.
