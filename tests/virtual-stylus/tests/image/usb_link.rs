@@ -2,7 +2,6 @@
 
 use model_format::link::{ActivateEndpoint, RecordSample, SlotId, StatusEndpoint};
 use postcard_rpc::Endpoint;
-use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::usb_host::{Request, Timing};
 
