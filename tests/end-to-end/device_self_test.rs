@@ -147,17 +147,6 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
 }
 
 #[test]
-fn a_link_that_loses_blocks_is_named() {
-    let (stylus, bench) = on(Board::default());
-    stylus.fail(|faults| faults.lose_block_every = Some(9));
-    let (record, code) = test(&bench, "--bare");
-    assert_eq!(code, 2);
-    let link = stylus.link();
-    let lost = format!("{link}: blocks lost on the link");
-    assert!(with(&record, "fail").contains(&lost.as_str()), "{record:#}");
-}
-
-#[test]
 fn a_second_link_that_cannot_be_opened_is_an_error_before_anything_is_measured() {
     let (stylus, bench) = on(Board::default());
     let other = bench.run("selftest --also tcp:127.0.0.1:1 --seconds 0.1");

@@ -5,8 +5,6 @@ use model_format::link::{BoardName, DEVELOPMENT_SEED, ImageVersion};
 use stylus_app::update::sign;
 
 use crate::support::{Bench, attached, holds, text};
-#[cfg(target_os = "linux")]
-use crate::support::{PLAY, interrupt, wait_for};
 
 const OLD: StartedImage = StartedImage {
     version: ImageVersion::new([1, 0, 0]),
@@ -53,40 +51,4 @@ fn an_update_after_which_the_old_image_runs_fails_and_says_which_one_runs() {
     assert_eq!(output.status.code(), Some(2));
     let words = "1.0.0 runs, and not the new image, 1.1.0";
     holds(&text(&output.stderr), &[words]);
-}
-
-#[cfg(target_os = "linux")]
-#[test]
-fn an_upload_is_refused_with_the_name_of_the_update_that_has_the_link_and_the_update_goes_on() {
-    let (stylus, bench) = before_an_update(NEW);
-    bench.write("a.lib", fake_stylus::library::library(1, 20, 1));
-    // The update waits in the middle of its upload, so that it has the link until the upload is refused.
-    stylus.fail(|faults| faults.holds_after = Some(10));
-    let update = bench.spawn(["update", "new.image"]);
-    wait_for("chunks", || stylus.count("stylus/upload/chunk") >= 3);
-    let who = format!("in use by `stylus update` (process {})", update.id());
-    holds(&bench.refuse("upload a.lib"), &[&who]);
-    stylus.fail(|_| ());
-    let output = update.wait_with_output().unwrap();
-    assert!(output.status.success(), "{output:?}");
-    bench.succeed("upload a.lib");
-}
-
-#[cfg(target_os = "linux")]
-#[test]
-fn an_update_beside_a_play_is_refused_with_its_name_and_the_play_goes_on() {
-    let (stylus, bench) = before_an_update(NEW);
-    bench.write("a.lib", fake_stylus::library::library(1, 20, 1));
-    bench.succeed("upload a.lib --activate");
-    let play = bench.spawn(PLAY.into_iter().chain(["--json"]));
-    stylus.take_heard();
-    wait_for("motions", || stylus.count("stylus/motion/live") >= 100);
-    let who = format!("in use by `stylus play` (process {})", play.id());
-    holds(&bench.refuse("update new.image"), &[&who]);
-    stylus.take_heard();
-    wait_for("motions", || stylus.count("stylus/motion/live") >= 100);
-    interrupt(&play);
-    let output = play.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    holds(&bench.succeed("update new.image"), &["confirmed"]);
 }

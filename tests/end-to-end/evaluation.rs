@@ -121,34 +121,11 @@ fn without_a_record_of_the_fit_no_figure_counts() {
 fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
     let bench = white_takes();
     bench.succeed("fit one --out felt.lib");
-    for (name, scale) in [("copy", 1.0), ("scaled", -0.4)] {
-        let file = wav(&[&scaled(&noise(1, 10_000), scale)], RATE_HZ);
-        bench.write_set(name, &[("felt", 100.0, 1.0, file)]);
-        let evaluate = "evaluate one --library felt.lib --json-out a.json --takes";
-        let warned = bench.told(&format!("{evaluate} {name}"));
-        holds(&warned, &["judges nothing", &format!("take {name}/0.wav")]);
-        let judge = &bench.report("a.json")["trials"][0]["judge"];
-        assert_eq!(judge, "blocks", "{name}");
-    }
-}
-
-/// A recording at 1 kHz contains nothing above 500 Hz, so no figure may judge a synthesis there.
-#[test]
-fn nothing_above_a_recordings_own_rate_is_judged() {
-    let bench = Bench::new();
-    let signal = all_pole(&[-0.9, 0.5], &noise(4, 4000));
-    bench.write("slow.wav", wav(&[&signal], 1000));
-    bench.succeed("fit slow.wav --out slow.lib --duration 4");
-    let said = bench.succeed("evaluate slow.wav --library slow.lib --duration 4 --json-out a.json");
-    holds(&said, &["18 to 450 Hz"]);
-    let trial = &bench.report("a.json")["trials"][0];
-    assert_eq!(trial["range"]["high_hz"], 450.0);
-    let distance = trial["log_spectral_distance_db"].as_f64().unwrap();
-    assert!(distance < 3.0, "{trial}");
-    let bands = trial["band_errors_db"].as_array().unwrap();
-    assert!(bands[..14].iter().all(serde_json::Value::is_f64), "{trial}");
-    let above = &bands[14..];
-    assert!(above.iter().all(serde_json::Value::is_null), "{trial}");
+    let file = wav(&[&scaled(&noise(1, 10_000), -0.4)], RATE_HZ);
+    bench.write_set("scaled", &[("felt", 100.0, 1.0, file)]);
+    let warned = bench.told("evaluate one --library felt.lib --json-out a.json --takes scaled");
+    holds(&warned, &["judges nothing", "take scaled/0.wav"]);
+    assert_eq!(bench.report("a.json")["trials"][0]["judge"], "blocks");
 }
 
 #[test]
@@ -264,10 +241,7 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
         ("time_s,a,speed_mm_s\n0,1,2\n", "force_n"),
         ("time_s,speed_mm_s,force_n\n0,1,2\n", "columns of accel"),
         ("a,speed_mm_s,force_n\n0,1,2\n", "sample rate"),
-        (&with("0,x,1,1\n"), "line 2"),
-        (&with(""), "no samples"),
         (&with("0,0,1,1e5\n0.001,0,1,1e5\n"), "impossible values"),
-        (&with("0,0,1,1\n1,0,1,1\n"), "sample rate of 1 Hz"),
         (&with("0,0,1,1\n0.001,0,1,1\n"), "steady"),
     ] {
         bench.write("bad.csv", content);
@@ -325,8 +299,4 @@ fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
     let message = bench.refuse("import-hatt fast --out x.lib");
     holds(&message, &["100 of 100 files cannot be used", "000.xml"]);
     holds(&message, &["1000 or 10000 Hz"]);
-    let odd = hatt::whole().replace("<var>0.004", "<var>-1");
-    bench.write("odd.xml", odd);
-    let warned = bench.told("import-hatt odd.xml --out odd.lib");
-    holds(&warned, &["odd.xml: model 5: var is -1; left out"]);
 }

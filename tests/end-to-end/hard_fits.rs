@@ -3,8 +3,6 @@
 use std::f64::consts::TAU;
 
 use crate::support::{Bench, RATE_HZ, all_pole, holds, json, noise, scaled, wav};
-use host_tools::dsp::autocorrelation::Autocorrelation;
-use host_tools::dsp::linear_prediction::{Prediction, corrected, step_up};
 use host_tools::dsp::sums::rms;
 
 const SAMPLES: usize = 10_000;
@@ -47,27 +45,6 @@ fn signals() -> Vec<(&'static str, Vec<f64>, Option<&'static str>)> {
         ("100 samples", broadband[..100].to_vec(), Some("too short")),
         ("hum", hum, Some("hum")),
     ]
-}
-
-/// Without the white-noise correction and the stop at the last valid order, several of these signals give |k| above
-/// one.
-#[test]
-fn the_products_own_models_are_stable_with_and_without_a_taper() {
-    for (name, signal, _) in signals() {
-        let mean = signal.iter().sum::<f64>() / signal.len() as f64;
-        let step = TAU / signal.len() as f64;
-        // A rectangular window, and a Hann window.
-        for depth in [0.0, 0.5] {
-            let window = |n: i32| 1.0 - depth - depth * (step * f64::from(n)).cos();
-            let tapered = (0..).zip(&signal).map(|(n, x)| (x - mean) * window(n));
-            let lags = Autocorrelation::of(&tapered.collect::<Vec<_>>(), ORDER).lags;
-            let prediction = Prediction::levinson_durbin(&corrected(lags), ORDER);
-            let (reflection, error) = (&prediction.reflection, &prediction.error_power);
-            assert!(reflection.iter().all(|k| k.abs() < 1.0), "{name}");
-            assert!(error.iter().all(|e| e.is_finite() && *e >= 0.0), "{name}");
-            assert!(step_up(reflection).iter().all(|a| a.is_finite()), "{name}");
-        }
-    }
 }
 
 /// Fits every signal with the command at the paper's order. The result is a library without NaN, and the command
@@ -127,11 +104,6 @@ fn trials_at_rest_or_without_contact_are_left_out_with_a_note() {
     let report = json(&bench.succeed("fit set --out felt.lib --json"));
     let message = &report["warnings"][0];
     holds(message, &["'felt': 2 trials at speed 0 or force 0"]);
-    let library = bench.read("felt.lib");
-    let library = model_format::Library::decode(&library).unwrap();
-    let texture = library.textures().next().unwrap();
-    let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
-    assert_eq!((speeds, forces), (2, 1));
     let used = report["trials"].as_array().unwrap().iter();
     let used: Vec<bool> = used.map(|trial| trial["used"].as_bool().unwrap()).collect();
     assert_eq!(used, [false, false, true, true]);

@@ -68,17 +68,10 @@ fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
         format!("{header}\n{}", rows.collect::<String>())
     };
     let seconds = |n: usize| format!("{}.{:03}", n / 1000, n % 1000);
-    // The times pass midnight, where the date shows that time continues.
-    let iso = |n: usize| match n / 1000 {
-        0 | 1 => format!("2026-12-31T23:59:5{}+01:00,{{x}}", seconds(n + 8000)),
-        _ => format!("2027-01-01T00:00:0{}+01:00,{{x}}", seconds(n - 2000)),
-    };
     let clock = dialect("time;ax", &|n| format!("12:00:0{};{{x}}", seconds(n)));
     for (name, text) in [
         ("plain", dialect("time,ax", &|n| seconds(n) + ",{x}")),
-        ("matlab", dialect("Time,ax", &|n| seconds(n) + " sec,{x}")),
         ("clock", clock.replace('.', ",")),
-        ("iso", dialect("timestamp,ax", &iso)),
         ("ros", dialect(&ros, &|n| format!("{n}000000,{{x}}{covariances}"))),
     ] {
         bench.write(&format!("{name}/felt.csv"), text);
@@ -86,13 +79,8 @@ fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
         bench.succeed(&fit);
         assert_eq!(bench.read(&format!("{name}.lib")), bench.read("plain.lib"), "{name}");
     }
-    bench.write("noon.csv", "time,ax\n12:00:00 PM,1\n12:00:01 PM,2\n");
-    let refused = bench.refuse("fit noon.csv --speed 100 --force 1 --out a.lib");
-    holds(&refused, &["line 2", "'12:00:00 PM'", "pandas.to_datetime"]);
 }
 
-/// The same samples as loggers, shells and spreadsheets write them, each with the words by which the command reports
-/// it.
 #[test]
 fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
     let bench = Bench::new();
@@ -108,11 +96,8 @@ fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
         [0xff, 0xfe].into_iter().chain(units).collect()
     };
     let bytes = |text: String| text.into_bytes();
-    let micros = |n: usize| (u64::from(u32::MAX) - 1_500_000 + 1000 * n as u64) % (1 << 32);
     for (name, content, told) in [
         ("plain", bytes(plain.clone()), ""),
-        ("preamble", bytes(format!("Logger 3\nRate: 1000 Hz\n\n{plain}")), ""),
-        ("matlab", bytes(format!("% Rig A\n% 1 kHz, denim\n{plain}")), ""),
         ("shell", utf_16(&plain.replace('\n', "\r\n")), ""),
         (
             "numpy",
@@ -120,33 +105,14 @@ fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
             "no name and rises",
         ),
         (
-            "arduino",
-            bytes(table("", &|n, x| format!("t:{},ax:{x}", seconds(n)))),
-            "",
-        ),
-        (
-            "micros",
-            bytes(table("micros,ax", &|n, x| format!("{},{x}", micros(n)))),
-            "start again after 4294967296",
-        ),
-        (
             "spreadsheet",
             bytes(table("n,Time,ax,", &|n, x| format!("{n},{},{x},", seconds(n))) + ",,,\n,,,\n"),
             "column 'n' is left out",
         ),
         (
-            "force",
-            bytes(table("sample,t,ax,force_n", &|n, x| {
-                format!("{n},{},{x},1.02", seconds(n))
-            })),
-            "column 'sample' and 1 other are left out",
-        ),
-        (
-            "joined",
-            bytes(table("time,ax,gx", &|n, x| {
-                format!("{},{x},\n{}7,,0.5", seconds(n), seconds(n))
-            })),
-            "4000 rows of other sensors",
+            "arduino",
+            bytes(table("", &|n, x| format!("t:{},ax:{x}", seconds(n)))),
+            "",
         ),
         ("power", bytes(format!("{plain}4.0")), "last line is cut off"),
     ] {
@@ -186,11 +152,6 @@ fn what_is_not_read_is_refused_with_the_way_to_what_is() {
         ("a.xlsx", "PK", "stylus-convert FILE.xlsx --out"),
         ("a.mp3", "ID3", "`ffmpeg -i FILE.mp3 FILE.wav`"),
         ("a.mat", "MATLAB", "stylus-convert FILE.mat --out"),
-        ("a.tdms", "TDSm", "stylus-convert FILE.tdms --out"),
-        ("a.h5", "HDF", "stylus-convert FILE.h5 --out"),
-        ("a.npz", "PK", "stylus-convert FILE.npz --out"),
-        ("a.npy", "NUMPY", "stylus-convert FILE.npy --out"),
-        ("a.parquet", "PAR1", "stylus-convert FILE.parquet --out"),
         ("a.bag", "#ROSBAG", "rostopic echo -b FILE.bag -p /TOPIC"),
         ("a.json", "{}", "as a table, .csv"),
         ("a.bin", "?", "export the samples as .csv"),
@@ -313,11 +274,7 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
         &["The level of silk is not known"],
     );
     // Any scale in the list resolves the doubt, and so does an option.
-    for (header, row, option, rms) in [
-        (",scale_m_s2", ",1", "", 0.1),
-        (",scale_m_s2", ",98.1", "", 9.81),
-        ("", "", "--scale 98.1", 9.81),
-    ] {
+    for (header, row, option, rms) in [(",scale_m_s2", ",98.1", "", 9.81), ("", "", "--scale 98.1", 9.81)] {
         list(&format!("{HEADER}{header}"), row);
         assert!(!bench.told(&format!("{fit} {option}")).contains("hold integers"));
         assert!(!bench.succeed("inspect a.lib").contains(unknown));
@@ -358,10 +315,8 @@ fn a_unit_that_is_wrong_is_told_and_refused_by_strict_and_its_remedy_works() {
         holds(&bench.told(&fit), &[words, "--scale"]);
         let refused = bench.refuse(&format!("{fit} --strict"));
         holds(&refused, &[file, "refused because of --strict"]);
-        for option in ["--scale", "--unit"] {
-            let mended = bench.told(&format!("{fit} --strict {option} {unit}"));
-            assert!(!mended.contains("scale"), "{mended}");
-        }
+        let mended = bench.told(&format!("{fit} --strict --unit {unit}"));
+        assert!(!mended.contains("scale"), "{mended}");
     }
 }
 
@@ -381,22 +336,11 @@ fn units_of_headers_are_converted_and_a_set_says_so_once() {
     let words = "3 recordings, such as set/100.txt: converted from mg to m/s², by the header";
     assert_eq!(message.matches("converted").count(), 1, "{message}");
     holds(&message, &[words]);
-    let report = json(&bench.succeed(&format!("{fit} --json --overwrite")));
-    let remarks = &report["trials"][1]["remarks"];
-    holds(remarks, &["converted from mg"]);
 }
 
 #[test]
-fn recordings_of_a_stopped_recorder_and_of_labview_are_read_and_told() {
+fn recordings_of_labview_are_read_and_told() {
     let bench = Bench::new();
-    let mut stopped = recording(1);
-    let data = stopped
-        .windows(4)
-        .position(|four| four == b"data")
-        .expect("it has samples");
-    stopped[4..8].fill(0);
-    stopped[data + 4..data + 8].fill(0);
-    bench.write("stopped.wav", stopped);
     let mut lvm = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\nChannels\t1\n\
                    Y_Unit_Label\tg\nDelta_X\t0.0002\n***End_of_Header***\t\nX_Value\tax\tComment\n"
         .to_owned();
@@ -404,13 +348,8 @@ fn recordings_of_a_stopped_recorder_and_of_labview_are_read_and_told() {
         lvm += &format!("{:.4}\t{x}\n", n as f64 / f64::from(RATE_HZ));
     }
     bench.write("labview.lvm", lvm);
-    for (file, words) in [
-        ("stopped.wav", "the samples that are there are read"),
-        ("labview.lvm", "converted from g to m/s²"),
-    ] {
-        let fit = format!("fit {file} --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
-        holds(&bench.told(&fit), &[file, words]);
-    }
+    let told = bench.told(&format!("fit labview.lvm --speed 100 --force 1 --out a.lib {QUICK}"));
+    holds(&told, &["labview.lvm", "converted from g to m/s²"]);
 }
 
 #[test]
@@ -450,8 +389,6 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
         let message = bench.told(&format!("fit set --out a.lib {QUICK}"));
         holds(&message, &[words]);
     }
-    let refused = bench.run("fit set/0.wav --speed 120000 --out a.lib");
-    holds(&text(&refused.stderr), &["--speed", "no hand or drum exceeds"]);
 }
 
 /// A table of noise at 1 kHz. Its times are `stamp`, s, multiplied by `factor`.
@@ -466,18 +403,14 @@ fn every_remedy_for_times_that_are_refused_works() {
     let bench = Bench::new();
     let even = |n: usize| n as f64 / 1000.0;
     let paused = |n: usize| even(n) + if n < 3000 { 0.0 } else { 9.0 };
-    let bunches = |n: usize| (n as f64 / 20.0).floor() * 0.02 + (n % 20) as f64 * 1e-5;
-    let seconds = |stamp: &dyn Fn(usize) -> f64| stamped("t", 1.0, stamp);
     let milliseconds = stamped("time_s", 1e3, even);
     let none = noise(7, 4000).into_iter().map(|x| format!("{x}\n"));
     let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
     for (text, words, option) in [
-        (milliseconds.clone(), "holds times in s", "--time-unit ms"),
-        (milliseconds.clone(), "holds times in s", "--sample-rate 1000"),
-        (seconds(&bunches), "bunches of 20", "--even-times"),
+        (milliseconds, "holds times in s", "--time-unit ms"),
         (none.collect(), "no sample rate", "--sample-rate 1000"),
         // The file's own columns select a part without the gap.
-        (seconds(&paused), "a gap of 9.001", "--duration 2.5"),
+        (stamped("t", 1.0, paused), "a gap of 9.001", "--duration 2.5"),
     ] {
         bench.write("a.csv", &text);
         let named = match option {
@@ -487,56 +420,22 @@ fn every_remedy_for_times_that_are_refused_works() {
         holds(&bench.refuse(&fit), &[named, words]);
         bench.succeed(&format!("{fit} {option}"));
     }
-    for header in ["time_ms", "Time (ms)", "t [ms]"] {
-        bench.write("a.csv", milliseconds.replacen("time_s", header, 1));
-        bench.succeed(&fit);
-    }
-    bench.write("a.csv", stamped("time since start", 1.0, even));
-    let refused = bench.refuse("fit a.csv --out b.lib");
-    holds(&refused, &["'time since start'", "name it 'time'"]);
-    bench.write("a.csv", stamped("time", 1.0, even));
-    bench.succeed(&format!("fit a.csv --out b.lib {QUICK}"));
 }
 
 #[test]
 fn what_is_mended_in_the_times_is_said() {
     let bench = Bench::new();
     let even = |n: usize| n as f64 / 1000.0;
-    let lost = |n: usize| even(n + n / 400);
     let paused = |n: usize| even(n) + 0.02 * (n / 1500) as f64;
-    let bunches = |n: usize| (n / 3) as f64 * 0.003 + (n % 3) as f64 * 0.0006;
-    let coarse = |n: usize| (n as f64 / 8.0).floor() * 0.008;
     let back = |n: usize| even(n) - if n < 3000 { 0.0 } else { 2.0 };
-    let swapped = |n: usize| {
-        even(if (1000..1040).contains(&n) {
-            (n - 1000 + 20) % 40 + 1000
-        } else {
-            n
-        })
-    };
-    let own = stamped("t", 1.0, even);
-    let row = |(n, line): (usize, &str)| match line.split_once(',') {
-        Some((_, x)) if n % 7 == 5 => format!("{line}\n{},{x}\n", even(n - 1) + 0.0003),
-        _ => format!("{line}\n"),
-    };
-    let joined: String = own.lines().enumerate().map(row).collect();
     let sensor = noise(8, 4000);
     let held = (0..4000).map(|n| (even(n), sensor[(n as f64 * 0.73) as usize]));
     let held = held.fold(String::from("t,x\n"), |text, (time, x)| text + &format!("{time},{x}\n"));
-    let missing = "9 samples of 4009 missing one by one";
     let steps = "values of 730 Hz held at 1000 Hz, nothing above 365 Hz";
     for (text, words) in [
         (stamped("t", 1e3, even), "taken for ms"),
-        (stamped("t", 1.0, lost), missing),
         (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
-        (stamped("t", 1.0, bunches), "bunches of 3"),
-        (stamped("t", 1.0, coarse), "bunches of 8 samples share a time"),
         (stamped("t", 1.0, back), "start again after 2,"),
-        (
-            stamped("t", 1.0, swapped),
-            "40 of its rows are put in the order of their times",
-        ),
-        (joined, "571 rows of other sensors taken out"),
         (held, steps),
     ] {
         bench.write("a.csv", text);
@@ -572,12 +471,7 @@ fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid
     let told = bench.told(&format!("fit set --snap none --out a.lib {QUICK}"));
     holds(&told, &["380 of 400 nodes", "grid of 20 x 20"]);
     holds(&told, &["--snap auto", "4 x 5"]);
-    bench.succeed(&format!("fit set --snap auto --out auto.lib {QUICK}"));
-    bench.succeed(&format!("fit set --snap 0.03 --out share.lib {QUICK}"));
     let told = bench.told(&format!("fit set --out b.lib {QUICK}"));
-    for other in ["auto.lib", "share.lib"] {
-        assert_eq!(bench.read(other), bench.read("b.lib"));
-    }
     holds(&told, &["20 speeds become 4 (50, 100, 150, 200 mm/s)"]);
     holds(&told, &["20 forces become 5 (0.4, 0.8, 1.2, 1.6, 2 N)"]);
     holds(&told, &["% at most"]);
@@ -601,10 +495,6 @@ fn nodes_that_are_next_to_equal_are_told_with_the_remedy() {
     holds(&message, &["100 and 100.0001 mm/s", "--snap 0.01"]);
     let message = bench.told(&format!("fit set --snap 0.01 --out a.lib {QUICK}"));
     holds(&message, &["2 speeds become 1 (100 mm/s)"]);
-    let slope = (0..8).map(|n| ("silk", 100.0 + 2.0 * f64::from(n), 1.0));
-    set(&bench, &slope.collect::<Vec<_>>());
-    let message = bench.refuse("fit set --snap 0.03 --out c.lib");
-    holds(&message, &["no gap between them", "smaller --snap"]);
 }
 
 /// A library of two textures, in a folder with its set.
@@ -618,11 +508,6 @@ fn fitted() -> Bench {
 #[test]
 fn the_sign_of_a_speed_is_its_direction_and_a_negative_force_no_contact_in_every_motion() {
     let bench = fitted();
-    for (name, speed) in [("scene.toml", -100), ("plus.toml", 100)] {
-        let motion = format!("[constant_motion]\nspeed_mm_s = {speed}\nforce_n = 1\n");
-        let scene = format!("name = \"s\"\n{motion}[[surface]]\ntexture = \"silk\"\n");
-        bench.write(name, scene);
-    }
     let table = |speed: f64, force: f64| format!("time_s,speed_mm_s,force_n\n0,{speed},{force}\n1,{speed},{force}\n");
     let samples = |name: &str| bench.samples(name, RATE_HZ);
     let render = "render good.lib --texture silk --seconds 1";
@@ -640,15 +525,6 @@ fn the_sign_of_a_speed_is_its_direction_and_a_negative_force_no_contact_in_every
         assert!(samples("off.wav").iter().all(|&x| x == 0.0), "{way}");
         holds(&told, &["nothing is heard", "no contact"]);
     }
-    for (scene, out) in [
-        ("scene.toml", "back.wav"),
-        ("plus.toml", "forth.wav"),
-        ("plus.toml", "f.wav --speed -100 --force -1"),
-    ] {
-        let render = format!("scene render {scene} --library good.lib --seconds 1");
-        bench.succeed(&format!("{render} --out {out}"));
-    }
-    assert_eq!(samples("back.wav"), samples("forth.wav"));
 }
 
 #[test]
@@ -681,11 +557,6 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
             motion,
             "time_s\tspeed_mm_s\tforce_n\n0\t1.5\t1\n\n# on\n1\t2,5\t1\n",
             &["line 5", "column 2", "tab", "by a point"],
-        ),
-        (
-            motion,
-            "time_s,speed_mm_s,force_n\n0,100,1\n2,100,1\n1,100,1\n",
-            &["line 4", "1 after 2", "must rise"],
         ),
         (
             recording,
@@ -765,7 +636,7 @@ fn what_lies_below_a_folder_is_named_and_left_out_or_refused_and_never_waited_fo
 fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
     let bench = Bench::new();
     let long = "x".repeat(49);
-    for (name, word) in [("", "empty"), (" ", "empty"), ("a\nb", "control"), (&long, "49 bytes")] {
+    for (name, word) in [("", "empty"), (&long, "49 bytes")] {
         for command in [
             "segment a.csv --out cut --texture",
             "trials . --pattern {speed}.wav --force 1 --texture",
@@ -780,41 +651,6 @@ fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
     let refused = bench.refuse("trials . --pattern {texture}_{speed}.wav --force 1");
     holds(&refused, &[&long, "at most 48"]);
     assert!(!bench.path("trials.csv").exists());
-}
-
-/// Tables that resemble the Cluster Haptic Texture Dataset: gravity, accelerations in g at uneven times around 8.6 kHz,
-/// and forces in millinewtons.
-#[test]
-fn tables_in_g_at_uneven_times_are_listed_by_their_names_and_fitted_as_they_are() {
-    let bench = Bench::new();
-    let noise = noise(5, 40_000);
-    for number in 0..12_u32 {
-        let speed = 20 * (number / 4 + 1);
-        let (milli, take) = (500 * (number / 2 % 2 + 1), number % 2);
-        let v = f64::from(speed);
-        let (mut time, mut accelerations) = (0.001, String::from("time,X,Y,Z\n"));
-        let first = (900 * take + 100 * speed + milli) as usize;
-        for random in &noise[first..first + 12_000] {
-            // The signal is the same function of time, whatever the time steps are.
-            let turns = (150.0 + 2.0 * v) * time;
-            let texture = 0.05 * (core::f64::consts::TAU * turns).sin() * v / 30.0;
-            let z = -0.98 + texture + 0.01 * random;
-            accelerations += &format!("{time},0.014,{:.5},{z:.5}\n", 0.02 * random);
-            time += if *random > 0.0 { 0.000_14 } else { 0.000_092 };
-        }
-        let name = format!("c/accel/7/7_0_{speed}_{milli}_{take}.csv");
-        bench.write(&name, accelerations);
-    }
-    bench.write("c/audio/7/7_0_20_500_0.wav", "");
-    let pattern = "accel/{*}/{texture}_{*}_{speed}_{force*0.001}_{take}.csv";
-    let trials = format!("trials c --pattern {pattern} --scale 9.80665");
-    let said = bench.succeed(&format!("{trials} --take 0"));
-    holds(&said, &["6 trials"]);
-    let list = text(&bench.read("c/trials.csv"));
-    holds(&list, &["accel/7/7_0_20_1000_0.csv,7,20,1,9.80665"]);
-    bench.succeed("fit c --out c.lib --reduce z");
-    let content = bench.succeed("inspect c.lib");
-    holds(&content, &["3 x 2", "20 to 60", "0.5 to 1"]);
 }
 
 #[test]
@@ -833,11 +669,6 @@ fn recordings_without_a_list_whose_names_differ_by_one_number_are_pointed_at() {
     bench.write("capital.csv", list.replace("denim_50", "Denim_50"));
     let refused = bench.refuse("fit capital.csv --out c.lib");
     holds(&refused, &["Denim_50.wav", "'denim_50.wav' is"]);
-    let render = "render b.lib --texture denim --force 1 --seconds 1 --out a.wav --speed";
-    let render = |speed: u32| bench.told(&format!("{render} {speed}"));
-    let words = &["the speed reaches 90.000 mm/s", "up to 50 mm/s"];
-    holds(&render(90), words);
-    assert!(!render(51).contains("reaches"));
 }
 
 #[test]

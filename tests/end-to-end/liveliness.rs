@@ -2,7 +2,7 @@
 
 use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, text, wav};
 use host_tools::dsp::sums::rms;
-use model_format::{CodebookSpec, ExcitationSpec, Library, PartsSpec, TextureSpec, encode};
+use model_format::{Library, PartsSpec, TextureSpec, encode};
 use serde_json::Value;
 
 const POLES: [f64; 2] = [-0.6, 0.7];
@@ -50,25 +50,6 @@ fn recording(seed: u64) -> Vec<f64> {
     all_pole(&POLES, &excited)
 }
 
-/// A codebook of noise with a click, 36 dB louder. All of the click's energy is within 5 ms.
-fn clicking() -> CodebookSpec {
-    let codes: Vec<u8> = noise(79, 24 * 125).iter().map(|x| (100.0 * x) as i32 as u8).collect();
-    let mut blocks = Vec::new();
-    for (number, codes) in codes.chunks_exact(24).enumerate() {
-        if number == 62 {
-            // Samples of the highest magnitude with the signs of the noise, and of the lowest with either sign in turn.
-            let loud = codes[..9].iter().zip([0xdb, 0xb6, 0x6d].into_iter().cycle());
-            blocks.extend(loud.map(|(codes, highest)| codes | highest));
-            blocks.extend([0x20, 0x08, 0x82].repeat(5));
-            blocks.push(0);
-        } else {
-            blocks.extend(codes);
-            blocks.push((-71i8).cast_unsigned());
-        }
-    }
-    CodebookSpec::of_unit_power(blocks)
-}
-
 /// Two takes, and libraries of the first take, with and without parts.
 fn bench() -> Bench {
     let bench = Bench::new();
@@ -81,18 +62,7 @@ fn bench() -> Bench {
     let library = Library::decode(&bytes).unwrap();
     let texture = library.textures().next().unwrap();
     let spec = host_tools::scene::texture_spec(&texture);
-    let clicking = PartsSpec {
-        excitation: Some(ExcitationSpec {
-            codebooks: vec![clicking()],
-            of_nodes: vec![1; spec.nodes.len()],
-        }),
-        ..PartsSpec::default()
-    };
-    for (name, parts) in [
-        ("plain.lib", PartsSpec::default()),
-        ("fed.lib", spec.parts.clone()),
-        ("clicking.lib", clicking),
-    ] {
+    for (name, parts) in [("plain.lib", PartsSpec::default()), ("fed.lib", spec.parts.clone())] {
         let bytes = encode(&[TextureSpec { parts, ..spec.clone() }]);
         std::fs::remove_file(bench.path("plain.lib.fit.json")).ok();
         bench.write(name, bytes.unwrap());
@@ -117,24 +87,6 @@ fn evaluated(bench: &Bench, library: &str, more: &str) -> (String, Value) {
         "evaluate set --library {library} --takes takes --synthesis 40 --json-out e.json {more}"
     ));
     (said, bench.report("e.json"))
-}
-
-#[test]
-fn clicks_that_no_recording_has_are_named_with_their_factor() {
-    let bench = bench();
-    let loudest = |library: &str| {
-        let (said, evaluation) = evaluated(&bench, library, "");
-        (said, evaluation["textures"][0]["loudest_5_ms"].clone())
-    };
-    let (said, loudness) = loudest("clicking.lib");
-    assert!(loudness["times"].as_f64().unwrap() > 2.0, "{loudness}");
-    assert_eq!(loudness["trials_too_strong"], 1);
-    holds(&said, &["clicks up to", "times too strong (loudest 5"]);
-    for library in ["plain.lib", "fed.lib"] {
-        let (said, loudness) = loudest(library);
-        assert_eq!(loudness["trials_too_strong"], 0, "{loudness}");
-        assert!(!said.contains("too strong (loudest"), "{said}");
-    }
 }
 
 #[test]

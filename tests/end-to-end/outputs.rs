@@ -131,8 +131,6 @@ fn the_rule_of_outputs_holds_for_every_command_before_its_work() {
         ] {
             refuse(&bench, command, name, word);
         }
-        let command = format!("{command} --overwrite");
-        refuse(&bench, &command, "mine", "notes.txt");
     }
     refuse(&bench, "demo --out {}", "mine", "notes.txt");
 }
@@ -149,16 +147,7 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         (render, "set/../good.lib"),
         (render, "hard.lib"),
         (render, "soft.lib"),
-        (FILES[0], "set/silk-50-0.5.wav"),
-        (FILES[0], "set/trials.csv"),
         ("fit hard.wav --out {}", "set/silk-50-0.5.wav"),
-        (FILES[2], "scene.toml"),
-        (FILES[3], "good.lib"),
-        (FILES[4], "cork.xml"),
-        ("import-hatt . --out {}", "cork.xml"),
-        (FILES[5], "good.lib"),
-        (FILES[6], "set/silk-50-0.5.wav"),
-        (FILES[7], "good.lib.fit.json"),
     ] {
         let command = format!("{command} --overwrite");
         refuse(&bench, &command, name, "is an input");
@@ -288,18 +277,6 @@ fn what_is_there_is_replaced_where_that_is_asked_for_and_a_link_is_followed() {
         refuse(&bench, command, "link", "--overwrite");
         bench.succeed(&format!("{arguments} --overwrite"));
         assert_eq!(bench.read("deep/there"), first);
-    }
-    for command in &FOLDERS[..2] {
-        let arguments = command.replace("{}", "out");
-        bench.succeed(&arguments);
-        let first = content(&bench.path("out"));
-        refuse(&bench, command, "out", "--overwrite");
-        bench.succeed(&format!("{arguments} --overwrite"));
-        assert_eq!(content(&bench.path("out")), first, "{command}");
-        bench.write("out/notes.txt", "mine\n");
-        let command = format!("{command} --overwrite");
-        refuse(&bench, &command, "out", "notes.txt");
-        fs::remove_dir_all(bench.path("out")).unwrap();
     }
 }
 

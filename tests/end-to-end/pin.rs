@@ -233,10 +233,6 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
     let told = bench.succeed(&format!("{render_scene} --seconds 1 {twice} --out scene.wav"));
     holds(&told, &["40000 codes"]);
     assert!(bench.read("louder.wav") == bench.read("scene.wav"));
-
-    let refused = bench.refuse(&format!("{render} --out no.wav --pin --set gain=1"));
-    holds(&refused, &["there is no setting 'gain'"]);
-    assert!(!bench.path("no.wav").exists());
 }
 
 /// RMS of the second half of a file.

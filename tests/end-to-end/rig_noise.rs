@@ -219,11 +219,6 @@ fn recordings_that_are_named_do_what_trials_at_no_force_do() {
     let named = format!("fit set/contact.csv --floor-recording set/motor.csv {quick} --out");
     bench.succeed(&format!("{named} named.lib"));
     assert_eq!(read("own.lib"), read("named.lib"));
-    // The same holds for shards, whose results differ from those without the noise.
-    bench.succeed("fit set/contact.csv --out note.lib --order 40 --parts parts");
-    bench.succeed(&format!("{named} parts.lib --parts parts"));
-    assert_eq!(read("own.lib"), read("parts.lib"));
-    assert_ne!(read("own.lib"), read("note.lib"));
     // The blocks that are used for judging are fitted in the same way.
     bench.succeed("evaluate set/contact.csv --library named.lib");
     bench.write("mono.wav", wav(&[&noise(1, 20_000)], RATE_HZ));

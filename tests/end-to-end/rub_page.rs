@@ -59,23 +59,15 @@ fn a_library_alone_makes_a_page_with_its_digests_and_its_size_is_said() {
 }
 
 #[test]
-fn recordings_are_fitted_as_fit_does_and_come_with_clips_spectra_and_costs() {
+fn recordings_are_fitted_as_fit_does_and_come_with_clips_and_costs() {
     let bench = two_textures(|signal| [scaled(signal, 1.0)]);
     bench.succeed("fit set --out textures.lib");
     let said = bench.succeed("page set --out page.html");
     holds(&said, &["8 clips of recordings"]);
     let library = bench.read("textures.lib");
     assert_eq!(bytes(&bench, "page.html", "library"), library);
-    let data = data(&bench, "page.html");
-    let bands = data["frequencies_hz"].as_array().unwrap().len();
-    for texture in data["textures"].as_array().unwrap() {
-        let levels = |key: &str| STANDARD.decode(texture[key].as_str().unwrap()).unwrap();
-        let (model, recorded) = (levels("model_base64"), levels("recorded_base64"));
-        assert_eq!((model.len(), recorded.len()), (4 * bands, 4 * bands));
-        // Mean difference between the model and the recording that it was fitted to, whose levels are in half decibels.
-        let apart = model.iter().zip(&recorded).map(|(m, r)| m.abs_diff(*r));
-        let apart = apart.map(f64::from).sum::<f64>() / 2.0 / model.len() as f64;
-        assert!(apart < 2.0, "{apart} dB");
+    for texture in data(&bench, "page.html")["textures"].as_array().unwrap() {
+        assert!(texture["recorded_base64"].is_string());
         for cost in texture["nodes"]["costs"].as_array().unwrap() {
             let cost = cost.as_f64().unwrap();
             assert!((0.0..0.6).contains(&cost), "{cost}");

@@ -1,4 +1,4 @@
-//! Damages signals that resemble real takes in 40 ways at three strengths, and checks what triage reports.
+//! Damages signals that resemble real takes in 27 ways at three strengths, and checks what triage reports.
 //!
 //! The signals are generated: a heavy-tailed residual, a level that varies by 5 dB within the take, and most power at
 //! low frequencies. Their kurtosis is that of real takes. Damage that passes without a verdict must change the fitted
@@ -128,13 +128,12 @@ fn tone(frequency_hz: f64, amplitude: f64) -> impl Fn(f64) -> f64 {
     move |time| amplitude * (TAU * frequency_hz * time).sin()
 }
 
-/// Files of a set, the damaged one last, and how they are fitted: `felt` as one texture, a duration in seconds, or
-/// empty.
-struct Files(Vec<(&'static str, Vec<u8>)>, &'static str);
+/// Files of a set, the damaged one last, and whether they are fitted as one texture.
+struct Files(Vec<(&'static str, Vec<u8>)>, bool);
 
 fn files(axes: &[Vec<f64>], rate_hz: u32) -> Files {
     let axes: Vec<&[f64]> = axes.iter().map(Vec::as_slice).collect();
-    Files(vec![("take.wav", wav(&axes, rate_hz))], "")
+    Files(vec![("take.wav", wav(&axes, rate_hz))], false)
 }
 
 fn one(signal: Vec<f64>) -> Files {
@@ -144,7 +143,7 @@ fn one(signal: Vec<f64>) -> Files {
 /// A set with the take and a copy of it.
 fn two(original: &[f64], copy: &[f64]) -> Files {
     let [original, copy] = [original, copy].map(|signal| wav(&[signal], RATE_HZ));
-    Files(vec![("first.wav", original), ("take.wav", copy)], "")
+    Files(vec![("first.wav", original), ("take.wav", copy)], false)
 }
 
 /// A take of a surface: the surface, its seed, and its samples at the models' rate.
@@ -163,10 +162,6 @@ impl<'a> Take<'a> {
     fn other(&self, number: u64) -> Vec<f64> {
         let seed = 1000 + 10 * self.seed + number;
         self.surface.take(seed, RATE_HZ, SECONDS)
-    }
-
-    fn fast(&self) -> Vec<f64> {
-        self.surface.take(self.seed, FAST_HZ, SECONDS)
     }
 
     /// The take after `edit` was applied to its samples.
@@ -238,15 +233,6 @@ fn clipped(signal: &[f64], share: f64) -> Vec<f64> {
     signal.iter().map(|x| x.clamp(-limit, limit)).collect()
 }
 
-/// The samples as CSV with the times `time_s`.
-fn timed(signal: &[f64], time_s: impl Fn(usize) -> f64) -> Files {
-    let mut text = String::from("time_s,a\n");
-    for (n, x) in signal.iter().enumerate() {
-        writeln!(text, "{:.7},{x}", time_s(n)).unwrap();
-    }
-    Files(vec![("take.csv", text.into_bytes())], "")
-}
-
 /// Three axes, each with its own mixture of the take and another one.
 fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
     let mix = |own: f64, number: u64, gain: f64| -> Vec<f64> {
@@ -257,15 +243,10 @@ fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
 }
 
 #[rustfmt::skip]
-const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
+const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 27] = [
     ("NaN", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::NAN)), [Refused("finite"); 3]),
-    ("infinity", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::INFINITY)), [Refused("finite"); 3]),
     ("hard clipping", |t, s| one(clipped(&t.clean, [4e-4, 0.01, 0.1][s])),
         [Weak(0.5), Caught("clipped"), Caught("clipped")]),
-    ("one-sided clipping", |t, s| {
-        let limit = quantile(&t.clean, [3e-4, 0.02, 0.2][s]);
-        one(t.clean.iter().map(|x| x.min(limit)).collect())
-    }, [Weak(0.5), Caught("clipped"), Caught("clipped")]),
     ("soft saturation", |t, s| {
         let knee = 0.5 * [12.0, 6.0, 3.0][s];
         one(t.clean.iter().map(|x| knee * (x / knee).tanh()).collect())
@@ -277,10 +258,6 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
     }), [Caught("silent"); 3]),
     ("silent beginning", |t, s| t.edited(|x| x[..sample([0.05, 0.3, 1.5][s])].fill(0.0)),
         [Weak(0.5), Caught("partly-silent"), Caught("partly-silent")]),
-    ("silent end", |t, s| t.edited(|x| {
-        x.truncate(sample(2.0));
-        x[sample([1.95, 1.0, 0.1][s])..].fill(0.0);
-    }), [Weak(2.0), Caught("partly-silent"), Caught("partly-silent")]),
     ("lift-off", |t, s| t.edited(|x| {
         let part = sample(1.0)..sample(1.0 + [0.1, 0.6, 1.5][s]);
         let floor = noise(t.seed + 5, part.len());
@@ -316,17 +293,10 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
         files(&[x, y, z], RATE_HZ)
     }, [Weak(2.0), Caught("bursts"), Caught("bursts")]),
     ("tap", |t, s| t.edited(|x| taps(x, &[1.5], [1.0, 25.0, 80.0][s])), [Weak(0.5), Caught("tap"), Caught("tap")]),
-    ("two taps", |t, s| t.edited(|x| taps(x, &[1.2, 3.0], [1.0, 25.0, 80.0][s])),
-        [Weak(0.5), Caught("tap"), Caught("tap")]),
     ("level step", |t, s| t.edited(|x| {
         let gain = 10f64.powf([3.0, 24.0, 36.0][s] / 20.0);
         x[sample(2.0)..].iter_mut().for_each(|x| *x *= gain);
         x.iter_mut().for_each(|x| *x /= gain.sqrt());
-    }), [Alike(3.0), Caught("level-change"), Caught("level-change")]),
-    ("level ramp", |t, s| t.edited(|x| {
-        let neper = [6.0, 40.0, 60.0][s] / 20.0 * 10f64.ln();
-        let length = x.len() as f64;
-        x.iter_mut().enumerate().for_each(|(n, x)| *x *= (neper * (n as f64 / length - 0.5)).exp());
     }), [Alike(3.0), Caught("level-change"), Caught("level-change")]),
     ("wrong units, whole set", |t, s| one(scaled(&t.clean, [10.0, 300.0, 1000.0][s])),
         [Alike(21.0), Caught("scale"), Refused("check scale_m_s2")]),
@@ -337,15 +307,8 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
         let mut all: Vec<_> = names.into_iter().zip(&others).map(|(n, x)| (n, wav(&[x], RATE_HZ))).collect();
         let own = if s == 2 { scaled(&own, 0.5) } else { own };
         all.push(("take.wav", wav(&[&own], RATE_HZ)));
-        Files(all, "felt")
+        Files(all, true)
     }, [Alike(50.0), Alike(50.0), Caught("scale")]),
-    ("gravity in g", |t, s| {
-        let tilt: f64 = [0.0, 0.4, 0.8][s];
-        let means = [tilt.sin(), 0.0, tilt.cos()];
-        let axes = three_axes(t).into_iter().zip(means);
-        let axes: Vec<Vec<f64>> = axes.map(|(x, mean)| plus(&scaled(&x, 0.1), |_| mean, RATE_HZ)).collect();
-        files(&axes, RATE_HZ)
-    }, [Caught("scale"); 3]),
     ("drift", |t, s| {
         let slope = 0.5 * 12f64.sqrt() * [0.05, 0.5, 2.0][s];
         one(plus(&t.clean, |time| slope * (time / SECONDS - 0.5), RATE_HZ))
@@ -357,8 +320,6 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
     ("offset", |t, s| one(plus(&t.clean, |_| [0.1, 9.81, 100.0][s], RATE_HZ)),
         [Weak(0.01), Weak(0.01), Caught("scale")]),
     ("hum at 50 Hz", |t, s| hum(t, s, &[(50.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
-    ("hum at 100 Hz", |t, s| hum(t, s, &[(100.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
-    ("hum at 120 Hz", |t, s| hum(t, s, &[(120.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
     ("hum at 60 Hz with harmonics", |t, s| hum(t, s, &[(60.0, 1.0), (120.0, 0.5), (180.0, 0.4), (300.0, 0.2)]),
         [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
     ("whistle at 733 Hz", |t, s| hum(t, s, &[(733.0, 1.0)]), [Weak(1.0), Alike(4.0), Alike(8.0)]),
@@ -366,31 +327,10 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
         let level = 0.5 * [0.01, 0.03, 0.1][s];
         one(t.clean.iter().zip(noise(t.seed + 9, t.clean.len())).map(|(x, n)| x + level * n).collect())
     }, [Weak(1.0), Weak(2.0), Alike(6.0)]),
-    ("held samples", |t, s| {
-        let times = [2, 5, 25][s];
-        one(t.clean.chunks_exact(times).flat_map(|part| vec![part[0]; times]).collect())
-    }, [Caught("repeated"); 3]),
-    ("low rate", |t, s| {
-        let low_hz = [2000, 1600, 1000][s];
-        files(&resample(&[t.fast()], FAST_HZ, low_hz), low_hz)
-    }, [Caught("wrong-rate"); 3]),
-    ("uneven times", |t, s| match s {
-        0 => timed(&t.clean, |n| (n as f64 + 0.1 * (n % 3) as f64) / f64::from(RATE_HZ)),
-        1 => timed(&t.clean, |n| (n as f64 + 0.8 * (n % 3) as f64) / f64::from(RATE_HZ)),
-        _ => timed(&t.clean, |n| n as f64 / f64::from(RATE_HZ) + if n > 9999 { 1.0 } else { 0.0 }),
-    }, [Weak(0.3), Refused("even steps"), Caught("dropouts")]),
-    ("truncated file", |t, s| {
-        let mut bytes = wav(&[&t.clean], RATE_HZ);
-        let keep = [0.99, 0.5, 0.05][s] * bytes.len() as f64;
-        bytes.truncate(keep as usize);
-        // The part that is still present can be used.
-        Files(vec![("take.wav", bytes)], "0.1")
-    }, [Caught("truncated"); 3]),
     ("exact duplicate", |t, s| {
         let length = sample([0.5, 2.0, 4.0][s]);
         two(&t.clean[..length], &t.clean[..length])
     }, [Caught("duplicate"); 3]),
-    ("scaled duplicate", |t, s| two(&t.clean, &scaled(&t.clean, [0.9, 3.0, 0.1][s])), [Caught("duplicate"); 3]),
     ("dead axis", |t, s| {
         let [x, y, z] = three_axes(t);
         let floor = scaled(&noise(t.seed, x.len()), [5e-3, 5e-5, 0.0][s]);
@@ -400,17 +340,16 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
     ("too short", |t, s| t.edited(|x| x.truncate(sample([0.3, 0.1, 0.02][s]))), [Caught("too-short"); 3]),
 ];
 
-/// Fits the files. Each is a texture of its own unless they share one. Only the first 0.1 s of a truncated file are
-/// used.
+/// Fits the files. Each is a texture of its own unless they share one.
 fn fitted(files: &Files) -> Result<Fit, String> {
     let bench = Bench::new();
     let mut list = String::from("file,texture,speed_mm_s,force_n,duration_s\n");
     for (number, (name, bytes)) in files.0.iter().enumerate() {
         bench.write(name, bytes);
-        let (texture, duration) = match files.1 {
-            "felt" => ("felt".to_owned(), ""),
-            "" => (format!("t{number}"), "4"),
-            duration => (format!("t{number}"), duration),
+        let (texture, duration) = if files.1 {
+            ("felt".to_owned(), "")
+        } else {
+            (format!("t{number}"), "4")
         };
         let speed = 50 * (number + 1);
         writeln!(list, "{name},{texture},{speed},1,{duration}").unwrap();
@@ -487,7 +426,7 @@ fn signals_shaped_like_real_takes_have_no_verdict() {
 
 /// Uses one of the three surfaces for each kind.
 #[test]
-fn damage_of_40_kinds_is_found_at_the_strengths_that_matter() {
+fn damage_of_each_kind_is_found_at_the_strengths_that_matter() {
     judge_damage(false);
 }
 
@@ -556,16 +495,11 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
     let since = "time since start,x\n0,1\n0.1,2\n";
     for (content, words) in [
         (hand, &["speed_mm_s", "segment"][..]),
-        ("ch1,force_n\n1,1\n", &["force_n", "segment"]),
         (since, &["'time since start'", "time_ms"]),
         ("sample,ch1\n0,1\n1,2\n", &["'sample'", "remove column 1"]),
         ("a,b,c,d\n1,2,3,4\n", &["4 columns", "comma", "1 to 3"]),
-        ("1,5,2,0\n2,5,3,0\n", &["4 columns", "comma"]),
         ("x,y\n1,2\n1,oops\n", &["line 3", "'oops'", "column 2"]),
-        ("x;y\n1;2\n1\n", &["line 3", "semicolon"]),
-        ("1.5,2.x\n1,2\n", &["line 1", "'2.x'", "column 2"]),
         ("x,y\n1,\n1,NA\n", &["column 2", "no numbers"]),
-        ("t,x,y\n0,1,\n1,2,#N/A\n", &["column 3", "no numbers"]),
         ("sample,x\n7,1\n8,2\n11,3\n", &["line 4", "11 after 8", "column 1"]),
         (&counted, &["no header", "counts", "time_s"]),
     ] {

@@ -3,8 +3,8 @@
 use std::fs::File;
 use std::process::{Child, Output};
 
+use fake_stylus::FakeStylus;
 use fake_stylus::library::library;
-use fake_stylus::{FakeStylus, Hand};
 use serde_json::{Value, json};
 
 use crate::device_links::{announce, at_a_desk, port};
@@ -68,9 +68,7 @@ fn a_second_program_on_a_link_is_refused_with_the_first_ones_name_and_the_first_
     let who = format!("in use by `stylus play` (process {})", player.id());
     for second in [
         "status",
-        "stop",
         "play --scene none",
-        "settings set hard-limit 0.4",
         "upload a.lib --activate",
         "record strokes.csv --strokes --seconds 1",
     ] {
@@ -100,26 +98,6 @@ fn the_refusal_names_the_other_link_over_which_a_stop_ends_the_play_of_the_first
     let (output, told) = ended(player);
     assert_eq!(output.status.code(), Some(2));
     holds(&told, &["stopped over the stylus's other link"]);
-}
-
-#[test]
-fn over_two_links_one_program_plays_and_another_watches() {
-    let desk = Desk::new();
-    desk.stylus.set_hand(Hand::moving(100.0, 1.0));
-    let player = desk.play();
-    let watch = format!("status --watch --link {}", desk.stylus.other_link());
-    let watching = desk.bench.spawn(watch.split_whitespace());
-    wait_for("a recording", || desk.stylus.count("stylus/record/start") > 0);
-    desk.wait_for_motions();
-    interrupt(&watching);
-    let (output, told) = ended(watching);
-    assert!(output.status.success(), "{told}");
-    let status = desk.status();
-    assert!(status["status"]["output"]["activity"].is_object());
-    assert_eq!(status["status"]["record"]["recording"], false);
-    interrupt(&player);
-    let (output, told) = ended(player);
-    assert!(json(&text(&output.stdout))["motions"].is_u64(), "{told}");
 }
 
 #[test]

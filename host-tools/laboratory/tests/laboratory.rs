@@ -100,15 +100,12 @@ fn files_in_memory_give_the_library_record_and_pages_of_those_on_the_disk() {
 fn a_fault_of_a_file_has_the_same_words_in_memory() {
     let home = tempfile::tempdir().unwrap();
     let whole = float_wav(1, 5000, (0..5000).map(|n| f64::from(n).sin())).unwrap();
-    let cases: [(&str, &[u8]); 8] = [
+    let cases: [(&str, &[u8]); 5] = [
         ("empty.wav", b""),
         ("cut.wav", &whole[..200]),
         ("text.wav", b"this is no sound"),
         ("words.csv", b"time_s,x\n0,a\n0.001,b\n"),
-        ("backwards.csv", b"time_s,x\n0,1\n0.002,2\n0.001,3\n"),
-        ("no-rate.csv", b"x\n1\n2\n3\n"),
         ("matrix.mat", b"MATLAB"),
-        ("latin.csv", b"time_s,\xff\n0,1\n"),
     ];
     for (name, bytes) in cases {
         std::fs::write(home.path().join(name), bytes).unwrap();

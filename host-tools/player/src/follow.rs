@@ -173,28 +173,6 @@ mod tests {
     const LAST_S: f64 = 0.0018;
 
     #[test]
-    fn a_motion_is_held_for_50_ms_and_then_the_tool_leaves_the_surface_with_its_force() {
-        let (moves, mut follower) = (Moves::new(), Follower::new());
-        let untold = follower.next_block(&moves, LAST_S);
-        assert_eq!((untold.speed_mm_s, untold.contact), (0.0, 0.0));
-        let told = BlockMotion {
-            begin_mm: 3.0,
-            end_mm: 3.1,
-            ..BlockMotion::new(80.0, 0.7)
-        };
-        moves.put(Told::Block(told).words());
-        let first = follower.next_block(&moves, LAST_S);
-        assert_eq!((first.begin_mm, first.end_mm), (3.0, 3.1));
-        for block in 1..25 {
-            let held = follower.next_block(&moves, LAST_S);
-            assert_eq!((held.speed_mm_s, held.force_n), (80.0, 0.7), "{block}");
-            assert!(held.begin_mm.is_nan() && held.contact.is_nan(), "{block}");
-        }
-        let left = follower.next_block(&moves, LAST_S);
-        assert_eq!((left.speed_mm_s, left.force_n, left.contact), (0.0, 0.7, 0.0));
-    }
-
-    #[test]
     fn the_speed_of_places_is_their_way_over_their_time_whatever_the_rate() {
         for step_s in [0.0001, 0.001, 0.01, 0.05] {
             let (moves, mut follower) = (Moves::new(), Follower::new());

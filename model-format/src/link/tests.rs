@@ -9,7 +9,6 @@ use postcard_rpc::Key;
 use postcard_schema::Schema;
 use postcard_schema::schema::{DataModelType, DataModelVariant, NamedType, NamedValue, NamedVariant};
 use proptest::prelude::*;
-use serde::Deserialize;
 
 use super::*;
 use crate::scene::SceneName;
@@ -167,23 +166,6 @@ proptest! {
             encoder_delta,
         };
         prop_assert_eq!(RecordSample::from(PackedSample::from(sample)), sample);
-    }
-
-    #[test]
-    fn random_bytes_are_a_request_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..64)) {
-        fn decode<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> bool {
-            postcard::from_bytes::<T>(bytes).is_ok()
-        }
-        let (begin, chunk) = (decode::<UploadBegin>(&bytes), decode::<UploadChunk<'_>>(&bytes));
-        let (list, slot) = (decode::<ListRequest>(&bytes), decode::<SlotId>(&bytes));
-        let (play, motion) = (decode::<PlayRequest>(&bytes), decode::<MotionSample>(&bytes));
-        let change = decode::<SettingChange>(&bytes);
-        if bytes.is_empty() {
-            prop_assert!(!(begin || chunk || list || slot || play || motion || change));
-        }
-        prop_assert_eq!(slot, bytes.first().is_some_and(|&byte| byte < 2));
-        // Two numbers, then a position and a contact, or none.
-        prop_assert!(!motion || bytes.len() >= 10);
     }
 
     #[test]

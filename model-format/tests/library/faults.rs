@@ -2,9 +2,7 @@
 //! The message names the fault's place, and the numbers if there are any.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINES, MAX_OUTPUT_POWER};
-use model_format::{
-    CodeSpec, FORMAT_VERSION, Library, LineSpec, LinesSpec, NodeSpec, Place, TailSpec, TextureSpec, encode,
-};
+use model_format::{CodeSpec, FORMAT_VERSION, Library, LineSpec, LinesSpec, NodeSpec, TailSpec, TextureSpec, encode};
 
 use crate::bytes::{RawLibrary, RawTexture, checksum, repair};
 
@@ -37,21 +35,6 @@ const AT: [usize; 2] = [1, 0];
 /// then `told`.
 fn of_node([speed, force]: [usize; 2], spoil: impl FnOnce(&mut RawTexture), told: &str) {
     of_texture(spoil, &format!(", node (speed {speed}, force {force}): {told}"));
-}
-
-#[test]
-fn places_read_as_a_person_would_point() {
-    let (texture, speed, force) = (3, 4, 5);
-    let node = Place::Node { texture, speed, force };
-    for (place, text) in [
-        (Place::Library, "library"),
-        (Place::Texture(3), "texture 3"),
-        (Place::SpeedAxis(3), "texture 3, speed axis"),
-        (Place::ForceAxis(3), "texture 3, force axis"),
-        (node, "texture 3, node (speed 4, force 5)"),
-    ] {
-        assert_eq!(place.to_string(), text);
-    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Sizes of libraries, which must suit the flash and the download.
 
-use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
+use model_format::limits::MAX_ORDER;
 use model_format::{CodeSpec, Library, NodeSpec, TextureSpec, encode};
 
 /// A dense grid of 15 speeds and 8 forces, in which every node has the highest order.
@@ -26,17 +26,4 @@ fn a_dense_texture_with_tails_takes_at_most_56_kibibytes() {
     let texture = library.textures().next().expect("one was encoded");
     assert_eq!(texture.max_order(), MAX_ORDER);
     assert_eq!(texture.fine_stages(), 24);
-}
-
-#[test]
-fn four_dense_textures_fit_in_a_slot() {
-    let textures = ["one", "two", "three", "four"].map(dense);
-    let bytes = encode(&textures).expect("a valid library");
-    assert!(bytes.len() <= 400_000, "{} bytes", bytes.len());
-    assert!(bytes.len() <= MAX_LIBRARY_BYTES);
-    let library = Library::decode(&bytes).expect("what was encoded");
-    assert_eq!(
-        library.textures().map(|texture| texture.nodes().count()).sum::<usize>(),
-        480
-    );
 }

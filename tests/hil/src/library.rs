@@ -67,27 +67,3 @@ fn scenes() -> Vec<Scene> {
         side_by_side("transition", surfaces, [-1e5, 0.0, 1e5], 100.0),
     ]
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use model_format::Library;
-
-    #[test]
-    fn the_library_fits_a_slot_and_holds_all_that_is_played() {
-        let played = played();
-        let library = Library::decode(&played.bytes).expect("it is valid");
-        let fast = [dearest(), cheap()];
-        let known: Vec<_> = played.selections.iter().map(|(_, one)| one).collect();
-        assert!(fast.iter().all(|one| known.contains(&one)));
-        for selection in known {
-            match selection {
-                Selection::Texture(name) => assert!(library.texture(name).is_some(), "{name}"),
-                Selection::Scene(name) => assert!(library.scene(name).is_some(), "{name}"),
-            }
-        }
-        let names: Vec<_> = library.textures().map(|texture| texture.name()).collect();
-        assert_eq!(names[usize::from(LATTICE)], "lattice, order 100");
-        assert_eq!(names[usize::from(SECOND)], "lattice, order 50");
-    }
-}

@@ -6,10 +6,10 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
 use fake_stylus::requests::{Requests, frame};
 use model_format::link::{
-    KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MAX_CHUNK_BYTES, MotionEndpoint, MotionRefused,
-    MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS, PlayEndpoint, PlayError, PlayRequest, ProposalToken,
-    Setting, SettingSet, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
-    StatusEndpoint, StopEndpoint, UploadChunk, UploadChunkEndpoint,
+    KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MAX_CHUNK_BYTES, MotionEndpoint, MotionRefused, MotionSource,
+    PROPOSAL_VALID_MS, PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting, Settings, SettingsChange,
+    SettingsError, SettingsProposal, SettingsProposeEndpoint, Status, StatusEndpoint, StopEndpoint, UploadChunk,
+    UploadChunkEndpoint,
 };
 use postcard_rpc::Endpoint;
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
@@ -63,16 +63,6 @@ impl Stylus {
         self.requests.publish::<KeepAliveTopic>(link, &());
     }
 
-    /// Runs for `ms` milliseconds; `link` keeps its lease alive meanwhile.
-    fn run_kept(&self, link: LinkId, ms: u32) {
-        for now in 0..ms {
-            if now % KEEP_ALIVE_MS == 0 {
-                self.keep_alive(link);
-            }
-            self.stylus.control.millisecond();
-        }
-    }
-
     fn propose(&self, link: LinkId, change: &SettingsChange) -> Result<SettingsProposal, SettingsError> {
         (self.requests).ask::<SettingsProposeEndpoint>(link, change)
     }
@@ -101,86 +91,10 @@ fn change_of(values: &[(Setting, f32)]) -> SettingsChange {
     SettingsChange::of(&changes).expect("there is room for seven")
 }
 
-/// The seven settings by which a host would switch protection off.
-fn all_told_away() -> SettingsChange {
-    change_of(&[
-        (Setting::AmplifierGain, 0.01),
-        (Setting::CoilResistance, 1000.0),
-        (Setting::PowerLimit, 1.0),
-        (Setting::ThermalTimeConstant, 60.0),
-        (Setting::HardLimit, 1.45),
-        (Setting::OutputGain, 1.0),
-        (Setting::SlewLimit, 16.0),
-    ])
-}
-
 #[test]
-fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_link() {
-    for [player, other] in [LINKS, [LINKS[1], LINKS[0]]] {
-        // First the other host polls; then it also sends motions and keep-alives; at last a next program on the
-        // player's own link polls.
-        for (link, drives) in [(other, false), (other, true), (player, false)] {
-            let stylus = Stylus::new();
-            stylus.play(player).expect("it is there");
-            stylus.run_kept(player, 300);
-            assert!(stylus.stylus.sounds());
-            let mut silent_after = 0;
-            while stylus.stylus.sounds() {
-                if silent_after % 10 == 0 {
-                    stylus.status(link);
-                    if drives {
-                        stylus.keep_alive(link);
-                        stylus.requests.publish::<MotionTopic>(link, &MOTION);
-                    }
-                }
-                stylus.stylus.control.millisecond();
-                silent_after += 1;
-                assert!(silent_after <= SILENT_WITHIN_MS, "it sounds on");
-            }
-            assert!(silent_after > LINK_LOST_AFTER_MS - KEEP_ALIVE_MS);
-            let status = stylus.status(link);
-            assert!(status.output.mute.contains(MuteReason::LinkLost));
-            let lease = (status.lease.holder, status.lease.is_alive);
-            assert_eq!(lease, (Some(player), false));
-            // The sound returns with the host that plays.
-            stylus.run_kept(player, 300);
-            assert!(stylus.stylus.sounds());
-        }
-    }
-}
-
-#[test]
-fn no_single_frame_changes_a_setting_and_the_second_one_changes_all_of_them_once() {
+fn a_proposal_ends_with_its_time() {
+    let usb = LinkId::Usb;
     let mut stylus = Stylus::new();
-    let [usb, serial] = LINKS;
-    let before = stylus.settings();
-    let proposal = stylus.propose(usb, &all_told_away()).expect("it rests");
-    assert_eq!(stylus.settings(), before);
-    assert_eq!(stylus.proposal().as_ref(), Some(&proposal));
-    let left = [Setting::SoftStart, Setting::MuteRamp, Setting::EnableWired];
-    let left = left.iter();
-    let left = left.fold(SettingSet::NONE, |set, &setting| set.with(setting, true));
-    let loosens = LOCKED.without(left);
-    assert_eq!(proposal.loosens, loosens);
-    // Neither the other link nor another token applies the proposal, and neither ends it.
-    let crossed = stylus.apply(serial, proposal.token);
-    assert_eq!(crossed, Err(SettingsError::OtherLink { from: usb }));
-    let guessed = stylus.apply(usb, ProposalToken(proposal.token.0 ^ 1));
-    assert_eq!(guessed, Err(SettingsError::NoProposal));
-    assert_eq!(stylus.settings(), before);
-    let set = stylus.apply(usb, proposal.token).expect("it was proposed");
-    assert_eq!(all_told_away().applied_to(before), Ok(set));
-    let again = stylus.apply(usb, proposal.token);
-    assert_eq!(again, Err(SettingsError::NoProposal));
-    assert_eq!(stylus.proposal(), None);
-}
-
-#[test]
-fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
-    let [usb, serial] = LINKS;
-    let gone = Err(SettingsError::NoProposal);
-    let mut stylus = Stylus::new();
-    let before = stylus.settings();
     assert_eq!(stylus.proposal(), None, "none at the start");
 
     let first = stylus.proposes_reset(usb);
@@ -189,23 +103,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     assert_eq!(remaining_ms, Some(1));
     stylus.stylus.run(1);
     assert_eq!(stylus.proposal(), None);
-    assert_eq!(stylus.apply(usb, first.token), gone);
-
-    let first = stylus.proposes_reset(usb);
-    stylus.play(serial).expect("it is there");
-    let playing = Err(SettingsError::Playing);
-    assert_eq!(stylus.propose(serial, &SettingsChange::Reset), playing);
-    assert!(stylus.is_stopped(serial));
-    stylus.stylus.run(100);
-    assert_eq!(stylus.apply(usb, first.token), gone);
-
-    let first = stylus.proposes_reset(usb);
-    let other = change_of(&[(Setting::HardLimit, 0.1)]);
-    let second = stylus.propose(serial, &other).expect("it rests");
-    assert_ne!(first.token, second.token);
-    assert_eq!(stylus.apply(usb, first.token), gone);
-    assert_eq!(stylus.settings(), before);
-    assert!(stylus.apply(serial, second.token).is_ok());
+    assert_eq!(stylus.apply(usb, first.token), Err(SettingsError::NoProposal));
 }
 
 #[test]

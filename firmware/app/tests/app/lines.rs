@@ -4,16 +4,13 @@ use std::f64::consts::TAU;
 
 use fake_stylus::device::settings_with;
 use model_format::link::{MotionSample, MotionSource, Setting};
-use model_format::{
-    AdcCode, Library, LineSpec, LinesSpec, MillimetresPerSecond, Newton, NodeSpec, OutputSample, PartsSpec,
-    TextureSpec, encode,
-};
+use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::tracker::LEAD_TICKS;
 use stylus_app::inputs::{Encoder, Estimator, Follower, InputConfig, Sensors, Timed, choose};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::position::Position;
-use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
+use stylus_kernel::scene::Interaction;
 
 const RATE: f64 = SAMPLE_RATE_HZ as f64;
 
@@ -22,26 +19,6 @@ const COUNT_MM: f64 = 0.01;
 
 /// A force of about 1 N.
 const PRESSED: AdcCode = AdcCode(20_000);
-
-const WAVELENGTH_MM: f32 = 0.61;
-
-/// A texture that is silent except for a line of 1 m/s².
-fn library() -> Vec<u8> {
-    let line = LineSpec {
-        wavelength_mm: WAVELENGTH_MM,
-        phase: 0,
-        amplitudes: vec![1.0],
-        ..LineSpec::default()
-    };
-    let spec = TextureSpec {
-        parts: PartsSpec {
-            lines: Some(LinesSpec::from(vec![line])),
-            ..PartsSpec::default()
-        },
-        ..TextureSpec::new("line", &[10.0], &[0.1], vec![NodeSpec::silent()])
-    };
-    encode(&[spec]).expect("valid")
-}
 
 fn config(path_per_count: f64) -> InputConfig {
     let path = (Setting::PathPerCount, path_per_count as f32);
@@ -216,35 +193,6 @@ fn an_encoder_that_counts_backwards_or_not_at_all_is_followed() {
         let position = none.block().0.position().expect("it is tracked");
         assert!(mm(position).abs() < COUNT_MM, "{position:?}");
     }
-}
-
-/// Returns samples of the line for a tool that moves, and the time at which the first sample is felt, s.
-fn samples(moved: &mut Moved<impl Fn(f64) -> f64>, seconds: f64) -> (Vec<f64>, f64) {
-    let bytes = library();
-    let library = Library::decode(&bytes).expect("valid");
-    let texture = library.textures().next().expect("one");
-    let plan = Plan::of_texture(texture);
-    assert!(plan.has_lines());
-    let mut player: ScenePlayer<'_> = ScenePlayer::new(plan, 1);
-    let (mut samples, mut first_s) = (Vec::new(), None);
-    for _ in 0..(seconds * 500.0) as usize {
-        let (interaction, felt_s) = moved.block();
-        first_s.get_or_insert(felt_s - f64::from(UPDATE_INTERVAL_SAMPLES - 1) / RATE);
-        player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
-        let unit = f64::from(1u32 << OutputSample::FRACTION_BITS);
-        let mut next = || f64::from(player.next_sample().0) / unit;
-        samples.extend((0..UPDATE_INTERVAL_SAMPLES).map(|_| next()));
-    }
-    (samples, first_s.expect("there are blocks"))
-}
-
-#[test]
-fn a_tool_that_stops_is_silent_soon() {
-    let mut moved = Moved::new(COUNT_MM, 0, |t: f64| 80.0 * t.min(1.0));
-    let (samples, first_s) = samples(&mut moved, 2.0);
-    let last = samples.iter().rposition(|&sample| sample != 0.0);
-    let after_s = first_s + last.expect("it moved") as f64 / RATE - 1.0;
-    assert!((0.0..0.03).contains(&after_s), "{after_s} s");
 }
 
 fn told(speed: f64, position_mm: Option<f64>) -> MotionSample {

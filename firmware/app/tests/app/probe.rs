@@ -1,6 +1,6 @@
 //! Probes and responses: the codes that are put out, the ends of a probe, and what each request changes.
 
-use fake_stylus::device::{MOTION, SteppedStylus, change, play_request, response_for};
+use fake_stylus::device::{SteppedStylus, change, play_request, response_for};
 use fake_stylus::library::{library, texture};
 use model_format::link::{
     Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PROBE_SAMPLES, PlayError, ProbeError, ProbeLoad, ProbeStart,
@@ -13,9 +13,8 @@ use proptest::prelude::*;
 use stylus_app::control::{Device, plan_of};
 use stylus_app::safety::{Config, OVERSAMPLING, State};
 use stylus_app::{TICKS_PER_MS, UPDATE_INTERVAL_TICKS};
-use stylus_kernel::Motion;
 use stylus_kernel::scene::cost::BUDGET;
-use stylus_kernel::scene::{Equaliser, EqualiserState, Interaction, ScenePlayer};
+use stylus_kernel::scene::{Equaliser, EqualiserState};
 
 use crate::budget;
 
@@ -311,9 +310,9 @@ fn an_equaliser_that_may_not_be_played_is_not_even_proposed() {
     }
 }
 
-/// The output is the texture's samples through the sections, at both rates, and costs the sections in addition.
+/// At both rates the sections cost in addition to the texture.
 #[test]
-fn a_stored_response_equalises_every_texture_and_one_that_no_longer_fits_the_budget_is_refused() {
+fn a_texture_that_no_longer_fits_the_budget_with_a_stored_response_is_refused() {
     for (rate, response) in [5_000, 10_000].map(|hz| (hz, response_for(&Settings::default()))) {
         let bytes = encode(&[texture("one", 8, 1, rate)]).expect("valid");
         let library = Library::decode(&bytes).expect("valid");
@@ -336,32 +335,5 @@ fn a_stored_response_equalises_every_texture_and_one_that_no_longer_fits_the_bud
             refused,
             Err(PlayError::EqualiserOverBudget { sections: 1, .. })
         ));
-
-        let equaliser = Equaliser::new(&response.sections_5khz.biquads());
-        let mut state = EqualiserState::new();
-        let [mut plain, mut equalised]: [ScenePlayer<'_>; 2] = [plain, equalised].map(|plan| ScenePlayer::new(plan, 3));
-        let motion = Motion::new(MOTION.speed, MOTION.force).expect("finite");
-        let samples = UPDATE_INTERVAL_TICKS * per_tick;
-        let mut sum = 0;
-        for block in 0..400 {
-            // The last blocks have no contact, so that both fall silent.
-            let interaction = if block < 300 {
-                Interaction::touching(motion)
-            } else {
-                Interaction::NONE
-            };
-            plain.follow(interaction, samples);
-            equalised.follow(interaction, samples);
-            for _ in 0..samples {
-                let (expected, _) = state.process(&equaliser, plain.next_sample());
-                let sample = equalised.next_sample();
-                assert_eq!(sample, expected, "block {block}");
-                sum += u64::from(sample.0.unsigned_abs());
-            }
-        }
-        assert!(
-            sum > 0 && equalised.block().stages().is_empty(),
-            "silence is exact and free"
-        );
     }
 }

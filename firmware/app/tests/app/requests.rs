@@ -2,18 +2,18 @@
 
 use std::iter;
 
-use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
+use fake_stylus::device::{COIL, SteppedStylus, change, play_request};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, chunks, library, texture};
 use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
-    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSample, MotionSource, MuteReason,
-    PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection, Setting, SettingSet, Settings, SettingsError,
-    SettingsState, SlotId, StopError, UploadChunk, UploadError,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSource, MuteReason, PlayError,
+    PlayRequest, RecordError, STALE_AFTER_MS, Selection, Setting, SettingSet, Settings, SettingsError, SettingsState,
+    SlotId, StopError, UploadChunk, UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{DacCode, Library, MillimetresPerSecond, PlayRate, encode, encode_with_scenes};
+use model_format::{DacCode, Library, PlayRate, encode, encode_with_scenes};
 use stylus_kernel::scene::Plan;
 
 /// A device with a library of one texture, "texture 0", that plays it.
@@ -553,19 +553,6 @@ fn while_the_supply_is_low_no_flash_is_written_and_what_was_begun_goes_on_after(
     stylus.hardware().start.supply_low = false;
     assert!(stylus.upload(&bytes).is_ok());
     assert!(stylus.change_settings(&tighter).is_ok());
-}
-
-#[test]
-fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
-    let stylus = playing();
-    let before = stylus.hardware().host;
-    let bad = MotionSample {
-        speed: MillimetresPerSecond(f32::NAN),
-        ..MOTION
-    };
-    let moved = stylus.control.borrow_mut().motion(LinkId::Serial, bad);
-    assert!(moved.is_err());
-    assert_eq!(stylus.hardware().host, before);
 }
 
 #[test]

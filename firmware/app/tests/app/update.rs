@@ -223,17 +223,16 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
     (after, is_new)
 }
 
-/// Loses power at these operations (`numbers`) of an exchange and of the way back, in `manners` manners, which differ
-/// from case to case.
-fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
+#[test]
+fn a_cut_at_any_operation_of_an_exchange_or_of_the_way_back_ends_with_a_whole_image() {
     let images = committed();
     let (trial, _) = boot(images.memory.clone(), None);
     assert!(part(&trial, ACTIVE) == images.new);
     for (before, goes_back) in [(&images.memory, false), (&trial, true)] {
         let operations = operations(before);
         let mut counts = [0; 2];
-        for (case, number) in numbers(&operations).into_iter().enumerate() {
-            for cut in (case..case + manners).map(|kind| Cut::WITH_UNSTABLE[kind % 5]) {
+        for (case, number) in edges(&operations).into_iter().enumerate() {
+            for cut in Cut::WITH_UNSTABLE {
                 let (after, is_new) = survives(before, &[(number, cut)], &images);
                 counts[usize::from(is_new)] += 1;
                 if goes_back {
@@ -256,17 +255,6 @@ fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
         }
         println!("{counts:?} times the old and the new image");
     }
-}
-
-#[test]
-fn a_cut_at_any_operation_of_an_exchange_or_of_the_way_back_ends_with_a_whole_image() {
-    check_cuts(5, edges);
-}
-
-#[test]
-#[ignore = "minutes: every third operation"]
-fn a_cut_at_every_third_operation_ends_with_a_whole_image() {
-    check_cuts(1, |operations| (0..operations.len()).step_by(3).collect());
 }
 
 proptest! {

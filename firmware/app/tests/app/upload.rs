@@ -53,21 +53,6 @@ fn assert_library_is_left(store: &mut Store, bytes: &[u8]) {
 }
 
 #[test]
-fn an_upload_becomes_the_newest_library_but_not_the_active_one() {
-    let (mut uploader, mut store, old) = device();
-    let new = library(2, 50, 2);
-    let committed = block_on(upload(&mut uploader, &mut store, &new, 512)).expect("it is valid");
-    assert_eq!(
-        (committed.slot, committed.sequence, committed.textures),
-        (SlotId::B, 2, 2)
-    );
-    assert_eq!(store.newest(), Some(SlotId::B));
-    assert_eq!(block_on(store.library_bytes(SlotId::B)), Ok(&new[..]));
-    assert_eq!(uploader.state(), UploadState::Idle);
-    assert_library_is_left(&mut store, &old);
-}
-
-#[test]
 fn a_library_as_large_as_a_slot_and_one_byte_more() {
     let (mut uploader, mut store, _) = device();
     let mut begin = |length: u32| {

@@ -7,7 +7,7 @@ use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::level::Levels;
 
-use crate::models::{Model, fixture, library, motion, single, texture};
+use crate::models::{Model, fixture, motion, single, texture};
 
 const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
 
@@ -52,24 +52,4 @@ fn a_direct_form_is_its_recursion_in_float64() {
         }
         assert!(deviation.snr_db() > 70.0, "{name}: {}", deviation.snr_db());
     }
-}
-
-/// The known shortcoming of the direct form: between these two stable models it is unstable, and saturates.
-#[test]
-fn the_mean_of_two_stable_predictors_runs_to_full_scale() {
-    let [low, high] = ["H1a", "H1b"].map(|name| codes(&fixture(name)));
-    let nodes = ["H1a", "H1b"].map(|name| fixture(name).node(POWER));
-    let bytes = library(&[100.0, 200.0], &[1.0], nodes.to_vec());
-    let texture = texture(&bytes);
-    let saturations = |speed: f32| {
-        let mut frame = DirectFrame::silent(&texture, EXPONENT);
-        let point = GridPoint::locate(&texture, motion(speed, 1.0));
-        let predictors = point.nodes.map(|(speed, _)| [&low, &high][speed].as_slice());
-        frame.update(&texture, &point, predictors, Levels::SILENT, 1);
-        let (mut state, mut noise) = (DirectState::new(), Excitation::new(5));
-        let samples = (0..40_000).map(|_| state.next_sample(&frame, noise.next_sample(), 0).1);
-        samples.filter(|&saturated| saturated).count()
-    };
-    assert_eq!([saturations(100.0), saturations(200.0)], [0, 0]);
-    assert!(saturations(150.0) > 100);
 }

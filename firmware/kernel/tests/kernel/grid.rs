@@ -109,26 +109,6 @@ proptest! {
     }
 
     #[test]
-    fn the_fade_is_zero_at_rest_one_on_the_grid_and_rises_between(
-        (speeds, forces) in (axis(), axis()), speed in choice(), force in choice(),
-        shares in (0.0f32..1.0, 0.0f32..1.0),
-    ) {
-        let bytes = grid(&speeds, &forces);
-        let texture = texture(&bytes);
-        let (speed, force) = (value_about(&speeds, speed), value_about(&forces, force));
-        prop_assert_eq!(locate(&texture, 0.0, force).fade, 0);
-        prop_assert_eq!(locate(&texture, speed, 0.0).fade, 0);
-        let fade = locate(&texture, speed, force).fade;
-        prop_assert!(fade <= ONE);
-        if speed > 0.0 && force > 0.0 && speed >= speeds[0] && force >= forces[0] {
-            prop_assert_eq!(fade, ONE);
-        }
-        for (less_speed, less_force) in [(shares.0, 1.0), (1.0, shares.1), shares] {
-            prop_assert!(locate(&texture, speed * less_speed, force * less_force).fade <= fade);
-        }
-    }
-
-    #[test]
     fn a_speed_counts_by_its_magnitude_and_a_negative_force_is_no_contact(
         (speeds, forces) in (axis(), axis()), speed in choice(), force in choice(),
     ) {

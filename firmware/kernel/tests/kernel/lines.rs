@@ -118,25 +118,6 @@ fn lines_are_the_sines_of_the_position() {
     }
 }
 
-/// Tests lines without given positions.
-#[test]
-fn a_lines_frequency_is_speed_over_wavelength() {
-    let bytes = silent_but_for(&[(0.61, 0.3, 1.0)]);
-    for speed in [20.0, 37.7, 100.0, 300.0] {
-        let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
-        let mut samples = Vec::new();
-        for _ in 0..2_000 {
-            samples.extend(block(&mut synthesis, motion(speed, 1.0), None));
-        }
-        let rises = samples
-            .windows(2)
-            .filter(|pair| pair[0] < 0.0 && pair[1] >= 0.0)
-            .count();
-        let turns = f64::from(speed) / 0.61 * samples.len() as f64 / RATE;
-        assert!((rises as f64 - turns).abs() < 1.01, "{speed} mm/s: {rises} of {turns}");
-    }
-}
-
 /// A library of a texture that is silent except for a wandering line of this wavelength, with amplitude 1.
 fn wandering(wavelength_mm: f32, wander: Wander) -> Vec<u8> {
     let mut spec = spec(&[10.0], &[0.5], vec![NodeSpec::silent()]);

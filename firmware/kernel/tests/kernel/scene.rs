@@ -99,35 +99,6 @@ fn at_constant_motion_the_frame_is_computed_once() {
 }
 
 #[test]
-fn after_the_lift_there_is_exact_silence_and_no_stage() {
-    let mut scene = single(2);
-    scene.surfaces[0].tap = Some(tap(200.0, 0.02));
-    scene.equaliser.push(biquad(150.0, 0.95, 0.9)).expect("room");
-    let bytes = library(&[]);
-    let mut player = player(&bytes, &scene, 5);
-    block(&mut player, lifted());
-    let sounding = (0..20).flat_map(|_| block(&mut player, at(0.0, moving())));
-    let sounding: Vec<f64> = sounding.collect();
-    assert!(peak(&sounding) > 0.1);
-    assert_eq!(player.block().stages().len(), 3);
-    let silent = (0..1000).find(|_| {
-        block(&mut player, lifted());
-        player.block().stages().is_empty()
-    });
-    assert!(silent.is_some());
-    for _ in 0..20 {
-        assert_eq!(peak(&block(&mut player, lifted())), 0.0);
-        assert!(player.block().stages().is_empty());
-    }
-    // The voice itself ended with the block in which its fade ended.
-    block(&mut player, at(0.0, moving()));
-    block(&mut player, lifted());
-    block(&mut player, lifted());
-    let voices = player.block().stages().iter().filter_map(Stage::voice);
-    assert_eq!(voices.count(), 0);
-}
-
-#[test]
 fn a_gain_of_zero_and_a_surface_without_a_texture_run_no_voice() {
     let bytes = library(&[]);
     let mut mute = single(2);
@@ -185,34 +156,6 @@ fn two_voices_run_only_while_a_transition_lasts() {
         }
     }
     assert_eq!(most, 2);
-}
-
-/// Both textures have the same power; the mean is taken over many crossings.
-#[test]
-fn the_power_does_not_dip_in_a_transition() {
-    let bytes = library(&[]);
-    let mut scene = side_by_side(&[2, 3], 20.0);
-    scene.surfaces[1].texture = Some(2);
-    let mut player = player(&bytes, &scene, 8);
-    let (mut middle, mut outside) = ((0.0, 0), (0.0, 0));
-    for step in 0..40_000u32 {
-        // Back and forth, by 30 mm on each side of the boundary.
-        let phase = f64::from(step) * 0.01;
-        let position = 100.0 + 30.0 * phase.sin();
-        let power: f64 = block(&mut player, at(position as f32, moving()))
-            .iter()
-            .map(|sample| sample * sample)
-            .sum();
-        let place = (position - 100.0).abs();
-        if place < 5.0 {
-            middle = (middle.0 + power, middle.1 + 1);
-        } else if place > 12.0 {
-            outside = (outside.0 + power, outside.1 + 1);
-        }
-    }
-    let ratio = (middle.0 / f64::from(middle.1)) / (outside.0 / f64::from(outside.1));
-    let decibel = 10.0 * ratio.log10();
-    assert!(decibel.abs() < 0.3, "{decibel} dB");
 }
 
 #[test]

@@ -55,16 +55,6 @@ proptest! {
         }
     }
 
-    #[test]
-    fn silence_stays(codes in vec(theta_code(), 0..=MAX_ORDER)) {
-        let rotations: Vec<Rotation> = codes.into_iter().map(rotation).collect();
-        let mut state = LatticeState::new();
-        for _ in 0..10 {
-            prop_assert_eq!(state.filter::<Portable>(&rotations, 0), 0);
-            prop_assert!(state.is_silent(rotations.len()));
-        }
-    }
-
     /// The bound is twice the worst measured time, plus the time that a sample takes through the stages.
     #[test]
     fn silence_comes_within_twice_as_many_samples_as_the_largest_signal_has_steps(

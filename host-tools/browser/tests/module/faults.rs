@@ -99,10 +99,8 @@ fn every_refusal_names_its_fault_and_leaves_what_plays_as_it_is() {
     };
     for (wrong, words) in [
         (BlockMotion::new(f64::NAN, 1.0), "speed is not finite"),
-        (BlockMotion::new(1e300, 1.0), "speed is not finite"),
         (BlockMotion::new(1.0, infinite), "force is not finite"),
         (along(1.0, none), "both or none"),
-        (along(none, 1.0), "both or none"),
         (along(infinite, infinite), "position is infinite"),
     ] {
         // The fault is in the last block, and no block before it may be played.

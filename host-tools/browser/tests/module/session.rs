@@ -98,23 +98,3 @@ fn a_choice_while_something_sounds_fades_and_then_plays_from_its_seed() {
         .collect();
     assert!(steps(&fade) <= steps(&before), "{} {}", steps(&fade), steps(&before));
 }
-
-#[test]
-fn a_part_that_is_left_out_changes_what_is_played_and_one_that_is_not_there_does_not() {
-    let bytes = digest_library();
-    let library = Library::decode(&bytes).expect("it is valid");
-    let rubbed = [BlockMotion::new(100.0, 1.0); 50];
-    let with = |library: Library<'_>, without: u32| {
-        let mut session = Session::new(library);
-        let without = Without::of_bits(without);
-        session.choose(Selection::Texture(0), without, 1).expect("it is there");
-        played(&mut session, &rubbed)
-    };
-    let whole = with(library, 0);
-    for part in [1, 4] {
-        assert_ne!(with(library, part), whole, "{part}");
-    }
-    let plain = encode(&specs()[1..2]).expect("it is a lattice");
-    let plain = Library::decode(&plain).expect("it is valid");
-    assert_eq!(with(plain, 7), with(plain, 0));
-}

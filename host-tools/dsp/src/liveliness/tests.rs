@@ -99,20 +99,6 @@ fn noise_has_no_line() {
     assert_eq!(strongest_line_hz(&[&noise], RATE_HZ), None);
 }
 
-#[test]
-fn a_sine_has_a_kurtosis_of_three_halves_a_crest_of_the_root_of_two_and_a_steady_line() {
-    let sine = made(20_000, |n| 0.7 * turn(213.3, n).sin());
-    let line_hz = strongest_line_hz(&[&sine], RATE_HZ);
-    near(line_hz, 213.3, 1e-3);
-    let found = Liveliness::of(&[&sine], RATE_HZ, line_hz);
-    near(found.kurtosis, 1.5, 1e-3);
-    near(found.crest_factor, 2f64.sqrt(), 1e-3);
-    assert!(found.modulation.unwrap() < 5e-3, "{found:?}");
-    assert!(found.level_spread_db.unwrap() < 0.3, "{found:?}");
-    assert!(found.line_range_db.unwrap() < 0.05, "{found:?}");
-    assert_eq!(found.residual_kurtosis, None);
-}
-
 /// For a carrier whose amplitude is 1 + m sin, the RMS of the envelope's variation is m/√2 times its mean.
 #[test]
 fn the_modulation_of_a_modulated_tone_is_what_it_was_modulated_by() {

@@ -221,24 +221,6 @@ mod tests {
     }
 
     #[test]
-    fn limits_that_act_are_counted() {
-        let (library, motion) = (library(5000), constant(300.0, 3.0));
-        let limited = |changes: [(&str, f32); 2]| {
-            let settings = settings(changes).unwrap();
-            let mut pin = Pin::new(rendering(&library, &motion), PlayRate::Hz5000, &settings);
-            assert_eq!(pin.len(), 40_000);
-            pin.by_ref().for_each(drop);
-            pin.limited()
-        };
-        assert_eq!(
-            limited([("output-gain", 0.01), ("hard-limit", 1.45)]),
-            Limited::default()
-        );
-        assert!(limited([("output-gain", 0.2), ("hard-limit", 0.1)]).hard > 100);
-        assert!(limited([("output-gain", 0.2), ("slew-limit", 0.1)]).slew > 100);
-    }
-
-    #[test]
     fn a_texture_of_another_rate_is_refused() {
         let (library, motion) = (library(4000), constant(90.0, 0.8));
         let path = Path::new("never.wav");

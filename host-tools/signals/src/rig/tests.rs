@@ -113,14 +113,7 @@ fn amplitudes(signal: &[f64]) -> (Vec<f64>, f64) {
 }
 
 #[test]
-fn without_an_effect_or_a_force_samples_are_exact_zeros() {
-    for parts in [&[PROTOCOL, STRIP][..], &[PROTOCOL, TOOL, STRIP]] {
-        for trial in trials(parts, 1) {
-            let mut samples = trial.samples_m_s2.iter().flatten();
-            assert!(samples.all(|sample| *sample == 0.0));
-            assert_eq!(trial.samples_m_s2[0].len(), 10_000);
-        }
-    }
+fn without_a_force_samples_are_exact_zeros() {
     for trial in trials(&[PROTOCOL, TOOL, STRIP, WEAVE, ROUGHNESS], 1) {
         assert_eq!(trial.rms_m_s2() == 0.0, trial.force_n == 0.0);
     }
@@ -423,7 +416,7 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
 fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
     let rig = small_rig();
     let folder = tempfile::tempdir().unwrap();
-    let summary = simulate_to_folder(&rig, 4, folder.path(), false).unwrap();
+    simulate_to_folder(&rig, 4, folder.path(), false).unwrap();
 
     let table = fs::read_to_string(folder.path().join("trials.csv")).unwrap();
     let (comment, rest) = table.split_once('\n').unwrap();
@@ -460,10 +453,6 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
     assert!(notice.contains("Nothing in this folder was measured") && notice.contains("Seed: 4"));
     let kept = fs::read_to_string(folder.path().join("rig.toml")).unwrap();
     assert_eq!(kept, rig.text());
-
-    let range = summary.textures[1].rms_range_m_s2.unwrap();
-    assert!(range.0 > 0.0 && range.1 > range.0);
-    assert!(summary.to_string().starts_with("SIMULATED"));
 }
 
 #[test]
@@ -488,25 +477,4 @@ fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
         assert!(level(14, 7) > 2.0 * level(0, 1), "harder and faster");
         assert_eq!(strip.trial(14, 7).clipped, 0);
     }
-}
-
-#[test]
-fn the_demos_rig_is_the_papers_with_scratches_in_the_place_of_organza() {
-    let (paper, demo) = (RigFile::paper(), RigFile::demo());
-    let mut demo = demo.description().clone();
-    assert_eq!(demo.textures[1].name, "scratched");
-    demo.textures[1] = paper.description().textures[1].clone();
-    demo.name = paper.description().name.clone();
-    // It contains no trial, no speed and no tremor about which a fit would warn.
-    let recording = &demo.recording;
-    assert!(recording.forces_n[0] > 0.0 && recording.speeds_mm_s[0] >= 40.0);
-    assert!(demo.measurement.tremor.is_none());
-    demo.recording = paper.description().recording.clone();
-    demo.measurement = paper.description().measurement.clone();
-    assert_eq!(&demo, paper.description());
-    let rig = RigFile::demo();
-    let strip = Strip::new(&rig, 1, 1);
-    let samples = strip.trial(3, 4).samples_m_s2[2].clone();
-    let kurtosis = crate::dsp::liveliness::Liveliness::of(&[&samples], 5000.0, None).kurtosis;
-    assert!(kurtosis.unwrap() > 8.0, "scratches: {kurtosis:?}");
 }

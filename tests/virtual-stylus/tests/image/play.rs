@@ -68,17 +68,6 @@ fn touched(bytes: &[u8]) -> Device {
     device
 }
 
-#[test]
-fn a_texture_at_ten_kilohertz_is_put_out_as_the_host_computes_it() {
-    let bytes = fast();
-    let library = Library::decode(&bytes).expect("a valid library");
-    let heard = ExpectedPlay::of_texture(library.texture("fast").expect("it is there"), 77);
-    plays_as_the_host_does(&mut touched(&bytes), &heard, 700, |device| {
-        device.move_along(&OVER_AND_BACK);
-        device.play("fast", 77);
-    });
-}
-
 fn a_scene_is_played(bytes: &[u8], scene: &str) {
     let library = Library::decode(bytes).expect("a valid library");
     let heard = ExpectedPlay::of_scene(plan(&library, scene), 5);

@@ -156,12 +156,9 @@ fn faults_of_the_output_are_named() {
         assert!(is_named && found.len() < 6, "{pin:?}: {found:?} for {named:?}");
     };
     fails(OUTPUT, |pin| pin.gain = 0.95, &["output gain", "output offset"]);
-    fails(OUTPUT, |pin| pin.offset = 40.0, &["output offset"]);
-    fails(OUTPUT, |pin| pin.noise = 60.0, &["output noise"]);
     fails(OUTPUT, |pin| pin.settling_ns = 6_000.0, &["output delay"]);
     fails(OUTPUT, |pin| pin.stuck_low = 1 << 6, &["output smallest step"]);
     fails(OUTPUT, |pin| pin.disconnected = true, &["output at PA4"]);
-    fails(Rest, |pin| pin.offset = 40.0, &["output at rest"]);
     fails(Rest, |pin| pin.disconnected = true, &["output at rest"]);
     fails(Rest, |pin| pin.noise = 120.0, &["output still at rest"]);
 }

@@ -11,10 +11,9 @@ use model_format::link::{MuteReasons, Status};
 use stylus_link::link::capture::capture;
 use stylus_link::link::play::{Drive, Driven, drive};
 use stylus_link::link::upload::upload;
-use stylus_link::link::{Device, LinkAddress, LinkError, Timeouts};
+use stylus_link::link::{Device, LinkAddress, Timeouts};
 use stylus_link::procedures::self_test::{self, Verdict};
 use virtual_stylus::model::dac::{Cause, Output};
-use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::motion::Motion;
 use virtual_stylus::sensors::FunctionPins;
 use virtual_stylus::sockets::UsbSocket;
@@ -114,16 +113,6 @@ impl Running {
 }
 
 #[test]
-fn a_second_program_is_refused_and_the_first_goes_on() {
-    let running = Running::start();
-    let first = running.connect();
-    let second = Device::connect(&running.address, Timeouts::scaled_to(PATIENCE));
-    assert!(matches!(second, Err(LinkError::Lost { .. })));
-    first.status().expect("its link is as before");
-    running.finish();
-}
-
-#[test]
 fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
     let running = Running::start();
     running.have(|stylus| {
@@ -173,35 +162,6 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
     let again = running.connect();
     assert_eq!(again.status().expect("the link holds").tick.missed, 0);
     drop(again);
-    running.finish();
-}
-
-#[test]
-fn the_clients_upload_goes_on_after_the_cable_was_pulled_and_the_bus_reset() {
-    let running = Running::start();
-    let mut device = running.connect();
-    let other = library::other();
-    let mut chunks = 0;
-    let uploaded = upload(&mut device, &other, |_| {
-        chunks += 1;
-        if chunks % 6 == 3 {
-            let mishap = if chunks % 12 == 3 {
-                Mishap::Unplug
-            } else {
-                Mishap::Reset
-            };
-            running.have(move |stylus| {
-                stylus.usb(move |host, _| host.have(mishap, 4));
-            });
-        }
-    })
-    .expect("it is uploaded");
-    println!("{uploaded:?}");
-    assert!(uploaded.retries > 0);
-    assert_eq!(uploaded.textures, ["texture 0"]);
-    let slots = device.slots().expect("the link holds");
-    assert_ne!(slots.active, Some(uploaded.slot), "the old library is still active");
-    drop(device);
     running.finish();
 }
 

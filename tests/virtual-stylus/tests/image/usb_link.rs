@@ -2,7 +2,6 @@
 
 use model_format::link::{ActivateEndpoint, RecordSample, SlotId, StatusEndpoint};
 use postcard_rpc::Endpoint;
-use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::usb_host::{Request, Timing};
 
@@ -60,21 +59,6 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
     let status = device.status();
     assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
     assert_eq!(device.activate(committed.slot).library.crc32, announced(&other).crc32);
-}
-
-#[test]
-fn a_bus_that_breaks_many_packets_still_enumerates_within_some_tries() {
-    let mut device = Device::on_usb(Options::default());
-    for seed in 0..if long() { 6 } else { 2 } {
-        device.stylus.usb(move |host, _| host.break_packets(100_000, seed));
-        let tries = (1..=40).find(|_| device.enumerate().is_ok());
-        println!("seed {seed}: {tries:?}");
-        assert!(tries.is_some(), "seed {seed}");
-        device.stylus.usb(|host, _| host.break_packets(0, 0));
-        device.enumerate().expect("it enumerates");
-        device.status();
-        assert_eq!(device.stylus.resets(), []);
-    }
 }
 
 #[test]

@@ -401,7 +401,6 @@ impl<'a> Hand<'a> {
 mod tests {
     use super::super::table::tests::path_of as read;
     use super::*;
-    use proptest::prelude::*;
     use test_helpers::{holds, near};
 
     fn motion(speed_mm_s: f32, force_n: f32) -> Motion {
@@ -533,35 +532,5 @@ mod tests {
         assert_eq!(without.contact_at(1.0), None);
         let error = read("time_s,contact,speed_mm_s,force_n\n1,yes,9,1\n").unwrap_err();
         assert!(error.to_string().contains("contact is 'yes'"), "{error}");
-    }
-
-    proptest! {
-        #[test]
-        fn motion_stays_between_its_rows(
-            rows in prop::collection::vec((0.001..10.0f64, -1e30..1e30f32, 0.0..1e30f32), 1..20),
-            moment in -1.0..100.0f64,
-        ) {
-            let mut time_s = 0.0;
-            let points = rows.iter().map(|&(step, speed_mm_s, force_n)| {
-                time_s += step;
-                Point { time_s, speed_mm_s, force_n, position_mm: 0.0, contact: false }
-            });
-            let points = points.collect();
-            let path = MotionPath { points, tells_position: false, tells_contact: false, clock_s: 0.0 };
-            let before = path.points.iter().rev().find(|point| point.time_s <= moment);
-            let after = path.points.iter().find(|point| point.time_s > moment);
-            let ends = [before.or(after).unwrap(), after.or(before).unwrap()];
-            let lowest = ends[0].force_n.min(ends[1].force_n);
-            let highest = ends[0].force_n.max(ends[1].force_n);
-            // A `Motion` does not expose its values, but two of them can be compared.
-            let fraction = if ends[0] == ends[1] { 0.0 } else {
-                (moment - ends[0].time_s) / (ends[1].time_s - ends[0].time_s)
-            };
-            let force = interpolate(ends[0].force_n, ends[1].force_n, fraction);
-            let speed = interpolate(ends[0].speed_mm_s, ends[1].speed_mm_s, fraction);
-            prop_assert!((lowest..=highest).contains(&force));
-            prop_assert_eq!(path.at(moment), motion(speed, force));
-        }
-
     }
 }

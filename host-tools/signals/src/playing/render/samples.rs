@@ -201,7 +201,7 @@ mod tests {
     use super::super::test_motions::{constant, sweep};
     use super::*;
     use crate::support::error::Error;
-    use test_helpers::{library, near, texture};
+    use test_helpers::{library, texture};
 
     #[test]
     fn a_rendering_is_what_the_kernel_plays_when_it_follows_the_motion_every_two_milliseconds() {
@@ -224,34 +224,6 @@ mod tests {
             assert_eq!(rendered.sample_rate_hz, rate_hz);
             assert_eq!(rendered.saturations, 0);
         }
-    }
-
-    #[test]
-    fn a_node_is_rendered_at_its_own_power() {
-        let library = library(5000);
-        for (speed_mm_s, force_n, power) in [
-            (50.0, 0.5, 1.0),
-            (50.0, 1.0, 4.0),
-            (100.0, 0.5, 9.0),
-            (300.0, 3.0, 16.0),
-        ] {
-            let rendered = render(texture(&library), &constant(speed_mm_s, force_n), 40.0, 5).unwrap();
-            let values = rendered.accelerations_m_s2();
-            let mean_square = values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
-            near(mean_square / power, 1.0, 0.05);
-        }
-    }
-
-    /// A hand that moves in the air above a surface, with a force of noise below the threshold, and a hand at rest.
-    #[test]
-    fn a_hand_without_contact_or_at_rest_feels_nothing() {
-        let library = library(5000);
-        let rendered = |force_n| render(texture(&library), &constant(80.0, force_n), 0.1, 5).unwrap();
-        let is_silent = |force_n| (rendered(force_n).samples.iter()).all(|&sample| sample == OutputSample::SILENCE);
-        assert!(is_silent(0.02));
-        assert!(!is_silent(0.021));
-        let at_rest = render(texture(&library), &constant(0.0, 1.0), 0.1, 5).unwrap();
-        assert!((at_rest.samples.iter()).all(|&sample| sample == OutputSample::SILENCE));
     }
 
     #[test]
