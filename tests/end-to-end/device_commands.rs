@@ -235,7 +235,6 @@ fn a_play_asks_for_a_texture_or_a_scene_and_says_where_the_options_of_a_link_bel
         let words = format!("'{option}' belongs after the command{after}");
         holds(&said(arguments), &[&words]);
     }
-    assert!(!said("--nonsense status").contains("belongs after"));
     assert!(!said("status --nonsense").contains("belongs after"));
 }
 
@@ -336,8 +335,6 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     let zero = report["set"][4]["value"].as_f64().unwrap();
     near(zero, 4_096.0 + 0.25 / 3.3 * 65_536.0, 1.0);
     near(report["at_rest"]["mean"][3].as_f64().unwrap(), zero, 1.0);
-    let refused = bench.refuse("play --texture silk");
-    holds(&refused, &["no library is active"]);
     // Without an answer nothing is stored.
     let unanswered = bench.run(&calibrate.replace("--yes ", ""));
     assert!(!unanswered.status.success());
