@@ -126,6 +126,20 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
 }
 
 #[test]
+fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
+    let (stylus, bench) = attached(FakeStylus::start());
+    stylus.set_hand(hand(100.0, 1.0));
+    stylus.lose_samples(Duration::from_millis(300), 100);
+    let report = report(&record(&bench, "--texture silk --speeds 100 --forces 1 --yes"));
+    let row = &report["recorded"][0];
+    let lost = row["loss"]["in_device"].as_u64().unwrap();
+    assert!((4..=5).contains(&lost), "{row}");
+    assert_eq!(row["loss"]["on_link"], 0, "{row}");
+    assert_eq!(row["holes"], 1, "{row}");
+    assert_eq!(report["lost_blocks"], lost);
+}
+
+#[test]
 fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
     for (torn, is_kept) in [(40, true), (2_000, false)] {
         let (stylus, bench) = attached(FakeStylus::start());
@@ -166,6 +180,14 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
     let listed: Vec<f64> = set.trials.iter().map(|trial| trial.speed_mm_s).collect();
     assert_eq!(listed, [100.0, 200.0]);
+    // In a second session, one trial is left out, one is kept although it is too slow, and then the session ends.
+    let mut child = spawn(&bench, "--trials points.csv --seconds 0.5 --settle 0");
+    let mut keyboard = child.stdin.take().unwrap();
+    keyboard.write_all(b"s\n\nq\n").unwrap();
+    let second = self::report(&child.wait_with_output().unwrap());
+    assert_eq!(second["already_there"], 2);
+    assert_eq!(second["recorded"][0]["speed_mm_s"], 50.0);
+    assert_eq!(second["left_out"], 2);
 }
 
 #[test]
@@ -212,12 +234,15 @@ fn triage_judges_each_trial_when_it_is_there() {
     assert_eq!(verdicts.len(), 1, "{said}");
     let words = "nothing moved: the sensors say 0.0 mm/s and 0.00 N";
     holds(&verdicts[0], &[words]);
-    stylus.set_hand(Hand {
-        acceleration: loud,
-        ..good
-    });
-    let report = report(&record(&bench, "--texture loud --speeds 100 --forces 1 --yes"));
-    holds(&report["recorded"][0]["verdicts"], &["clipped"]);
+    for (texture, acceleration, word) in [("still", vec![[32_768; 3]], "silent"), ("loud", loud, "clipped")] {
+        stylus.set_hand(Hand {
+            acceleration,
+            ..good.clone()
+        });
+        let arguments = format!("--texture {texture} --speeds 100 --forces 1 --yes");
+        let report = report(&record(&bench, &arguments));
+        holds(&report["recorded"][0]["verdicts"], &[word]);
+    }
 }
 
 #[cfg(unix)]

@@ -183,3 +183,94 @@ fn hard_spectra_come_back_within_three_decibels() {
     }
     assert!(leaked >= 2, "{leaked}");
 }
+
+/// A rig with one woven surface, whose drum speed varies a little.
+const WEAVE: &str = r#"
+name = "weave"
+[recording]
+sample_rate_hz = 5000
+duration_s = 2.0
+speeds_mm_s = [40, 80, 130, 200]
+forces_n = [0.5, 1.0]
+[drum]
+circumference_mm = 700.0
+wander = { rms = 0.002, correlation_s = 0.3 }
+[tool]
+tip_radius_mm = 1.5
+[[tool.mode]]
+frequency_hz = 130.0
+damping_ratio = 0.4
+participation_m_s2_per_n = [3.0, 1.5, 7.0]
+[[texture]]
+name = "weave"
+effective_modulus_mpa = 450.0
+loss_factor = 0.25
+[[texture.weave]]
+wavelength_mm = 1.0
+amplitude_um = 3.0
+harmonics = [0.4]
+[texture.roughness]
+rms_um = 0.5
+hurst = 0.6
+roll_off_mm = 1.5
+shortest_mm = 0.1
+[measurement.noise]
+rms_m_s2 = [0.01, 0.01, 0.01]
+"#;
+
+/// Amplitude of `signal` at `frequency_hz`, with a Hann window.
+fn amplitude(signal: &[f64], frequency_hz: f64) -> f64 {
+    let turn = core::f64::consts::TAU / f64::from(RATE_HZ);
+    let mut weights = 0.0;
+    let sum: Complex<f64> = signal
+        .iter()
+        .enumerate()
+        .map(|(n, x)| {
+            let weight = 0.5 - 0.5 * (core::f64::consts::TAU * (n as f64 + 0.5) / signal.len() as f64).cos();
+            weights += weight;
+            Complex::from_polar(weight * x, -turn * frequency_hz * n as f64)
+        })
+        .sum();
+    2.0 * sum.norm() / weights
+}
+
+#[test]
+fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
+    let bench = Bench::new();
+    let rig = host_tools::rig::RigFile::from_toml(std::path::Path::new("weave.toml"), WEAVE).unwrap();
+    host_tools::rig::simulate_to_folder(&rig, 1, &bench.path("set"), false).unwrap();
+    let set = RecordingSet::open(&[bench.path("set")]).unwrap();
+    let fitted = |lines| {
+        let options = fit::Options {
+            lines,
+            ..fit::Options::default()
+        };
+        fit::fit(&set, &options, |_| ()).unwrap()
+    };
+    let with = fitted(fit::lines::Lines::Auto);
+    let found = &with.textures[0].lines.lines;
+    assert_eq!(found.len(), 2, "{}", with.textures[0].lines);
+    assert!((found[0].wavelength_mm - 1.0).abs() < 1e-3);
+    let bytes = with.library().unwrap();
+    let library = Library::decode(&bytes).unwrap();
+    let texture = library.textures().next().unwrap();
+    assert_eq!(texture.lines().unwrap().len(), 2);
+    for speed in [60.0f32, 110.0, 170.0] {
+        let motion = MotionPath::constant(MillimetresPerSecond(speed), Newton(0.8)).unwrap();
+        let rendered = render(texture, &motion, 6.0, 3).unwrap();
+        let played = rendered.accelerations_m_s2().split_off(RATE_HZ as usize);
+        // The frequency follows from the wavelength that was found, which may be 0.1 % off: the speed of this drum is
+        // not exact.
+        let frequency_hz = f64::from(speed) / found[0].wavelength_mm;
+        let whole = amplitude(&played, frequency_hz);
+        // Two hertz away there must be no line.
+        let beside = amplitude(&played, frequency_hz + 2.0);
+        assert!(beside < 0.1 * whole, "{speed} mm/s: {whole} {beside}");
+        for window in played.chunks_exact(RATE_HZ as usize / 2) {
+            let level = 20.0 * (amplitude(window, frequency_hz) / whole).log10();
+            assert!(level.abs() < 0.5, "{speed} mm/s: {level} dB");
+        }
+    }
+    let without = fitted(fit::lines::Lines::None);
+    assert_eq!(without.textures[0].grid.parts.lines, None);
+}

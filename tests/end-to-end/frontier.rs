@@ -1,8 +1,10 @@
 //! The frontier of accuracy against computing time.
 
 use crate::support::{Bench, denim_rig_of, holds, json, text};
-use host_tools::evaluation::frontier::{Frontier, INTERVALS, Material, Options, Prepared, Structure};
+use host_tools::evaluation::frontier::costs::Costs;
+use host_tools::evaluation::frontier::{Filter, Frontier, INTERVALS, Material, Options, Prepared, Structure};
 use host_tools::evaluation::stress::cases::{Length, suite};
+use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
 use host_tools::report::frontier_page;
 use host_tools::rig::{self, RigFile};
@@ -65,6 +67,9 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     assert_eq!(frontier.nodes, 4);
     assert_eq!(frontier.filters.len(), 3 * 4);
     assert_eq!(frontier.points.len(), 3 * 4 * INTERVALS.len());
+    for (index, filter) in frontier.filters.iter().enumerate() {
+        check_filter(&frontier, index, filter);
+    }
     // Only the lattice keeps the hard cases stable. A lattice must be on the front of the structures that do.
     let safe = frontier.points.iter().filter(|point| point.on_safe_front);
     let structures: Vec<_> = safe.map(|p| frontier.filters[p.filter].structure).collect();
@@ -80,14 +85,69 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     page_holds_all(&bench, &frontier);
 }
 
+/// Asserts the accuracy that each structure must have.
+fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
+    let at = |order| {
+        let filters = frontier.filters.iter();
+        let mut same = filters.filter(|other| other.structure == filter.structure);
+        let found = same.find(|other| other.order == Order::Fixed(order));
+        found.unwrap()
+    };
+    let name = format!("{}, {}", filter.structure, filter.order_text());
+    assert!(at(100).still.cost < at(20).still.cost - 0.05, "{name}");
+    assert!(at(100).m4.sample.cycles > at(20).m4.sample.cycles, "{name}");
+    let points = frontier.points.iter().filter(|p| p.filter == index);
+    let points: Vec<_> = points.collect();
+    assert_eq!(points.len(), INTERVALS.len());
+    if filter.refused_textures.is_empty() {
+        let errors = points.iter().map(|point| point.motion_error_db);
+        assert!(errors.is_sorted_by(|a, b| a <= &(b + 0.05)), "{name}");
+        let cycles = points.iter().map(|point| point.cycles);
+        assert!(cycles.is_sorted_by(|a, b| a >= b), "{name}");
+    }
+    let is_in_32_bits = filter.structure != Structure::DirectForm16;
+    assert_eq!(filter.still.mean_snr_db > 70.0, is_in_32_bits, "{name}");
+    if filter.structure == Structure::NormalisedLattice32 {
+        assert_eq!(filter.hard.held, filter.hard.cases, "{name}");
+        assert!(points[0].motion_error_db < 0.05, "{name}");
+        assert!(filter.still.lowest_snr_db > 100.0, "{name}");
+    } else {
+        assert!(filter.hard.held < filter.hard.cases, "{name}");
+        assert!(!filter.hard.worst_case.is_empty(), "{name}");
+    }
+}
+
 fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     frontier_page::write(frontier, &bench.path("page.html")).unwrap();
     let page = text(&bench.read("page.html"));
-    let answer = host_tools::report::html::escaped(&frontier.answer()).to_string();
-    holds(
-        &page,
-        &["SIMULATED", "168 MHz", &answer, &frontier.rustc, &frontier.qemu],
-    );
+    assert_eq!(page.matches("class=\"plot\"").count(), 2);
+    let (_, main) = page.split_once("<main>").unwrap();
+    let (before_folds, _) = main.split_once("<details>").unwrap();
+    assert!(before_folds.contains(&*host_tools::report::html::escaped(&frontier.answer())));
+    let (_, picture) = before_folds.split_once("<svg").unwrap();
+    let texts = picture.split("<text").skip(1);
+    let texts = texts.map(|text| text.split(['>', '<']).nth(1).unwrap().trim());
+    let labels: Vec<&str> = texts
+        // Labels of ticks are numbers, or empty where there is no space.
+        .filter(|text| !text.is_empty() && text.parse::<f64>().is_err())
+        .collect();
+    assert!(labels.len() <= 13, "SIMULATED and twelve: {labels:?}");
+    for (name, _) in frontier.choices() {
+        assert!(labels.contains(&name), "{name}: {labels:?}");
+    }
+    for structure in Structure::ALL {
+        let named = page.matches(&structure.to_string()).count();
+        assert!(named > 8, "{structure}");
+    }
+    holds(&page, &["SIMULATED", "168 MHz", "Pareto"]);
+    holds(&page, &[&frontier.rustc, &frontier.qemu]);
+    // The script that shows the pictures' values contains this word.
+    let (before, _) = page.split_once("<script").unwrap();
+    assert!(!before.contains("NaN"), "a figure is missing");
+    for peer in &Costs::measured().table().peers {
+        let name = host_tools::report::html::escaped(&peer.name);
+        assert!(page.contains(&*name), "{}", peer.name);
+    }
     let numbers = json(&frontier.to_json());
     let points = numbers["points"].as_array().unwrap();
     assert_eq!(points.len(), frontier.points.len());
@@ -120,4 +180,6 @@ fn takes_of_something_else_are_refused_and_so_is_what_is_not_there() {
     assert!(refusal.to_string().contains("same trials"), "{refusal}");
     let refused = bench.refuse("frontier --data nowhere --out out");
     holds(&refused, &["nowhere"]);
+    let output = bench.run("frontier --data rig5 --orders 500");
+    assert!(text(&output.stderr).contains("1 to 400"));
 }

@@ -128,9 +128,10 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
             ("order min, median, max", format!("{low}/{middle}/{high}")),
             (
                 "noise RMS m/s²",
-                match texture.level_is_known {
-                    true => format!("{} to {}", rounded(least.into()), rounded(most.into())),
-                    false => "not known".to_owned(),
+                if texture.level_is_known {
+                    format!("{} to {}", rounded(least.into()), rounded(most.into()))
+                } else {
+                    "not known".to_owned()
                 },
             ),
             ("silent", texture.silent_nodes.to_string()),

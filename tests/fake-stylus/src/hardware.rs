@@ -122,6 +122,8 @@ pub struct Hardware {
     pub actuator: Option<Actuator>,
     /// The kernel, while something is played to a plant.
     performance: Option<Performance>,
+    /// Number of next samples that are lost before they reach the recorder.
+    pub lose_samples: u32,
     /// Number of next samples whose conversions do not all belong to their tick.
     pub tear_samples: u32,
     /// Changes what the device reports about itself, if set.
@@ -198,6 +200,7 @@ impl Hardware {
             hand: Hand::default(),
             actuator: None,
             performance: None,
+            lose_samples: 0,
             tear_samples: 0,
             disguise: None,
             missed: 0,
@@ -259,7 +262,11 @@ impl Hardware {
         if let Some(actuator) = &mut self.actuator {
             actuator.put_out(self.codes, self.amplifier);
         }
-        self.tap.put(self.now, sample, whole);
+        if self.lose_samples > 0 {
+            self.lose_samples -= 1;
+        } else {
+            self.tap.put(self.now, sample, whole);
+        }
         // Seven durations, so that they fill several bins of the histogram.
         self.histogram
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);

@@ -73,6 +73,7 @@ struct Inner {
     test_codes: usize,
     /// Words of the slots' flash to damage: the offset of each word, and the kind of damage.
     damage: Vec<(usize, Damage)>,
+    lose_samples: Option<Due>,
     tear_samples: Option<Due>,
     connections: usize,
     /// Time since the device's start.
@@ -219,8 +220,14 @@ impl FakeStylus {
         lock(&self.inner).damage.push((offset, damage));
     }
 
-    /// Tears `samples` samples of the present or next recording, from the time `after` its start on: not all of their
-    /// conversions belong to their tick. A call replaces one that has not begun yet.
+    /// Loses `samples` samples of the present or next recording before they reach the recorder, from the time `after`
+    /// its start on. A call replaces one that has not begun yet.
+    pub fn lose_samples(&self, after: Duration, samples: u32) {
+        lock(&self.inner).lose_samples = Some(Due { after, samples });
+    }
+
+    /// Tears `samples` samples, at a time like [`FakeStylus::lose_samples`]: not all of their conversions belong to
+    /// their tick.
     pub fn tear_samples(&self, after: Duration, samples: u32) {
         lock(&self.inner).tear_samples = Some(Due { after, samples });
     }
@@ -452,8 +459,12 @@ fn catch_up(
         hardware.slower_by = faults.slower_by;
         if hardware.record_counters().recording {
             let inner = &mut *lock(shared);
-            let due = inner.tear_samples.take_if(|due| due.after <= *recorded);
-            hardware.tear_samples += due.map_or(0, |due| due.samples);
+            let due = |samples: &mut Option<Due>| {
+                let due = samples.take_if(|due| due.after <= *recorded);
+                due.map_or(0, |due| due.samples)
+            };
+            hardware.lose_samples += due(&mut inner.lose_samples);
+            hardware.tear_samples += due(&mut inner.tear_samples);
             *recorded += Duration::from_millis(1);
         } else {
             *recorded = Duration::ZERO;

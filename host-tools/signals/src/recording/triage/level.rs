@@ -298,7 +298,7 @@ mod tests {
                 .iter()
                 .find(|own| own.kind() == Kind::PartlySilent)
                 .map_or(&[][..], Verdict::spans);
-            let found: Vec<&Span> = rests.iter().filter(|rest| rest.len() > 0).collect();
+            let found: Vec<&Span> = rests.iter().filter(|rest| !rest.is_empty()).collect();
             assert_eq!(spans.len(), found.len(), "{spans:?}");
             assert_eq!(spans[0].start == 0, starts_with, "{spans:?}");
             for (span, rest) in spans.iter().zip(found) {
