@@ -144,8 +144,8 @@ pub enum Provenance {
 }
 
 impl Provenance {
-    /// Returns the provenance of what has `parts` of these provenances. One that is simulated makes the whole simulated,
-    /// so that no simulation passes for a recording, and one without a scale takes the others' away.
+    /// Returns the provenance of what has `parts` of these provenances. One that is simulated makes the whole
+    /// simulated, so that no simulation passes for a recording, and one without a scale takes the others' away.
     pub fn of_all(parts: impl IntoIterator<Item = Self>) -> Self {
         let graver = |whole, part| match (whole, part) {
             (Self::Simulated, _) | (_, Self::Simulated) => Self::Simulated,

@@ -68,6 +68,7 @@ fn recordings_are_fitted_as_fit_does_and_come_with_clips_and_costs() {
     assert_eq!(bytes(&bench, "page.html", "library"), library);
     for texture in data(&bench, "page.html")["textures"].as_array().unwrap() {
         assert!(texture["recorded_base64"].is_string());
+        holds(&texture["verdict"], &["another part of the recording"]);
         for cost in texture["nodes"]["costs"].as_array().unwrap() {
             let cost = cost.as_f64().unwrap();
             assert!((0.0..0.6).contains(&cost), "{cost}");

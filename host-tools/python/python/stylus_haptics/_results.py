@@ -164,8 +164,8 @@ class Texture:
     """A texture: models over a grid of speeds and forces.
 
     ``speeds_mm_s`` and ``forces_n`` are the axes, ascending, ``sample_rate_hz`` is the rate of its models,
-    ``simulated`` is true if its recordings were, ``level_is_known`` is false if nothing stated the acceleration of their
-    integers, and ``nodes`` are its nodes, all forces of a speed after each other.
+    ``simulated`` is true if its recordings were, ``level_is_known`` is false if nothing stated the acceleration of
+    their integers, and ``nodes`` are its nodes, all forces of a speed after each other.
     Arrays over the grid have the shape (speeds, forces).
     """
 

@@ -75,6 +75,8 @@ pub struct TextureData {
     highest_rms_m_s2: f64,
     can_leave_out: PartsData,
     level_law: String,
+    /// Verdict on the model beside the recordings, in words.
+    verdict: Option<String>,
     pub nodes: NodesData,
     /// Upper bound of the levels of all spectra, dB; negative infinity for a silent texture.
     pub top_db: f64,
@@ -220,6 +222,11 @@ impl TextureData {
             .par_iter()
             .map(|&(speed, force)| model_spectrum(&texture.node(speed, force), rate_hz))
             .collect();
+        let verdict = found.and_then(|(recordings, _)| {
+            let mut textures = recordings.evaluation.textures.iter();
+            let own = textures.find(|own| own.texture == texture.name());
+            own.map(|own| own.verdict.clone())
+        });
         let recorded = places.par_iter().map(|&place| match found {
             Some((recordings, thinning)) => recorded_at(index, texture, place, &recordings, thinning),
             None => Ok(Recorded::default()),
@@ -253,6 +260,7 @@ impl TextureData {
             highest_rms_m_s2: significant(f64::from(texture.max_output_power()).sqrt()),
             can_leave_out: PartsData::of(texture),
             level_law: texture.level_law().to_string(),
+            verdict,
             nodes,
             top_db,
             model_base64: STANDARD.encode(model_codes),

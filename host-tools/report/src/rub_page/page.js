@@ -559,6 +559,8 @@ class RubPage {
     if (this.mapOf === index) return;
     this.mapOf = index;
     this.map = new MapPicture(byId("map-picture"), this.texture);
+    const { name, verdict } = this.texture.data;
+    byId("verdict").textContent = verdict ? `${name}, beside its recordings: ${verdict}.` : "";
     // One node alone is no map.
     byId("map-picture").parentElement.hidden = this.texture.nodes.length === 1;
     const marks = [...this.map.marks].map((words) => ` A node with ${words}.`).join("");

@@ -50,7 +50,11 @@ pub(super) fn conversion(ending: &str) -> String {
             format!("give .wav or .csv; `ffmpeg -i FILE.{ending} FILE.wav` converts sound")
         }
         "zip" | "7z" | "gz" | "rar" => "unpack it, and give the folder".to_owned(),
-        "lib" => "it is a texture library; `stylus join` makes one of several".to_owned(),
+        "lib" => {
+            "it is a texture library; `stylus join` makes one of several, and `stylus page LIB --recordings DIR` shows \
+             one beside recordings"
+                .to_owned()
+        }
         _ => "export the samples as .csv, or as .wav".to_owned(),
     }
 }
