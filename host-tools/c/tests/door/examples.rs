@@ -93,6 +93,29 @@ fn no_call_in_c_touches_memory_that_is_not_its_own_whatever_it_is_given() {
     run(Command::new("valgrind").args(valgrind).arg(program).arg(library));
 }
 
+/// What is instrumented is the C and C++ code, and all calls of the allocator and of threads, the library's too. Stable
+/// Rust cannot instrument the library itself.
+#[test]
+#[ignore = "needs the compiler's sanitizers: tests/run long only 'the player under valgrind'"]
+fn sanitizers_of_memory_and_of_threads_find_nothing_in_what_c_and_cpp_call() {
+    let folder = tempfile::tempdir().expect("it can be made");
+    let libraries = libraries();
+    let libraries = libraries.to_str().expect("it is UTF-8");
+    let (search, find) = (format!("-L{libraries}"), format!("-Wl,-rpath,{libraries}"));
+    let linked = ["-g", "-pthread", &search, &find, "-lstylusplayer"];
+    let library = written(folder.path(), "textures.lib", digest_library());
+    let memory = ["-std=c11", "-fsanitize=address,undefined"];
+    let threads = ["-std=c++17", "-fsanitize=thread"];
+    for (compiler, source, flags, seconds) in [
+        (("CC", "cc"), "../tests/door/mistakes.c", memory, None),
+        (("CXX", "c++"), "two_threads.cpp", threads, Some("0.2")),
+    ] {
+        let flags = [&flags[..], &linked, &["-fno-sanitize-recover=all"]].concat();
+        let program = compiled(compiler, source, &flags, folder.path());
+        run(Command::new(program).arg(&library).args(seconds));
+    }
+}
+
 #[test]
 fn a_control_loop_and_a_callback_in_two_threads_play_by_the_shared_library_in_cpp() {
     let folder = tempfile::tempdir().expect("it can be made");

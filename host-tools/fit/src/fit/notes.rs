@@ -349,7 +349,7 @@ fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
         (
             Integers::OfFullScale,
             "the acceleration of their full scale",
-            "98.1 for an accelerometer of ±10 g",
+            "98.1 for an accelerometer of ±10 g; a microphone has none, so choose one for all, such as 50",
         ),
         (
             Integers::Counts,

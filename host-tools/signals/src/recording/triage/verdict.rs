@@ -34,8 +34,6 @@ macro_rules! kinds {
     };
 }
 
-const STEADY: &str = "cut it with start_s and duration_s, or record again in steady contact";
-
 kinds! {
     /// No signal, apart from a constant.
     Silent: "silent", "check contact, cable and scale_m_s2, unless it is meant to be silent";
@@ -58,9 +56,9 @@ kinds! {
     /// A file that ends before the length that its header states.
     Truncated: "truncated", "copy or record it again";
     /// A part without a signal, in a trial that has a signal elsewhere.
-    PartlySilent: "partly-silent", STEADY;
+    PartlySilent: "partly-silent", "right if the tool rested there; else record again in steady contact";
     /// One to three events with a large share of the energy.
-    Tap: "tap", STEADY;
+    Tap: "tap", "cut it with start_s and duration_s, or record again in steady contact";
     /// A level in one part that differs from that of the rest.
     LevelChange: "level-change",
         "cut the steady part with start_s and duration_s, or record again at one speed and force";
