@@ -108,7 +108,7 @@ fn headers_and_counts_are_checked() {
     tells(|l| l.count = Some(2), "library: the number of scenes is");
     tells(|l| l.tail = vec![1, 2, 3], "library: 3 bytes are left over");
     of_texture(|t| t.tail = vec![0; 5], ": 5 bytes are left over");
-    of_texture(|t| t.provenance = 2, ": its header does not parse");
+    of_texture(|t| t.provenance = 3, ": its header does not parse");
     of_texture(|t| t.name = vec![0xff], ": its header does not parse");
     of_texture(|t| t.name.clear(), ": the length of the name in bytes is 0");
     of_texture(|t| t.name = vec![b'x'; 49], ": the length of the name in b");
