@@ -271,6 +271,20 @@ mod tests {
     }
 
     #[test]
+    fn nothing_outside_the_range_counts() {
+        let range = ScoringRange::of(1000.0, 2500).unwrap();
+        let a = surface(50_000, 1, 90.0);
+        let added: Vec<f64> = a
+            .iter()
+            .enumerate()
+            .map(|(n, x)| x + 30.0 * (TAU * 700.0 * n as f64 / RATE_HZ).sin())
+            .collect();
+        let perceived = Perceived::of(&spectrum(&a, &range), &spectrum(&added, &range), &range);
+        assert!(perceived.level_error_jnd.unwrap() < 0.2, "{perceived:?}");
+        assert!(perceived.balance_error_db.unwrap().abs() < 0.1);
+    }
+
+    #[test]
     fn a_range_ends_below_half_of_the_recordings_own_rate() {
         let range = |rate_hz| ScoringRange::of(rate_hz, 5000).unwrap();
         assert_eq!(range(1000.0).high_hz, 450.0);

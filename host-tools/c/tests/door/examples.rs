@@ -37,6 +37,14 @@ fn compiled(compiler: (&str, &str), source: &str, flags: &[&str], to: &Path) -> 
     program
 }
 
+/// The flags that link the shared library, and find it.
+fn shared() -> [String; 3] {
+    let libraries = libraries();
+    let libraries = libraries.to_str().expect("it is UTF-8");
+    let find = format!("-Wl,-rpath,{libraries}");
+    [format!("-L{libraries}"), find, "-lstylusplayer".to_owned()]
+}
+
 fn written(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
     let path = folder.join(name);
     std::fs::write(&path, bytes).expect("it can be written");
@@ -99,10 +107,8 @@ fn no_call_in_c_touches_memory_that_is_not_its_own_whatever_it_is_given() {
 #[ignore = "needs the compiler's sanitizers: tests/run long only 'the player under valgrind'"]
 fn sanitizers_of_memory_and_of_threads_find_nothing_in_what_c_and_cpp_call() {
     let folder = tempfile::tempdir().expect("it can be made");
-    let libraries = libraries();
-    let libraries = libraries.to_str().expect("it is UTF-8");
-    let (search, find) = (format!("-L{libraries}"), format!("-Wl,-rpath,{libraries}"));
-    let linked = ["-g", "-pthread", &search, &find, "-lstylusplayer"];
+    let shared = shared();
+    let linked = shared.each_ref().map(String::as_str);
     let library = written(folder.path(), "textures.lib", digest_library());
     let memory = ["-std=c11", "-fsanitize=address,undefined"];
     let threads = ["-std=c++17", "-fsanitize=thread"];
@@ -110,7 +116,7 @@ fn sanitizers_of_memory_and_of_threads_find_nothing_in_what_c_and_cpp_call() {
         (("CC", "cc"), "../tests/door/mistakes.c", memory, None),
         (("CXX", "c++"), "two_threads.cpp", threads, Some("0.2")),
     ] {
-        let flags = [&flags[..], &linked, &["-fno-sanitize-recover=all"]].concat();
+        let flags = [&flags[..], &["-g", "-pthread", "-fno-sanitize-recover=all"], &linked].concat();
         let program = compiled(compiler, source, &flags, folder.path());
         run(Command::new(program).arg(&library).args(seconds));
     }
@@ -119,10 +125,8 @@ fn sanitizers_of_memory_and_of_threads_find_nothing_in_what_c_and_cpp_call() {
 #[test]
 fn a_control_loop_and_a_callback_in_two_threads_play_by_the_shared_library_in_cpp() {
     let folder = tempfile::tempdir().expect("it can be made");
-    let libraries = libraries();
-    let libraries = libraries.to_str().expect("it is UTF-8");
-    let (search, find) = (format!("-L{libraries}"), format!("-Wl,-rpath,{libraries}"));
-    let flags = ["-std=c++17", "-pthread", &search, &find, "-lstylusplayer"];
+    let [search, find, library] = &shared();
+    let flags = ["-std=c++17", "-pthread", search, find, library];
     let program = compiled(("CXX", "c++"), "two_threads.cpp", &flags, folder.path());
     let library = written(folder.path(), "textures.lib", digest_library());
     let output = run_to_its_end(Command::new(program).arg(library).arg("0.2"));

@@ -738,8 +738,9 @@ class RubPage {
       ["first sample after the first touch", milliseconds(first)],
     ]);
     const { browser, gaps } = this.dropouts();
+    const isKnown = this.data.textures.every((texture) => texture.level_is_known);
     list("level", [
-      ["loudest without distortion", shown(this.fullScale, "m/s²"), true],
+      ["loudest without distortion", isKnown ? shown(this.fullScale, "m/s²") : "not known", true],
       ["samples beyond full scale, cut", String(this.clipped)],
       ["rate of the kernel", `${this.rate} Hz`],
       ["rate of the output", this.context ? `${this.context.sampleRate} Hz` : "not yet"],

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::dsp::fourier::{self, Complex};
 use crate::dsp::linear_prediction::step_up;
 use crate::dsp::sums::mean_square;
+use crate::support::fnv::Fnv;
 
 /// Least magnitude of a score that is significant. Of Gaussian trials of 0.5 s and more, at most 2 in 100 reach it.
 const SIGNIFICANT: f64 = 3.5;
@@ -86,11 +87,9 @@ impl Evidence {
         // Each trial has noise of its own: errors of the same noise would add up over trials. Last digits do not count,
         // because they depend on the system, and a trial has the same noise on all of them.
         let some = residual[..samples].iter().step_by(samples / 8);
-        let digits = some.map(|x| u64::from((*x as f32).to_bits() >> 8));
-        let seed = digits.fold(0, |seed: u64, digits| {
-            seed.wrapping_mul(0x100_0000_01b3).wrapping_add(digits)
-        });
-        let mut generator = Pcg64::seed_from_u64(seed);
+        let digits = some.map(|x| (*x as f32).to_bits() >> 8);
+        let hash = digits.fold(Fnv::default(), |hash, digits| hash.then(&digits.to_le_bytes()));
+        let mut generator = Pcg64::seed_from_u64(hash.value());
         let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
         let mut bins = std::iter::repeat_with(|| Complex::new(normal(), normal()));
         let noise: [[f64; 3]; STRETCHES] = std::array::from_fn(|_| of(&mut bins));

@@ -135,6 +135,7 @@ fn warnings(remarks: &Remarks) -> Vec<String> {
 pub(super) mod tests {
     use super::super::fixture;
     use super::*;
+    use proptest::prelude::*;
     use test_helpers::holds;
 
     /// Returns a file of one triangle and a silent model outside of it, without line spectral frequencies; `var` and
@@ -272,6 +273,19 @@ pub(super) mod tests {
         let toolkit = parse(&text).unwrap();
         let counted = toolkit.models[4].timbre.as_ref().unwrap().poles[1];
         assert!((counted - lines - 0.05).abs() < 1e-8);
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_the_reader_fail_otherwise_than_by_an_error(
+            cut in 0usize..4000, put in "[<>/a-z0-9 .-]{0,12}",
+        ) {
+            for mut text in [small("1 -0.9 0.5", "0.02", ""), fixture::whole()] {
+                let cut = cut % text.len();
+                text.replace_range(cut..(cut + put.len()).min(text.len()), &put);
+                let _ = parse(&text);
+            }
+        }
     }
 
     #[test]

@@ -110,6 +110,7 @@ impl Columns {
 pub(super) mod tests {
     use super::super::MotionPath;
     use super::*;
+    use proptest::prelude::*;
     use test_helpers::holds;
 
     pub fn path_of(text: &str) -> Result<MotionPath> {
@@ -206,6 +207,16 @@ pub(super) mod tests {
             ("", "no column 'time_s'"),
         ] {
             holds(&path_of(text).unwrap_err(), &[problem]);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_gives_a_path_or_an_error(text in "(#|time_s|speed_mm_s|force_n|[,\n\r\" 0-9.eEa-]){0,60}") {
+            if let Ok(path) = path_of(&text) {
+                prop_assert!(path.duration_s().is_finite());
+                path.at(0.5);
+            }
         }
     }
 }

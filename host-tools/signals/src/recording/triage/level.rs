@@ -118,7 +118,8 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
         } else {
             run.end
         };
-        if end >= start + QUIET_PARTS && spread(&levels[start..end]) < QUIET_SPREAD_DB {
+        let is_steady = |part: Span| part.len() >= QUIET_PARTS && spread(&levels[part]) < QUIET_SPREAD_DB;
+        if is_steady(run.clone()) || is_steady(start..end) {
             spans.push(run);
         }
     }
@@ -277,11 +278,15 @@ mod tests {
         }
     }
 
-    /// A hand starts and ends within 0.2 s.
+    /// A hand starts and ends within 0.2 s, or at once.
     #[test]
     fn rests_of_a_noisy_sensor_are_found_at_both_ends_and_between_strokes() {
         let sensor = bounded_noise(2);
-        for (rests, starts_with) in [([0..2600, 7300..10_000], true), ([0..0, 3500..6500], false)] {
+        for (rests, starts_with, within) in [
+            ([0..2600, 7300..10_000], true, 1000.0),
+            ([0..0, 3500..6500], false, 1000.0),
+            ([0..0, 3900..6100], false, 1.0),
+        ] {
             let slowed = bounded_noise(1).into_iter().enumerate().map(|(n, x)| {
                 let away = rests.iter().map(|rest| {
                     if n < rest.start {
@@ -290,7 +295,7 @@ mod tests {
                         (n + 1).saturating_sub(rest.end)
                     }
                 });
-                x * (away.min().unwrap_or(0) as f64 / 1000.0).min(1.0)
+                x * (away.min().unwrap_or(0) as f64 / within).min(1.0)
             });
             let signal = slowed.zip(&sensor).map(|(x, noise)| x + 0.05 * noise).collect();
             let found = verdicts(&[signal]);
