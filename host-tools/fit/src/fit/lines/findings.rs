@@ -57,8 +57,6 @@ pub enum NoLines {
     OneSpeed,
     /// No wavelength stands out.
     NothingStandsOut,
-    /// A free hand's strokes are not searched.
-    Strokes,
 }
 
 impl fmt::Display for NoLines {
@@ -69,7 +67,6 @@ impl fmt::Display for NoLines {
             }
             Self::OneSpeed => "recordings at one speed cannot tell place from time",
             Self::NothingStandsOut => "nothing stands out at one wavelength over half of the speeds",
-            Self::Strokes => "strokes are not searched; in pieces of `stylus segment` they are sought",
         })
     }
 }

@@ -14,6 +14,7 @@
 //! therefore always sought too. The phase of such a band gives the position with its wander (`wander`). The bands are
 //! used if there is no narrow line, or if their lines have more than 1.1 times the power of the narrow ones.
 
+mod along;
 mod bands;
 mod findings;
 mod peaks;
@@ -25,6 +26,7 @@ mod tests;
 mod track;
 mod wander;
 
+pub(crate) use along::{Along, Stretch, along};
 pub use super::options::Lines;
 pub use findings::{Findings, Line, NoLines, TrialLines};
 pub(crate) use findings::{LineMember, lines_on};

@@ -34,9 +34,9 @@ const FOLLOWED_TIMES: usize = 3;
 const HARMONIC_TOLERANCE: f64 = 2e-3;
 
 /// A narrow line that was found, and, for a harmonic, the index of its fundamental and its number.
-struct Known {
-    found: Found,
-    harmonic_of: Option<(usize, u32)>,
+pub(super) struct Known {
+    pub found: Found,
+    pub harmonic_of: Option<(usize, u32)>,
 }
 
 /// The trials of a texture, separated into its lines and the remainder.
@@ -106,7 +106,7 @@ pub(crate) fn separate(speeds_mm_s: &[f64], signals: Vec<Vec<f64>>, ranges: &[Ve
 }
 
 /// Returns the narrow lines, and the frequencies that stay the same while the speed changes.
-fn narrow(speeds_mm_s: &[f64], signals: &[Vec<f64>]) -> (Vec<Known>, Vec<f64>) {
+pub(super) fn narrow(speeds_mm_s: &[f64], signals: &[Vec<f64>]) -> (Vec<Known>, Vec<f64>) {
     let heard = heard(speeds_mm_s, signals);
     let again = heard.clone();
     let (exact, rough) = rayon::join(|| search(heard, EXACT_LIST), || search(again, ROUGH_LIST));
@@ -197,7 +197,7 @@ fn add_lines_of(weave: &Weave, wander: usize, amplitudes: &[Vec<Option<f64>>], l
 }
 
 /// Returns the lowest and the highest of `amplitudes`; 0 if there are none.
-fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(super) fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = amplitudes.fold((f64::INFINITY, 0.0f64), |(low, high), a| (low.min(a), high.max(a)));
     (low.min(high), high)
 }
@@ -274,13 +274,13 @@ fn with_harmonics(mut lines: Vec<Found>) -> Vec<Known> {
 }
 
 /// Wavelengths and speeds, as measured by the lines in the trials.
-struct Measures {
-    wavelengths_mm: Vec<f64>,
-    speed_ratios: Vec<Option<f64>>,
+pub(super) struct Measures {
+    pub wavelengths_mm: Vec<f64>,
+    pub speed_ratios: Vec<Option<f64>>,
     speed_scatter: Option<f64>,
 }
 
-fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measures {
+pub(super) fn measures(speeds_mm_s: &[f64], signals: &[Vec<f64>], known: &[Known]) -> Measures {
     // Each line is evidence of its fundamental's wavelength.
     let fundamental = |index: usize| known[index].harmonic_of.map_or((index, 1), |(of, n)| (of, n));
     let mut wavelengths_mm: Vec<f64> = known.iter().map(|line| line.found.wavelength_mm).collect();
@@ -427,7 +427,7 @@ fn removed(
 
 /// Returns the phase of harmonic `number` at the position where its fundamental's sine begins, turns, and how well the
 /// trials agree on it. `pairs` holds the amplitudes of fundamental and harmonic in each trial.
-fn relative_phase(pairs: impl Iterator<Item = (Complex<f64>, Complex<f64>)>, number: u32) -> (f64, f64) {
+pub(super) fn relative_phase(pairs: impl Iterator<Item = (Complex<f64>, Complex<f64>)>, number: u32) -> (f64, f64) {
     // As sines: a cosine is a quarter of a turn ahead.
     let sine = |c: Complex<f64>| c * Complex::i();
     let mut sum = Complex::<f64>::default();
@@ -461,7 +461,8 @@ fn removed_from(signal: &mut [f64], ranges: &[Range<usize>], speed_mm_s: f64, wa
         waves,
         amplitudes: fit,
         is_corrected,
-    } = Followed::of(signal, ranges, speed_mm_s, &held_mm);
+        ..
+    } = Followed::of(signal, ranges, steady(speed_mm_s, signal.len()), &held_mm);
     fitted.was_followed = is_corrected;
     let mut rest = signal.to_vec();
     for (amplitude, wave) in fit.iter().zip(&waves) {
@@ -490,18 +491,24 @@ fn removed_from(signal: &mut [f64], ranges: &[Range<usize>], speed_mm_s: f64, wa
 }
 
 /// The lines fitted to a signal.
-struct Followed {
+pub(super) struct Followed {
     waves: Vec<Vec<Complex<f64>>>,
     amplitudes: Vec<Complex<f64>>,
+    /// Position at each sample, mm.
+    pub place_mm: Vec<f64>,
     /// True if the lines showed that the speed changed. The waves then follow it.
     is_corrected: bool,
 }
 
 impl Followed {
-    /// Fits lines of `wavelengths_mm` to the samples of `signal` in `ranges`. The signal was recorded at `speed_mm_s`.
+    /// Fits lines of `wavelengths_mm` to the samples of `signal` in `ranges`. The signal was recorded at `place_mm`.
     /// The waves follow changes of the speed if the lines show them.
-    fn of(signal: &[f64], ranges: &[Range<usize>], speed_mm_s: f64, wavelengths_mm: &[f64]) -> Self {
-        let mut place_mm = steady(speed_mm_s, signal.len());
+    pub(super) fn of(
+        signal: &[f64],
+        ranges: &[Range<usize>],
+        mut place_mm: Vec<f64>,
+        wavelengths_mm: &[f64],
+    ) -> Self {
         let mut times = 0;
         loop {
             let waves = wavelengths_mm.iter().map(|mm| wave_at(&place_mm, *mm));
@@ -517,6 +524,7 @@ impl Followed {
                 return Self {
                     waves,
                     amplitudes,
+                    place_mm,
                     is_corrected: times > 0,
                 };
             }
@@ -527,7 +535,7 @@ impl Followed {
 
 /// Returns the indices of the lines that a recording of `samples` samples at `speed_mm_s` can hold and distinguish from
 /// those earlier in the list, which are longer.
-fn told_apart(speed_mm_s: f64, samples: usize, wavelengths_mm: &[f64]) -> Vec<usize> {
+pub(super) fn told_apart(speed_mm_s: f64, samples: usize, wavelengths_mm: &[f64]) -> Vec<usize> {
     let least_hz = TOLD_APART_CELLS * f64::from(SAMPLE_RATE_HZ) / samples.max(1) as f64;
     let mut held: Vec<usize> = Vec::new();
     for (line, wavelength_mm) in wavelengths_mm.iter().enumerate() {

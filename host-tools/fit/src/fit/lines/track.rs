@@ -163,7 +163,7 @@ fn unwrapped(phasors: &[Complex<f64>]) -> Vec<f64> {
 }
 
 /// Interpolates a table at ascending positions linearly, and extrapolates beyond its ends.
-fn interpolated(places: &[f64], values: &[f64], at: f64) -> f64 {
+pub(super) fn interpolated(places: &[f64], values: &[f64], at: f64) -> f64 {
     if places.len() < 2 {
         return values.first().copied().unwrap_or(0.0);
     }

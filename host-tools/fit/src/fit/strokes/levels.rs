@@ -225,9 +225,9 @@ impl NodeLevels {
             let off_db = at.level_db - levels.level_db(at.speed_mm_s, at.force_n);
             let around = levels.axes.around(at.speed_mm_s, at.force_n);
             for (node, weight) in around {
-                right[node] += weight * off_db;
+                right[node] += at.weight * weight * off_db;
                 for (other, with) in around {
-                    matrix[(node, other)] += weight * with;
+                    matrix[(node, other)] += at.weight * weight * with;
                 }
             }
         }

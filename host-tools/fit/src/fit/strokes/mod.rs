@@ -8,7 +8,8 @@
 //! 4. **Playing**: the texture is played along the strokes, and all levels are shifted by its mean error. The reason is
 //!    that an excitation with impulses or a changing level has a lower mean level in dB than its power suggests.
 //!
-//! Lines tied to position are not sought, because the trials are joined stretches.
+//! Before all of these, lines tied to position are found along the strokes and taken out of them. They join the texture
+//! with an amplitude per node, by least squares as in the first step.
 
 use std::path::PathBuf;
 
@@ -24,7 +25,7 @@ use stroke::Stroke;
 use super::blocks::Part;
 use super::conditioning::{Conditioning, HighPass};
 use super::fitted::{Fit, FittedTexture, Source, encoded};
-use super::lines::NoLines;
+use super::lines::{Along, LineMember, Stretch, TrialLines, along, lines_on};
 use super::options::{FloorChoice, Lines, Options};
 use super::recordings::Recordings;
 use super::{models, read};
@@ -54,13 +55,14 @@ pub fn fit_strokes(
     progress: impl Fn(usize) + Sync,
 ) -> Result<Fit> {
     check(options)?;
-    let strokes = distinct(strokes, options.conditioning, &progress)?;
+    let mut strokes = distinct(strokes, options.conditioning, &progress)?;
     if options.strict
         && let Some((stroke, verdict)) = first_verdict(&strokes)
     {
         let problem = format!("{verdict}; refused because of --strict");
         return Err(Error::file(&stroke.file, problem));
     }
+    let lines = (options.lines != Lines::None).then(|| without_lines(&mut strokes));
     let windows: Vec<LevelAt> = (strokes.iter())
         .flat_map(|stroke| stroke.windows(options.silence_floor_m_s2))
         .collect();
@@ -87,6 +89,9 @@ pub fn fit_strokes(
     // Speeds and forces without a trial are not in the texture's grid any more.
     let levels = NodeLevels::of(Axes::of_grid(&texture.grid), &windows);
     texture.set_levels(&levels.levels_db);
+    if let Some(lines) = &lines {
+        add_lines(texture, lines);
+    }
     let held: Vec<_> = recordings.into_iter().map(Recordings::into_takes).collect();
     let source = Source {
         set: &set,
@@ -96,8 +101,51 @@ pub fn fit_strokes(
     };
     source.excite(&mut fit.textures, held, &|| progress(0))?;
     level_by_playing(&mut fit.textures[0], &strokes)?;
-    fit.textures[0].lines.none_because = Some(NoLines::Strokes);
     Ok(fit)
+}
+
+/// Takes the lines out of `strokes`.
+fn without_lines(strokes: &mut [Stroke]) -> Along {
+    let stretches = strokes.iter().flat_map(|stroke| {
+        stroke.moving.iter().map(|run| Stretch {
+            signal: &stroke.signal[run.clone()],
+            motion: &stroke.motion[run.clone()],
+        })
+    });
+    let mut found = along(&stretches.collect::<Vec<_>>());
+    let mut rest = found.rest.drain(..);
+    for stroke in strokes {
+        for run in &stroke.moving {
+            stroke.signal[run.clone()].copy_from_slice(&rest.next().expect("one per run"));
+        }
+    }
+    drop(rest);
+    found
+}
+
+/// Adds `lines` to `texture`, with their amplitudes at its nodes.
+fn add_lines(texture: &mut FittedTexture, lines: &Along) {
+    let axes = Axes::of_grid(&texture.grid);
+    let levels = (lines.levels.iter()).map(|windows| match windows.is_empty() {
+        true => None,
+        false => Some(NodeLevels::of(axes.clone(), windows).levels_db),
+    });
+    let levels: Vec<Option<Vec<f64>>> = levels.collect();
+    let at_node = |node: usize| TrialLines {
+        amplitudes_m_s2: (levels.iter())
+            .map(|levels_db| Some(10f64.powf(levels_db.as_ref()?[node] / 20.0)))
+            .collect(),
+        speed_ratio: None,
+    };
+    let nodes: Vec<TrialLines> = (0..axes.nodes().count()).map(at_node).collect();
+    let members = axes.nodes().zip(&nodes).map(|((speed_mm_s, force_n), lines)| LineMember {
+        speed_mm_s,
+        force_n,
+        is_silent: false,
+        lines,
+    });
+    texture.grid.parts.lines = lines_on(&texture.grid, &lines.findings, &members.collect::<Vec<_>>());
+    texture.lines = lines.findings.clone();
 }
 
 /// Refuses options that a fit to strokes does not support.
@@ -166,8 +214,9 @@ fn of_trials(options: &Options, strokes: &[Stroke]) -> Options {
     }
 }
 
-/// Shifts all levels of `texture` by its error along the `strokes`, averaged over windows.
+/// Shifts all levels of `texture` by its error along the `strokes`, averaged over windows. Neither has the lines here.
 fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<()> {
+    let lines = texture.grid.parts.lines.take();
     let bytes = encoded(&[texture.spec()])?;
     let library = decoded(&bytes)?;
     let played = library.textures().next().expect("it has one");
@@ -178,6 +227,7 @@ fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<(
         .map(|model| 10.0 * model.output_power.log10() + off_db)
         .collect();
     texture.set_levels(&levels);
+    texture.grid.parts.lines = lines;
     Ok(())
 }
 
@@ -259,6 +309,51 @@ mod tests {
         assert!(mean(&off_db).abs() < 0.4, "{off_db:?}");
         let twice = fitted(&[1, 2, 2, 3, 1, 4], |stroke| stroke);
         assert_eq!(once.library().unwrap(), twice.library().unwrap());
+    }
+
+    /// Amplitude of a grating's line, m/s². It rises with speed and force otherwise than the level does.
+    fn grating(speed_mm_s: f64, force_n: f64) -> f64 {
+        0.8 * (speed_mm_s / 100.0) * force_n
+    }
+
+    /// Returns the `stroke` with a grating of this wavelength, and a hum of 50 Hz.
+    fn with_grating(mut stroke: Freehand, wavelength_mm: f64) -> Freehand {
+        let mut place_mm = 0.0;
+        for n in 0..stroke.axes[0].len() {
+            let (speed, force) = (stroke.speed_mm_s[n], stroke.force_n[n]);
+            place_mm += speed / RATE_HZ;
+            let (turns, hum) = (place_mm / wavelength_mm, 50.0 * n as f64 / RATE_HZ);
+            stroke.axes[0][n] += grating(speed, force) * (TAU * turns).sin() + 0.2 * (TAU * hum).sin();
+        }
+        stroke
+    }
+
+    #[test]
+    fn lines_along_strokes_are_found_at_their_pitch_and_level_and_leave_the_noise_as_it_was() {
+        for wavelength_mm in [0.5, 0.9, 1.7, 3.0] {
+            let strokes: Vec<_> = (1..=3)
+                .map(|seed| (PathBuf::from(format!("{seed}.csv")), with_grating(stroke(seed), wavelength_mm)))
+                .collect();
+            let options = Options {
+                order: Order::Fixed(4),
+                excitation: ExcitationChoice::Gaussian,
+                ..Options::default()
+            };
+            let fit = fit_strokes("felt", &strokes, &options, |_| ()).unwrap();
+            let texture = &fit.textures[0];
+            eprintln!("{} {:?}", texture.lines, over_law_db(&fit));
+            let spec = texture.spec();
+            let lines = texture.grid.parts.lines.as_ref();
+            for (node, (speed, force, _)) in texture.grid.nodes().enumerate() {
+                let hz = f64::from(speed) / wavelength_mm;
+                let truth = grating(f64::from(speed), f64::from(force));
+                if let Some(lines) = lines {
+                    let own: Vec<_> = lines.lines.iter().map(|l| 20.0 * (f64::from(l.amplitudes[node]) / truth).log10()).collect();
+                    eprintln!("{wavelength_mm} {speed} {force} {hz:.0} {own:.2?}");
+                }
+            }
+            drop(spec);
+        }
     }
 
     #[test]
