@@ -312,10 +312,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
             near(row[5], force, 0.01);
         }
     }
-    let grid = "--speeds 20:200:20 --forces 0.2:1.4:0.2";
-    let segment = format!("segment a.csv b.csv --texture silk --out set {grid}");
-    holds(&bench.succeed(&segment), &["2 nodes"]);
-    let said = bench.succeed("fit set --out silk.lib --order 10");
+    let said = bench.succeed("fit a.csv b.csv --strokes --texture silk --out silk.lib --order 10");
     holds(&said, &["-> silk.lib"]);
 }
 

@@ -173,18 +173,14 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
         names.join(" ")
     };
     let (fitted, judges) = (files(0..12), files(12..16));
-    bench.succeed(&format!("segment {fitted} --texture felt --out pieces"));
-    bench.succeed("fit pieces --out felt.lib");
+    let fit = format!("fit {fitted} --strokes --texture felt --out felt.lib");
+    holds(&bench.succeed(&fit), &["-> felt.lib"]);
     let command = format!("evaluate {fitted} --library felt.lib --strokes {judges} --json-out n.json");
-    let judged = || {
-        let said = bench.succeed(&command);
-        (said, bench.report("n.json")["nearness"].clone())
-    };
     let of = |found: &serde_json::Value, by: &str, field: &str| {
         let mut all = found.as_array().unwrap().iter();
         all.find(|near| near["by"] == by).unwrap()[field].as_f64().unwrap()
     };
-    let (said, found) = judged();
+    let (said, found) = (bench.succeed(&command), bench.report("n.json")["nearness"].clone());
     holds(&said, &["'felt' along 4 strokes", "SIMULATED"]);
     assert!(of(&found, "library", "correlation") > 0.95, "{found}");
     assert!(of(&found, "library", "bias_db").abs() < 0.5, "{found}");
@@ -195,16 +191,8 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     // By construction, the line describes this signal exactly.
     let line = "line over log speed, log force";
     assert!(of(&found, line, "error_db") < 0.6, "{found}");
-    let band_error_db = of(&found, "library", "band_error_db");
-    assert!(band_error_db < 1.5, "{found}");
+    assert!(of(&found, "library", "band_error_db") < 1.5, "{found}");
     holds(&said, &["the best baseline, the line over log speed,"]);
-    // The whole strokes carry more information than their steady pieces.
-    let fit = format!("fit {fitted} --strokes --texture felt --out felt.lib");
-    holds(&bench.succeed(&fit), &["-> felt.lib"]);
-    let (_, found) = judged();
-    assert!(of(&found, "library", "bias_db").abs() < 0.5, "{found}");
-    assert!(of(&found, "library", "error_db") < error_db + 0.05, "{found}");
-    assert!(of(&found, "library", "band_error_db") < band_error_db + 0.1, "{found}");
     refuse_what_does_not_go_with_strokes(&bench);
 }
 
@@ -213,7 +201,6 @@ fn refuse_what_does_not_go_with_strokes(bench: &Bench) {
         ("fit s0.csv --out a.lib", "--time-unit ms"),
         ("fit s0.csv --out a.lib", "--force 1"),
         ("fit s0.csv --out a.lib", "--snap auto"),
-        ("fit s0.csv --out a.lib", "--lines auto"),
         ("page s0.csv --out a.html", "--recordings ."),
     ] {
         let output = bench.run(&format!("{command} --strokes {option}"));
@@ -242,12 +229,12 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
         ("time_s,speed_mm_s,force_n\n0,1,2\n", "columns of accel"),
         ("a,speed_mm_s,force_n\n0,1,2\n", "sample rate"),
         (&with("0,0,1,1e5\n0.001,0,1,1e5\n"), "impossible values"),
-        (&with("0,0,1,1\n0.001,0,1,1\n"), "steady"),
+        (&with("0,0,1,1\n0.001,0,1,1\n"), "no node has 0.4 s"),
     ] {
         bench.write("bad.csv", content);
-        let refused = bench.refuse("segment bad.csv --texture felt --out pieces");
+        let refused = bench.refuse("fit bad.csv --strokes --texture felt --out felt.lib");
         holds(&refused, &[word]);
-        assert!(!bench.path("pieces").exists());
+        assert!(!bench.path("felt.lib").exists());
     }
 }
 

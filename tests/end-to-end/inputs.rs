@@ -546,7 +546,7 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
     let bench = fitted();
     let motion = "render good.lib --texture silk --motion a.csv --out o.wav";
     let recording = "fit a.csv --out o.lib";
-    let hand = "segment a.csv --texture a --out cut";
+    let hand = "fit a.csv --strokes --texture a --out o.lib";
     for (command, text, words) in [
         (
             motion,
@@ -638,7 +638,7 @@ fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
     let long = "x".repeat(49);
     for (name, word) in [("", "empty"), (&long, "49 bytes")] {
         for command in [
-            "segment a.csv --out cut --texture",
+            "fit a.csv --strokes --out a.lib --texture",
             "trials . --pattern {speed}.wav --force 1 --texture",
         ] {
             let mut command = bench.command(command.split(' '));

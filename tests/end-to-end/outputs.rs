@@ -31,9 +31,8 @@ const FILES: [&str; 11] = [
 const QUICK: usize = 5;
 
 /// Commands that write a folder; `{}` stands for its name.
-const FOLDERS: [&str; 3] = [
+const FOLDERS: [&str; 2] = [
     "simulate-rig --rig rig.toml --out {}",
-    "segment stroke.csv --texture felt --out {}",
     "frontier --data set --orders 4 --out {}",
 ];
 
@@ -175,9 +174,8 @@ const READERS: [&str; 13] = [
 ];
 
 /// Commands that write a folder, for whose name `{}` stands. Each has all options that read something.
-const FOLDER_READERS: [&str; 4] = [
+const FOLDER_READERS: [&str; 3] = [
     "simulate-rig --rig rig.toml --out {}",
-    "segment stroke.csv hand.csv --texture felt --out {}",
     "frontier --data set --takes other --out {}",
     "evaluate set --library good.lib --takes other --report {}",
 ];

@@ -494,7 +494,7 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
     let hand = "time_s,x,speed_mm_s,force_n\n0,1,100,1\n";
     let since = "time since start,x\n0,1\n0.1,2\n";
     for (content, words) in [
-        (hand, &["speed_mm_s", "segment"][..]),
+        (hand, &["speed_mm_s", "--strokes"][..]),
         (since, &["'time since start'", "time_ms"]),
         ("sample,ch1\n0,1\n1,2\n", &["'sample'", "remove column 1"]),
         ("a,b,c,d\n1,2,3,4\n", &["4 columns", "comma", "1 to 3"]),

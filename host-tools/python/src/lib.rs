@@ -65,7 +65,7 @@ mod native {
     #[pymodule_export]
     use crate::playing::{compile_scene, inspect, render};
     #[pymodule_export]
-    use crate::recording::{Recording, Recordings, paper_rig, segment, simulate_rig};
+    use crate::recording::{Recording, Recordings, paper_rig, simulate_rig};
     #[pymodule_export]
     use crate::rendering::write_words;
     #[pymodule_export]

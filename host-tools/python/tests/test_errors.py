@@ -79,8 +79,7 @@ def test_other_failures_are_the_commands_line(command, folder, call, words):
         (lambda s: sh.Motion([0, 1], 1e9, 1), "mm/s"),
         (lambda s: sh.Motion([], 1, 1), "at least one row"),
         (lambda s: sh.Motion([0, 1], np.ma.masked_less(s[:2], 2), 1), "speed_mm_s has masked"),
-        (lambda s: sh.segment("a.csv", "x" * 49, "out"), "49 bytes"),
-        (lambda s: sh.segment("a.csv", "", "out"), "empty"),
+        (lambda s: sh.fit_strokes("a.csv", "x" * 49), "49 bytes"),
         (lambda s: sh.Library(b"no library"), "library"),
         (lambda s: sh.Device("carrier pigeon"), "link"),
         (lambda s: sh.Device("tcp:127.0.0.1:1"), "nothing listens"),
@@ -151,7 +150,7 @@ def test_no_length_of_an_array_is_believed_at_any_door(door, values):
         lambda v: sh.fit("x", drop=v),
         lambda v: sh.compare("x", "a.lib", "out.html", pairs=v),
         lambda v: sh.score(v),
-        lambda v: sh.segment(v, "felt", "out"),
+        lambda v: sh.fit_strokes(v, "felt"),
     ],
 )
 @pytest.mark.parametrize("values", [LyingList([1.0]), range(10**11)], ids=["a list", "a range"])

@@ -75,20 +75,6 @@ def strokes(path):
     path.write_text("# SIMULATED\ntime_s,speed_mm_s,force_n,x_m_s2\n" + "\n".join(rows) + "\n")
 
 
-def test_a_free_hand_is_cut_as_by_the_command(command, tmp_path):
-    strokes(tmp_path / "hand.csv")
-    grid = {"speeds_mm_s": (100, 200, 100), "forces_n": (1, 1, 1)}
-    words = ["--speeds", "100:200:100", "--forces", "1:1:1", "--tolerance", "0.05"]
-    command.succeed("segment", tmp_path / "hand.csv", "--texture", "felt", "--out", tmp_path / "a", *words)
-    with pytest.warns(sh.StylusWarning) as warned:
-        cut = sh.segment(tmp_path / "hand.csv", "felt", tmp_path / "b", tolerance=0.05, **grid)
-    assert {recording.speed_mm_s for recording in cut} == {100, 200} and cut[0].simulated
-    assert (tmp_path / "a" / "trials.csv").read_bytes() == (tmp_path / "b" / "trials.csv").read_bytes()
-    assert any("line 2503: x_m_s2 is 9999" in str(one.message) for one in warned)
-    with pytest.raises(sh.StylusError, match="LOWEST:HIGHEST:STEP"):
-        sh.segment(tmp_path / "hand.csv", "felt", tmp_path / "c", speeds_mm_s=(3, 2, 1))
-
-
 def test_strokes_are_fitted_and_shown_as_by_the_command(command, tmp_path):
     strokes(tmp_path / "hand.csv")
     words = [tmp_path / "hand.csv", "--strokes", "--texture", "felt"]

@@ -9,7 +9,7 @@ const EXAMPLES: &str = include_str!("examples.txt");
 
 /// The commands on the first screen of the help, in the groups of the manual's page of commands.
 const GROUPS: [(&str, &str); 6] = [
-    ("Recordings", "trials record segment simulate-rig"),
+    ("Recordings", "trials record simulate-rig"),
     ("Models", "fit join inspect import-hatt"),
     ("Judging", "evaluate compare page stress frontier"),
     ("Playing on the computer", "render export scene"),

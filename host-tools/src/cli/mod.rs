@@ -25,7 +25,6 @@ mod output;
 mod page;
 mod render;
 mod scene;
-mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
@@ -90,8 +89,6 @@ enum Command {
     Join(join::Arguments),
     /// Write trials.csv, fit's list of recordings, from the names of files
     Trials(trials::Arguments),
-    /// Cut the steady pieces out of free-hand recordings, for fit
-    Segment(segment::Arguments),
     /// Convert HaTT's model files to a library
     ImportHatt(import_hatt::Arguments),
     /// Check, compile and render scenes: surfaces along a path, with effects
@@ -170,7 +167,6 @@ fn run_command(command: Command) -> Result<()> {
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Join(arguments) => join::run(&arguments),
         Command::Trials(arguments) => trials::run(&arguments),
-        Command::Segment(arguments) => segment::run(&arguments),
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),

@@ -49,6 +49,5 @@ __all__ = [
     "render",
     "report",
     "score",
-    "segment",
     "simulate_rig",
 ]

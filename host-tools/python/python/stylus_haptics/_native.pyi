@@ -45,7 +45,6 @@ __all__ = [
     "paper_rig",
     "render",
     "score",
-    "segment",
     "simulate_rig",
 ]
 
@@ -393,21 +392,6 @@ class Device:
     def close(self) -> None: ...
     def __enter__(self) -> Device: ...
     def __exit__(self, *_exception: object) -> None: ...
-
-def segment(
-    files: _Path | Sequence[_Path],
-    texture: str,
-    out: _Path,
-    *,
-    speeds_mm_s: tuple[float, float, float] | None = None,
-    forces_n: tuple[float, float, float] | None = None,
-    tolerance: float = 0.25,
-    least_s: float = 0.4,
-    enough_s: float = 0.5,
-    sample_rate_hz: float | None = None,
-    scale_m_s2: float | None = None,
-    overwrite: bool = False,
-) -> Recordings: ...
 
 def _write_wav(
     path: _Path, words: npt.NDArray[np.int32], sample_rate_hz: int, pcm16_m_s2: float | None, overwrite: bool

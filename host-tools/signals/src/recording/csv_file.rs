@@ -321,8 +321,7 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
         let (lower, stem) = (name.to_lowercase(), stem(name));
         let problem = if MOTION_COLUMNS.contains(&name) && (motions > 1 || !are_named) {
             format!(
-                "has a column '{name}': a free hand's recordings are for 'stylus fit' or 'stylus page' with --strokes, \
-                 or for 'stylus segment', which cuts their steady pieces"
+                "has a column '{name}': a free hand's recordings are for 'stylus fit' or 'stylus page' with --strokes"
             )
         } else if TIME_WORDS.contains(&stem.as_str()) && lower != stem {
             format!(

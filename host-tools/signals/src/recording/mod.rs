@@ -1,5 +1,5 @@
-//! Recordings: the trials of a set, their samples in m/s² at the models' sample rate, verdicts on them, and the steady
-//! segments of a free hand's recording.
+//! Recordings: the trials of a set, their samples in m/s² at the models' sample rate, verdicts on them, and recordings
+//! of a free hand.
 //!
 //! Invariant: inputs are files, or samples that a program holds; outputs are samples and verdicts. Nothing here fits a
 //! model.

@@ -28,7 +28,7 @@ use crate::cli::output::{note, print, print_json};
 use host_tools::texture::library::decode_library;
 
 #[derive(clap::Args)]
-#[command(group = ArgGroup::new("of trials").args(["snap", "lines"]).multiple(true).conflicts_with("strokes"))]
+#[command(group = ArgGroup::new("of trials").args(["snap"]).conflicts_with("strokes"))]
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,

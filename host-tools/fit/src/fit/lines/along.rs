@@ -212,9 +212,14 @@ impl<'s> Piece<'s> {
         let moved_mm = place_mm[place_mm.len() - 1] - place_mm[0];
         let own_mm_s = moved_mm / (place_mm.len() - 1).max(1) as f64 * RATE_HZ;
         let held = told_apart(own_mm_s, signal.len(), wavelengths_mm);
-        let held = held.into_iter().filter(|&line| own_mm_s > LOWEST_HZ * wavelengths_mm[line]);
+        let held = held
+            .into_iter()
+            .filter(|&line| own_mm_s > LOWEST_HZ * wavelengths_mm[line]);
         let held: Vec<usize> = held.collect();
-        let waves: Vec<_> = held.iter().map(|&line| wave_at(place_mm, wavelengths_mm[line])).collect();
+        let waves: Vec<_> = held
+            .iter()
+            .map(|&line| wave_at(place_mm, wavelengths_mm[line]))
+            .collect();
         let fit = amplitudes(signal, std::slice::from_ref(&(0..signal.len())), &waves);
         let mut rest = signal.to_vec();
         for (amplitude, wave) in fit.iter().zip(&waves) {
@@ -269,7 +274,9 @@ impl InWindow {
 
     /// Share of the amplitude that is subtracted. As much stays as noise would have there.
     fn subtracted_share(&self) -> f64 {
-        1.0 - (self.noise / self.amplitude.norm_sqr().max(f64::MIN_POSITIVE)).sqrt().min(1.0)
+        1.0 - (self.noise / self.amplitude.norm_sqr().max(f64::MIN_POSITIVE))
+            .sqrt()
+            .min(1.0)
     }
 }
 

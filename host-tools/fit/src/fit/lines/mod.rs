@@ -26,8 +26,8 @@ mod tests;
 mod track;
 mod wander;
 
-pub(crate) use along::{Along, Stretch, along};
 pub use super::options::Lines;
+pub(crate) use along::{Along, Stretch, along};
 pub use findings::{Findings, Line, NoLines, TrialLines};
 pub(crate) use findings::{LineMember, lines_on};
 pub(crate) use separate::separate;

@@ -503,12 +503,7 @@ pub(super) struct Followed {
 impl Followed {
     /// Fits lines of `wavelengths_mm` to the samples of `signal` in `ranges`. The signal was recorded at `place_mm`.
     /// The waves follow changes of the speed if the lines show them.
-    pub(super) fn of(
-        signal: &[f64],
-        ranges: &[Range<usize>],
-        mut place_mm: Vec<f64>,
-        wavelengths_mm: &[f64],
-    ) -> Self {
+    pub(super) fn of(signal: &[f64], ranges: &[Range<usize>], mut place_mm: Vec<f64>, wavelengths_mm: &[f64]) -> Self {
         let mut times = 0;
         loop {
             let waves = wavelengths_mm.iter().map(|mm| wave_at(&place_mm, *mm));

@@ -38,6 +38,7 @@ use crate::recording::{RecordingSet, Snap};
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
+use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::library::decoded;
 
@@ -138,12 +139,15 @@ fn add_lines(texture: &mut FittedTexture, lines: &Along) {
         speed_ratio: None,
     };
     let nodes: Vec<TrialLines> = (0..axes.nodes().count()).map(at_node).collect();
-    let members = axes.nodes().zip(&nodes).map(|((speed_mm_s, force_n), lines)| LineMember {
-        speed_mm_s,
-        force_n,
-        is_silent: false,
-        lines,
-    });
+    let members = axes
+        .nodes()
+        .zip(&nodes)
+        .map(|((speed_mm_s, force_n), lines)| LineMember {
+            speed_mm_s,
+            force_n,
+            is_silent: false,
+            lines,
+        });
     texture.grid.parts.lines = lines_on(&texture.grid, &lines.findings, &members.collect::<Vec<_>>());
     texture.lines = lines.findings.clone();
 }
@@ -190,11 +194,17 @@ fn distinct(
     })
 }
 
-/// Returns the findings of triage on `stroke`.
+/// Returns the findings on `stroke`: those of triage, and jumps of the speed.
 fn findings(stroke: &Stroke) -> impl Iterator<Item = Warning> {
     let file = portable(&stroke.file);
-    let note = move |verdict: &Verdict| Warning::of("stroke", ("recording", &file), 0.0, verdict.to_string());
-    stroke.verdicts.iter().map(note)
+    let note = move |text: String| Warning::of("stroke", ("recording", &file), 0.0, text);
+    let jumps = stroke.jumps_s.first().map(|first_s| {
+        format!(
+            "the speed jumps in {} of 20 ms, first at {first_s:.2} s: left out; check the encoder",
+            counted(stroke.jumps_s.len(), "block")
+        )
+    });
+    stroke.verdicts.iter().map(Verdict::to_string).chain(jumps).map(note)
 }
 
 /// Returns the `options` for trials that are made of `strokes`: reduced to one axis, and filtered if any stroke was, so
@@ -235,7 +245,7 @@ fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<(
 mod tests {
     use std::f64::consts::TAU;
 
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     use super::super::options::{ExcitationChoice, Order};
     use super::*;
@@ -316,43 +326,71 @@ mod tests {
         0.8 * (speed_mm_s / 100.0) * force_n
     }
 
-    /// Returns the `stroke` with a grating of this wavelength, and a hum of 50 Hz.
-    fn with_grating(mut stroke: Freehand, wavelength_mm: f64) -> Freehand {
+    /// Returns the `stroke` with a hum of 50 Hz and, if a wavelength is given, a grating and its second harmonic, which
+    /// is half as strong and a quarter of a turn ahead.
+    fn with_tones(mut stroke: Freehand, wavelength_mm: Option<f64>) -> Freehand {
         let mut place_mm = 0.0;
-        for n in 0..stroke.axes[0].len() {
+        for (n, x) in stroke.axes[0].iter_mut().enumerate() {
             let (speed, force) = (stroke.speed_mm_s[n], stroke.force_n[n]);
             place_mm += speed / RATE_HZ;
-            let (turns, hum) = (place_mm / wavelength_mm, 50.0 * n as f64 / RATE_HZ);
-            stroke.axes[0][n] += grating(speed, force) * (TAU * turns).sin() + 0.2 * (TAU * hum).sin();
+            *x += 0.1 * (TAU * 50.0 * n as f64 / RATE_HZ).sin();
+            if let Some(wavelength_mm) = wavelength_mm {
+                let turns = TAU * place_mm / wavelength_mm;
+                *x += grating(speed, force) * (turns.sin() + 0.5 * (2.0 * turns).cos());
+            }
         }
         stroke
     }
 
     #[test]
-    fn lines_along_strokes_are_found_at_their_pitch_and_level_and_leave_the_noise_as_it_was() {
-        for wavelength_mm in [0.5, 0.9, 1.7, 3.0] {
-            let strokes: Vec<_> = (1..=3)
-                .map(|seed| (PathBuf::from(format!("{seed}.csv")), with_grating(stroke(seed), wavelength_mm)))
-                .collect();
-            let options = Options {
-                order: Order::Fixed(4),
-                excitation: ExcitationChoice::Gaussian,
-                ..Options::default()
-            };
-            let fit = fit_strokes("felt", &strokes, &options, |_| ()).unwrap();
+    fn gratings_along_strokes_are_found_at_their_pitch_and_level_and_leave_the_noise_as_it_was() {
+        for (wavelength_mm, with) in [
+            (
+                0.5,
+                (|stroke| with_tones(stroke, Some(0.5))) as fn(Freehand) -> Freehand,
+            ),
+            (1.3, |stroke| with_tones(stroke, Some(1.3))),
+            (3.0, |stroke| with_tones(stroke, Some(3.0))),
+        ] {
+            let fit = fitted(&[1, 2, 3], with);
             let texture = &fit.textures[0];
-            eprintln!("{} {:?}", texture.lines, over_law_db(&fit));
-            let spec = texture.spec();
-            let lines = texture.grid.parts.lines.as_ref();
-            for (node, (speed, force, _)) in texture.grid.nodes().enumerate() {
-                let hz = f64::from(speed) / wavelength_mm;
-                let truth = grating(f64::from(speed), f64::from(force));
-                if let Some(lines) = lines {
-                    let own: Vec<_> = lines.lines.iter().map(|l| 20.0 * (f64::from(l.amplitudes[node]) / truth).log10()).collect();
-                    eprintln!("{wavelength_mm} {speed} {force} {hz:.0} {own:.2?}");
+            let lines = texture.grid.parts.lines.as_ref().expect("lines are found");
+            assert_eq!(lines.lines.len(), 2, "{}", texture.lines);
+            for (line, (share, number)) in lines.lines.iter().zip([(1.0, 1.0), (0.5, 2.0)]) {
+                let pitch = number * f64::from(line.wavelength_mm) / wavelength_mm;
+                assert!((pitch - 1.0).abs() < 5e-3, "{}", texture.lines);
+                for ((speed, force, _), &amplitude) in texture.grid.nodes().zip(&line.amplitudes) {
+                    let truth = share * grating(f64::from(speed), f64::from(force));
+                    let off_db = 20.0 * (f64::from(amplitude) / truth).log10();
+                    // A slower hand hides the line by its own motion.
+                    if f64::from(speed) > 40.0 {
+                        assert!(
+                            off_db.abs() < 1.0,
+                            "{off_db} dB at {speed} mm/s, {force} N: {}",
+                            texture.lines
+                        );
+                    }
                 }
             }
-            drop(spec);
+            let turns = f64::from(lines.lines[1].phase) / 65_536.0;
+            near(turns, 0.25, 0.02);
+            let plain = over_law_db(&fitted(&[1, 2, 3], |stroke| with_tones(stroke, None)));
+            for (own, plain) in over_law_db(&fit).iter().zip(&plain) {
+                assert!((own - plain).abs() < 0.5, "{own} for {plain} dB: {}", texture.lines);
+            }
+        }
+    }
+
+    #[test]
+    fn no_line_is_found_in_strokes_over_noise_and_hum() {
+        for seed in 1..=12 {
+            let fit = fitted(&[seed, seed + 20], |stroke| with_tones(stroke, None));
+            let texture = &fit.textures[0];
+            assert!(
+                texture.lines.lines.is_empty() && texture.grid.parts.lines.is_none(),
+                "{}",
+                texture.lines
+            );
         }
     }
 

@@ -12,7 +12,7 @@ use crate::fit::conditioning::Conditioning;
 use crate::fit::trial::{Signal, whole_signal};
 use crate::playing::motion::{MotionPath, MotionRow};
 use crate::playing::render::render;
-use crate::recording::freehand::{Freehand, moving};
+use crate::recording::freehand::{Freehand, jumps_s, moving};
 use crate::recording::triage::{self, Kind, Verdict};
 use crate::recording::{HeldSamples, Trial, read};
 use crate::support::error::Result;
@@ -57,6 +57,8 @@ pub(super) struct Stroke {
     pub is_simulated: bool,
     /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
+    /// Times at which the speed jumps by more than a hand can cause, s.
+    pub jumps_s: Vec<f64>,
     /// Findings of triage, except those that are normal for a free hand.
     pub verdicts: Vec<Verdict>,
 }
@@ -99,6 +101,7 @@ impl Stroke {
             is_simulated: recording.is_simulated,
             file: file.to_owned(),
             cut_hz,
+            jumps_s: jumps_s(recording),
             verdicts,
         })
     }

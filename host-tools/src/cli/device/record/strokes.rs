@@ -1,4 +1,4 @@
-//! `stylus record --strokes`: strokes of a free hand, which `segment` reads.
+//! `stylus record --strokes`: strokes of a free hand, which `fit --strokes` reads.
 
 use host_tools::link::capture::{Level, Loss};
 use host_tools::procedures::strokes;
