@@ -25,7 +25,7 @@ const ROUGH_LIST: f64 = 2e-2;
 const TOLD_APART_CELLS: f64 = 1.5;
 
 /// Ratio of the power of the wandering lines to that of the narrow lines above which the wandering ones are used.
-const WANDERING_OVER_NARROW: f64 = 1.1;
+pub(super) const WANDERING_OVER_NARROW: f64 = 1.1;
 
 /// Largest number of corrections of a trial's course of positions.
 const FOLLOWED_TIMES: usize = 3;
