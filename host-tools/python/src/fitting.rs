@@ -135,10 +135,10 @@ pub fn fit<'py>(
 #[pyfunction]
 #[pyo3(signature = (
     files, texture, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
-    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", sample_rate_hz = None,
+    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", lines = "auto", sample_rate_hz = None,
     scale_m_s2 = None, progress = None
 ), text_signature = "(files, texture, *, order='auto', reduce='pca', high_pass='auto', silence_floor_m_s2=0.001, \
-    excitation='auto', sample_rate_hz=None, scale_m_s2=None, progress=None)")]
+    excitation='auto', lines='auto', sample_rate_hz=None, scale_m_s2=None, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn fit_strokes<'py>(
     py: Python<'py>,
@@ -149,12 +149,16 @@ pub fn fit_strokes<'py>(
     high_pass: &str,
     silence_floor_m_s2: f64,
     excitation: &str,
+    lines: &str,
     sample_rate_hz: Option<f64>,
     scale_m_s2: Option<f64>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let conditioning = conditioning(reduce, high_pass)?;
-    let options = options_of(order, conditioning, silence_floor_m_s2, excitation)?;
+    let options = Options {
+        lines: choice("lines", lines)?,
+        ..options_of(order, conditioning, silence_floor_m_s2, excitation)?
+    };
     for (name, value) in [("sample_rate_hz", sample_rate_hz), ("scale_m_s2", scale_m_s2)] {
         value.map(|value| positive(name, value)).transpose()?;
     }

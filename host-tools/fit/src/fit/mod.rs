@@ -34,8 +34,8 @@
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
 //! ([`parts`]) write the results of step 1 to files; a last run merges them, and reads the recordings again for step 5.
-//! A fit to a free hand ([`fit_strokes`]) makes trials of its strokes, without noise and lines, and sets the nodes'
-//! levels before and after step 5.
+//! A fit to a free hand ([`fit_strokes`]) takes the lines out of its strokes, makes trials of the rest, and sets the
+//! nodes' levels before and after step 5.
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file, except that
 //! `parts` and `record` write their own.

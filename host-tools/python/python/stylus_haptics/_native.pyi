@@ -155,6 +155,7 @@ def fit_strokes(
     high_pass: str = "auto",
     silence_floor_m_s2: float = 0.001,
     excitation: Literal["gaussian", "snippets", "auto"] = "auto",
+    lines: Literal["auto", "none"] = "auto",
     sample_rate_hz: float | None = None,
     scale_m_s2: float | None = None,
     progress: _Progress | None = None,
