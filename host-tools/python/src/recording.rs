@@ -3,23 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use host_tools::recording::freehand::{self, GridAxis, Options};
 use host_tools::recording::{
-    self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, TimeUnit, Trial, texture_fault,
+    self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, TimeUnit, Trial,
 };
 use host_tools::rig::{RigFile, simulate_to_folder};
 use host_tools::support::bounded_file::Format;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::hand::{force_fault, speed_fault};
-use host_tools::support::output::check_folder;
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySequence};
 
 use crate::convert::{Several, array, channels, choice, conditioning, not_negative, positive, table};
-use crate::error::{raised, refused, warn};
-use crate::hatt::Paths;
+use crate::error::{raised, refused};
 
 // Literals below, so that `help` shows them.
 const _: () = assert!(NOMINAL_SPEED_MM_S == 100.0 && NOMINAL_FORCE_N == 1.0);
