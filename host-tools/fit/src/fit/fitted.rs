@@ -65,7 +65,7 @@ impl FittedTexture {
         if members.is_empty() {
             return Err(nothing_to_fit(&name, idle, all.len()));
         }
-        let provenance = |member: &Member<'_>| match (member.trial.provenance, member.report.integers) {
+        let provenance = |member: &Member<'_>| match (member.trial.provenance, member.report.unscaled) {
             (Provenance::Recorded, Some(_)) => Provenance::Unscaled,
             (own, _) => own,
         };
