@@ -59,6 +59,14 @@ pub struct TrialReport {
     pub used: bool,
 }
 
+impl TrialReport {
+    /// Returns true for a trial with a verdict, unless all that was found are rests that the fit left out.
+    pub fn is_doubtful(&self) -> bool {
+        let is_left_out = |own: &Verdict| own.kind() == triage::Kind::PartlySilent && self.cut_s > 0.0;
+        !self.verdicts.iter().all(is_left_out)
+    }
+}
+
 /// Returns the report on every trial, including the verdicts that need a comparison of trials.
 ///
 /// # Errors
