@@ -275,10 +275,7 @@ fn samples_without_a_unit_are_told_with_the_level_that_comes_out() {
     holds(&evaluated, &[which, "--scale"]);
     holds(&text(&bench.read("report/index.html")), &[which]);
     bench.succeed("page a.lib --out page.html");
-    holds(
-        &String::from_utf8_lossy(&bench.read("page.html")),
-        &[which],
-    );
+    holds(&String::from_utf8_lossy(&bench.read("page.html")), &[which]);
     // Any scale in the list resolves the doubt, and so does an option.
     for (header, row, option, rms) in [(",scale_m_s2", ",98.1", "", 9.81), ("", "", "--scale 98.1", 9.81)] {
         list(&format!("{HEADER}{header}"), row);

@@ -14,7 +14,7 @@ use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{GRAVITY_M_S2, GRAVITY_TOLERANCE, Unscaled, RecordingSet, Trial, grid_by_gaps, list_command};
+use crate::recording::{GRAVITY_M_S2, GRAVITY_TOLERANCE, RecordingSet, Trial, Unscaled, grid_by_gaps, list_command};
 use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::{Grid, is_recorded};

@@ -23,7 +23,7 @@ function inColumns(text) {
     const heading = COLUMNS.find(([key]) => named(key))?.[1];
     return heading ? `"${heading}"` : word;
   });
-  return found.replace(/, or (give )?"unit" in the list/, "");
+  return found.replace(/, or (give )?"[^"]*" in the list/, "");
 }
 
 class Table {

@@ -93,8 +93,8 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, told_hz: Option<f64>, 
     } else {
         columns.refuse_jumps(table)?;
         let Some(rate) = rate.or(checked(told_hz).transpose()?) else {
-            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
-                           trials.csv, or give --sample-rate";
+            let problem = "has no sample rate: add a column 'time_s' to it, or give --sample-rate, or sample_rate_hz \
+                           in the list";
             return Err(Error::file(path, problem));
         };
         clock::even(rate, channels, cut)

@@ -3,7 +3,7 @@
 use super::defects::Timing;
 use super::rate::{MAX_CHANNELS, SampleRate, length_fault};
 use super::source::{Cut, Source};
-use super::unit::{Unscaled, Stated};
+use super::unit::{Stated, Unscaled};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 

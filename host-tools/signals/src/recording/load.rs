@@ -45,11 +45,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
-    remarks.extend(
-        source
-            .unscaled
-            .and_then(|kind| numbers::gone_on(&mut axes, kind)),
-    );
+    remarks.extend(source.unscaled.and_then(|kind| numbers::gone_on(&mut axes, kind)));
     let mut rate_hz = source.rate.hz();
     // Defects are sought among the sensor's own samples: among held values, each would be a hold or a step.
     let polled = polled(&axes, rate_hz);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::defects::{Defects, Timing, Truncation};
 use super::rate::SampleRate;
-use super::unit::{Unscaled, Stated};
+use super::unit::{Stated, Unscaled};
 use crate::dsp::high_pass;
 
 /// Part of a file that is used.

@@ -16,7 +16,7 @@ use super::kind::remedy;
 use super::rate::{MAX_CHANNELS, SampleRate, counts_before, length_fault};
 use super::riff::{self, Wave};
 use super::source::{Cut, Source};
-use super::unit::{Unscaled, Stated};
+use super::unit::{Stated, Unscaled};
 use crate::support::error::{Error, Result};
 
 /// Remark on a file whose header has a length that does not fit it.
