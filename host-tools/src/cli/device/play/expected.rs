@@ -48,8 +48,8 @@ impl LibraryFile {
         })
     }
 
-    /// Computes the level of `request` along `motion` for `seconds`, but for one minute at most; `None` for a scene, and
-    /// for a texture whose level is not known, of which it warns.
+    /// Computes the level of `request` along `motion` for `seconds`, but for one minute at most; `None` for a scene,
+    /// and for a texture whose level is not known, of which it warns.
     pub fn level(&self, request: &PlayRequest, motion: &MotionPath, seconds: f64) -> Result<Option<Level>> {
         let Selection::Texture(name) = &request.selection else {
             return Ok(None);
