@@ -225,6 +225,8 @@ test("nothing is fitted from a guess: what no name says is asked for, filled at 
     await fit(page);
     assert.match(await text(page, "#fit-notes"), /give "unit", such as 98\.1/);
     assert.equal((await text(page, "#rows")).match(/level is not known/g).length, 3);
+    const axes = page.page.frameLocator("#rub-frame").locator("#waveform-picture text");
+    await axes.getByText("acceleration, relative").waitFor();
     await filled("scale_m_s2", "2 g");
     await fit(page);
     assert.equal(await text(page, "#trouble"), "");

@@ -140,7 +140,7 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
         );
     }
     if let Some(words) = unknown_levels(inputs.library.textures()) {
-        notice.push_str(&format!("<p class=\"notice\">{}.</p>", escaped(&words)));
+        notice.push_str(&format!("<p class=\"notice\">The {}.</p>", escaped(&words)));
     }
     let content = format!(
         "{body}{templates}\
