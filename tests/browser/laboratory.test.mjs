@@ -212,17 +212,25 @@ test("nothing is fitted from a guess: what no name says is asked for, filled at 
     await give(page, names.map((name) => path.join(home, name)));
     assert.match(await text(page, "#notes"), /no usual pattern fits/);
     await fit(page);
-    assert.match(await text(page, "#trouble"), /trials\.csv, line 2: no speed_mm_s/);
+    assert.match(await text(page, "#trouble"), /^cork\.wav: no "speed, mm\/s"/);
     assert.equal(await page.value(() => document.activeElement.getAttribute("aria-label")), "speed, mm/s of cork.wav");
-    for (const [key, value] of [["speed_mm_s", "100"], ["force_n", "1"], ["scale_m_s2", "2 g"]]) {
+    const filled = async (key, value) => {
       await page.page.locator("#column").selectOption(key);
       await page.page.locator("#value").fill(value);
       await page.page.locator("#fill-empty").click();
       await settled(page);
-    }
+    };
+    for (const [key, value] of [["speed_mm_s", "100"], ["force_n", "1"]]) await filled(key, value);
     await page.page.getByLabel("use steel.wav").uncheck();
     await fit(page);
+    assert.match(await text(page, "#fit-notes"), /give "unit", such as 98\.1/);
+    assert.equal((await text(page, "#rows")).match(/level is not known/g).length, 3);
+    const axes = page.page.frameLocator("#rub-frame").locator("#waveform-picture text");
+    await axes.getByText("acceleration, relative").waitFor();
+    await filled("scale_m_s2", "2 g");
+    await fit(page);
     assert.equal(await text(page, "#trouble"), "");
+    assert.doesNotMatch(await text(page, "#rows"), /not known/);
     assert.match(await text(page, "#fit-text"), /2 trials -> textures\.lib/);
   }));
 

@@ -242,20 +242,22 @@ fn files_of_one_name_and_files_of_one_axis_are_refused_with_the_remedy() {
 }
 
 #[test]
-fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
+fn samples_without_a_unit_are_told_with_the_level_that_comes_out() {
     let bench = Bench::new();
     let quiet = scaled(&noise(1, 10_000), 0.1);
     bench.write("set/a.wav", integers(&quiet, 16));
     bench.write("set/b.wav", recording(2));
+    // As a sound card's program writes it.
+    bench.write("set/c.wav", wav(&[&scaled(&noise(3, 96_000), 0.1)], 48_000));
     let list = |header: &str, row: &str| {
-        let rows = format!("a.wav,silk,100,1{row}\nb.wav,felt,100,1{row}\n");
+        let rows = format!("a.wav,silk,100,1{row}\nb.wav,felt,100,1{row}\nc.wav,cork,100,1{row}\n");
         bench.write("set/trials.csv", format!("{header}\n{rows}"));
     };
     let fit = format!("fit set --out a.lib {QUICK}");
     list(HEADER, "");
     let told = bench.told(&fit);
-    holds(&told, &["1 of 2 recordings hold integers", "scale_m_s2"]);
-    holds(&told, &["a level of 0.099 m/s² RMS", "--scale"]);
+    holds(&told, &["2 of 3 recordings hold samples without a unit", "scale_m_s2"]);
+    holds(&told, &["levels of 0.03", " to 0.099 m/s² RMS", "--scale"]);
     let unknown = "recorded, level not known";
     holds(&bench.succeed("inspect a.lib"), &[unknown]);
     let of_textures = json(&bench.succeed("inspect a.lib --json"))["textures"].clone();
@@ -266,17 +268,19 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
         .map(|own| (own["name"].clone(), own["level_is_known"].clone()));
     assert_eq!(
         found.collect::<Vec<_>>(),
-        [("silk".into(), false.into()), ("felt".into(), true.into())]
+        [("silk", false), ("felt", true), ("cork", false)].map(|(name, known)| (name.into(), known.into()))
     );
+    let evaluated = bench.told("evaluate set --library a.lib --report report");
+    let which = "level of silk, cork is not known";
+    holds(&evaluated, &[which, "--scale"]);
+    let on_page = format!("The {which}");
+    holds(&text(&bench.read("report/index.html")), &[&on_page]);
     bench.succeed("page a.lib --out page.html");
-    holds(
-        &String::from_utf8_lossy(&bench.read("page.html")),
-        &["The level of silk is not known"],
-    );
+    holds(&text(&bench.read("page.html")), &[&on_page]);
     // Any scale in the list resolves the doubt, and so does an option.
     for (header, row, option, rms) in [(",scale_m_s2", ",98.1", "", 9.81), ("", "", "--scale 98.1", 9.81)] {
         list(&format!("{HEADER}{header}"), row);
-        assert!(!bench.told(&format!("{fit} {option}")).contains("hold integers"));
+        assert!(!bench.told(&format!("{fit} {option}")).contains("without a unit"));
         assert!(!bench.succeed("inspect a.lib").contains(unknown));
         let report = json(&bench.succeed(&format!("{fit} --json {option}")));
         let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
@@ -309,7 +313,7 @@ fn a_unit_that_is_wrong_is_told_and_refused_by_strict_and_its_remedy_works() {
     bench.write("counts.dat", counts);
     for (file, words, unit) in [
         ("g.tsv", "the mean is 1.04, as gravity is in g", "g"),
-        ("counts.dat", "1 of 1 recordings hold integers", "g/256"),
+        ("counts.dat", "1 of 1 recordings hold samples without a unit", "g/256"),
     ] {
         let fit = format!("fit {file} --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
         holds(&bench.told(&fit), &[words, "--scale"]);

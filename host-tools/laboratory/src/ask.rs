@@ -10,14 +10,15 @@ use stylus_evaluation::listening::{self, Compared};
 use stylus_evaluation::played;
 use stylus_fit::fit::blocks::Part;
 use stylus_fit::fit::record::FitRecord;
-use stylus_fit::fit::{self, Options};
+use stylus_fit::fit::{self, Options, TrialReport};
 use stylus_fit::texture::library::decode_library;
 use stylus_report::rub_page::{self, Clips};
 use stylus_report::sound::node_seconds;
 use stylus_report::{evaluation_page, listening_page};
 use stylus_signals::playing::motion::MotionPath;
 use stylus_signals::playing::render::{WavFormat, render_wav, write_floats_wav};
-use stylus_signals::recording::{Kind, RecordingSet, TRIALS_FILE};
+use stylus_signals::recording::triage::Verdict;
+use stylus_signals::recording::{Kind, RecordingSet, TRIALS_FILE, Unscaled};
 use stylus_signals::rig::{self, RigFile};
 use stylus_support::bounded_file::Format;
 use stylus_support::error::{Error, Result};
@@ -229,8 +230,8 @@ struct Looked {
     seconds: f64,
     /// The file's own sample rate, Hz.
     rate_hz: f64,
-    /// RMS, m/s².
-    rms_m_s2: f64,
+    /// RMS, m/s²; none if the level is not known.
+    rms_m_s2: Option<f64>,
     /// Lowest and highest value per column, as fractions of the largest magnitude.
     waveform: Vec<[f32; 2]>,
     /// Triage's verdicts, and what was changed in reading.
@@ -263,18 +264,23 @@ fn look(folder: &Path, row: &Row) -> Result<Value> {
             .fold([0.0_f64; 2], |[low, high], x| [low.min(*x), high.max(*x)]);
         ends.map(|end| (end / peak) as f32)
     };
-    let verdicts = analysis.verdicts.iter().map(ToString::to_string);
-    let unscaled = analysis.account.integers.map(|_| NO_UNIT.to_owned());
+    let account = &analysis.account;
     Ok(json!(Looked {
         seconds: signal.samples.len() as f64 / f64::from(model_format::SAMPLE_RATE_HZ),
         rate_hz: analysis.source_rate_hz,
-        rms_m_s2: analysis.power.sqrt(),
+        rms_m_s2: account.unscaled.is_none().then(|| analysis.power.sqrt()),
         waveform: signal.samples.chunks(width).map(column).collect(),
-        verdicts: verdicts.chain(unscaled).chain(analysis.account.remarks).collect(),
+        verdicts: found(&analysis.verdicts, account.unscaled, &account.remarks),
     }))
 }
 
-const NO_UNIT: &str = "integers without a unit: what plays is right in itself, and its level means nothing";
+/// Returns what a table shows of a recording.
+fn found(verdicts: &[Verdict], unscaled: Option<Unscaled>, remarks: &[String]) -> Vec<String> {
+    let no_unit = "without a unit: what plays is right in itself, and its level is not known";
+    let verdicts = verdicts.iter().map(ToString::to_string);
+    let unscaled = unscaled.map(|_| no_unit.to_owned());
+    verdicts.chain(unscaled).chain(remarks.iter().cloned()).collect()
+}
 
 fn fitted(folder: &Path, rows: &[Row], library: &Path) -> Result<Value> {
     let options = Options::default();
@@ -289,10 +295,11 @@ fn fitted(folder: &Path, rows: &[Row], library: &Path) -> Result<Value> {
         .textures()
         .map(|texture| json!({ "name": texture.name(), "plays": played::in_words(&played::parts(&texture)) }));
     let textures: Vec<Value> = textures.collect();
+    let of_trial = |own: &TrialReport| found(&own.verdicts, own.unscaled, &own.remarks);
     Ok(json!({
         "bytes": bytes.len(),
         "textures": textures,
-        "trials": fit.trials,
+        "trials": fit.trials.iter().map(of_trial).collect::<Vec<_>>(),
         "notes": moves.into_iter().chain(fit.warnings().iter().map(ToString::to_string)).collect::<Vec<_>>(),
     }))
 }

@@ -153,4 +153,12 @@ fn a_list_with_a_gap_names_the_line_and_a_unit_is_a_number_there() {
         String::from_utf8_lossy(&list)
     );
     assert_eq!(set.trials[0].scale_m_s2, Some(0.009_806_65));
+    // As a sound card's program writes it, which a fit must not forget.
+    let sound = float_wav(1, 48_000, (0..96_000).map(|n| f64::from(n).sin())).unwrap();
+    atomic_file::write(&folder.join("sound.wav"), &sound).unwrap();
+    let row = json!({ "file": "sound.wav", "texture": "a", "speed_mm_s": "100", "force_n": "1" });
+    let looked = ask(json!({ "ask": "look", "folder": folder, "row": row }), &[]).unwrap();
+    assert!(looked["rms_m_s2"].is_null());
+    test_helpers::holds(&looked["verdicts"].to_string(), &["its level is not known"]);
+    assert_eq!(fit(json!([row])).unwrap()["trials"][0], looked["verdicts"]);
 }

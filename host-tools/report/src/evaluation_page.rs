@@ -22,6 +22,7 @@ use crate::support::atomic_file;
 use crate::support::error::Result;
 use crate::support::file_name::Stems;
 use crate::texture::grid::as_written;
+use crate::texture::library::unknown_levels;
 
 /// The page's name in its folder.
 const PAGE: &str = "index.html";
@@ -159,6 +160,9 @@ impl<'a> Report<'a> {
                 "SIMULATED: these recordings were computed by the rig simulator. No figure here says how near the \
                  stylus comes to a real surface.",
             );
+        }
+        if let Some(words) = unknown_levels(self.inputs.library.textures()) {
+            page.notice(&format!("The {words}."));
         }
         page.list(&evaluation.verdicts().collect::<Vec<_>>()).folded(
             "What is compared, and what the verdicts mean",

@@ -29,7 +29,7 @@ use model_format::{Library, Texture};
 use serde::Serialize;
 
 use super::files::Overwrite;
-use super::input::{Recordings, not_negative, positive};
+use super::input::{Recordings, not_negative, positive, warn_of_unknown_levels};
 use super::lines::{LINE_CHARS, folded_text, wrapped};
 use super::output::{is_full, print, to_json, warn, warn_of};
 use super::table::shown;
@@ -136,6 +136,7 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     let texture = stroked(&library, arguments.texture.as_deref())?;
+    warn_of_unknown_levels([texture]);
     let assumed = arguments.recordings.assumed();
     let record = FitRecord::beside(path, &bytes)?;
     let given = record.and_then(|record| record.given_scale_m_s2());
@@ -206,6 +207,7 @@ fn removal_options(arguments: &Arguments) -> leave_one_out::Options {
 fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
+    warn_of_unknown_levels(library.textures());
     let default = evaluate::Options::default();
     let options = evaluate::Options {
         conditioning: arguments.conditioning,

@@ -8,7 +8,7 @@ use host_tools::recording::{Assumed, RecordingSet, texture_fault};
 use host_tools::support::error::{Error, Result};
 pub use host_tools::support::number::{force, not_negative, positive, speed};
 use host_tools::texture::grid::as_written;
-use host_tools::texture::library::{decode_library, read_library};
+use host_tools::texture::library::{decode_library, read_library, unknown_levels};
 use model_format::{MillimetresPerSecond, Newton, Texture};
 
 use crate::cli::output::{note, warn};
@@ -79,6 +79,13 @@ pub fn of_axes(option: &str, given: &[f64]) -> Result<Option<[f64; 3]>> {
             "{option} takes one value or three, not {}",
             given.len()
         ))),
+    }
+}
+
+/// Warns if the level of some of `textures` is not known.
+pub fn warn_of_unknown_levels<'a>(textures: impl IntoIterator<Item = Texture<'a>>) {
+    if let Some(words) = unknown_levels(textures) {
+        warn(&format!("the {words}"));
     }
 }
 

@@ -83,7 +83,10 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
             [
                 ("texture", texture.name.clone()),
                 ("wavelength, mm", format!("{:.4}", line.wavelength_mm)),
-                ("amplitude m/s²", format!("{} to {}", figure(low), figure(high))),
+                (
+                    "amplitude m/s²",
+                    level(texture, format!("{} to {}", figure(low), figure(high))),
+                ),
                 ("phase, turns", format!("{:.3}", line.phase_turns)),
                 ("wander's RMS, mm", wander(line, |wander| wander.rms_mm)),
                 ("correlated over, mm", wander(line, |wander| wander.correlation_mm)),
@@ -94,6 +97,15 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
     };
     let (header, rows) = headed(textures.iter().flat_map(of_texture));
     (!rows.is_empty()).then(|| table(&header, &rows))
+}
+
+/// Returns `shown`, a level of `texture`, unless no level of it is known.
+fn level(texture: &TextureSummary, shown: String) -> String {
+    if texture.level_is_known {
+        shown
+    } else {
+        "not known".to_owned()
+    }
 }
 
 /// Formats a level with three significant digits, but with at most three decimals.
@@ -128,11 +140,10 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
             ("order min, median, max", format!("{low}/{middle}/{high}")),
             (
                 "noise RMS m/s²",
-                if texture.level_is_known {
-                    format!("{} to {}", rounded(least.into()), rounded(most.into()))
-                } else {
-                    "not known".to_owned()
-                },
+                level(
+                    texture,
+                    format!("{} to {}", rounded(least.into()), rounded(most.into())),
+                ),
             ),
             ("silent", texture.silent_nodes.to_string()),
             ("filled", texture.filled_nodes.to_string()),

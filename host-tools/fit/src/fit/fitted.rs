@@ -65,7 +65,7 @@ impl FittedTexture {
         if members.is_empty() {
             return Err(nothing_to_fit(&name, idle, all.len()));
         }
-        let provenance = |member: &Member<'_>| match (member.trial.provenance, member.report.integers) {
+        let provenance = |member: &Member<'_>| match (member.trial.provenance, member.report.unscaled) {
             (Provenance::Recorded, Some(_)) => Provenance::Unscaled,
             (own, _) => own,
         };
@@ -309,7 +309,7 @@ mod tests {
     use crate::fit::fit;
     use crate::recording::Trial;
     use crate::support::float_wav::float_wav;
-    use model_format::SAMPLE_RATE_HZ;
+    use model_format::{NodeFlags, SAMPLE_RATE_HZ};
     use test_helpers::{holds, noise};
 
     #[test]
@@ -355,5 +355,28 @@ mod tests {
         };
         assert!(outcome("80-0.wav").ends_with("; not used, at speed 0 or force 0"));
         assert!(outcome("120-1.wav").ends_with("; dropped"));
+    }
+
+    #[test]
+    fn a_rest_that_is_left_out_leaves_no_doubt_about_its_node() {
+        let folder = tempfile::tempdir().unwrap();
+        // A rest of a second before the stroke, and the same in a recording that is clipped.
+        let trial = |speed_mm_s: f64, most: f64| {
+            let file = folder.path().join(format!("{speed_mm_s}.wav"));
+            let level = |n: usize| if n < 5000 { 1e-4 } else { 1.0 };
+            let samples = noise(1, 15_000).into_iter().enumerate();
+            let samples = samples.map(|(n, x)| (level(n) * x).clamp(-most, most));
+            std::fs::write(&file, float_wav(1, SAMPLE_RATE_HZ, samples).unwrap()).unwrap();
+            Trial::of(file, "surface", speed_mm_s, 1.0)
+        };
+        let set = RecordingSet {
+            trials: vec![trial(80.0, 9.0), trial(120.0, 1.0)],
+            is_listed: true,
+        };
+        let fit = fit(&set, &Options::default(), |_| ()).unwrap();
+        assert!(fit.trials.iter().all(|own| own.cut_s > 0.9 && !own.verdicts.is_empty()));
+        let nodes = fit.textures[0].nodes.iter();
+        let doubtful: Vec<bool> = nodes.map(|node| node.flags.contains(NodeFlags::DOUBTFUL)).collect();
+        assert_eq!(doubtful, [false, true]);
     }
 }

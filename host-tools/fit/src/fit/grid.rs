@@ -161,7 +161,7 @@ pub(super) fn place(axis: &[f32], value: f64) -> usize {
 
 /// Returns the model of all trials of a node; `None` if there is no trial.
 fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
-    let doubtful = |member: &Member<'_>| !member.analysis.is_silent() && !member.report.verdicts.is_empty();
+    let doubtful = |member: &Member<'_>| !member.analysis.is_silent() && member.report.is_doubtful();
     // Silence is a finding, too, but leaves no doubt about the node.
     let mut flags = NodeFlags::NONE;
     if cell.iter().any(doubtful) {

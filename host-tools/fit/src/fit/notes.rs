@@ -14,7 +14,7 @@ use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{GRAVITY_M_S2, GRAVITY_TOLERANCE, Integers, RecordingSet, Trial, grid_by_gaps, list_command};
+use crate::recording::{GRAVITY_M_S2, GRAVITY_TOLERANCE, RecordingSet, Trial, Unscaled, grid_by_gaps, list_command};
 use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::{Grid, is_recorded};
@@ -343,22 +343,23 @@ fn remarks(reports: &[TrialReport]) -> Vec<Warning> {
     files.into_iter().map(of_remark).collect()
 }
 
-/// Returns notes on recordings of integers whose acceleration per step is not known.
+/// Returns notes on recordings of which nothing states the acceleration.
 fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
     let kinds = [
         (
-            Integers::OfFullScale,
+            Unscaled::OfFullScale,
             "the acceleration of their full scale",
-            "98.1 for an accelerometer of ±10 g; a microphone has none, so choose one for all, such as 50",
+            "98.1 for an accelerometer of ±10 g, or 1 for samples in m/s²; a microphone has none, so choose one for \
+             all, such as 50: the level is then what you say it is",
         ),
         (
-            Integers::Counts,
+            Unscaled::Counts,
             "the acceleration of a count",
             "g/256, g/4096, g/8192 or g/16384 for so many counts per g of the sensor's data sheet",
         ),
     ];
     let of_kind = |(kind, what, example)| {
-        let own = reports.iter().filter(|report| report.integers == Some(kind));
+        let own = reports.iter().filter(|report| report.unscaled == Some(kind));
         let levels: Vec<f64> = own.map(|report| report.rms_m_s2).collect();
         let least = levels.iter().copied().reduce(f64::min)?;
         let largest = levels.iter().copied().fold(0.0, f64::max);
@@ -370,8 +371,8 @@ fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
             format!("levels of {least} to {largest}")
         };
         let text = format!(
-            "{} of {} recordings hold integers, and no scale tells {what}: 1 m/s² is taken, which makes {level} m/s² \
-             RMS; give scale_m_s2 in the list or --scale, such as {example}",
+            "{} of {} recordings hold samples without a unit, and no scale tells {what}: 1 m/s² is taken, which makes \
+             {level} m/s² RMS; give --scale, or scale_m_s2 in the list, such as {example}",
             levels.len(),
             reports.len()
         );

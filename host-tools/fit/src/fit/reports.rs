@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::options::Options;
 use super::recordings::{Recorded, Recordings};
 use super::trial::FloorShares;
-use crate::recording::Integers;
+use crate::recording::Unscaled;
 use crate::recording::triage::{self, Compared, Verdict, in_words};
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
@@ -45,9 +45,9 @@ pub struct TrialReport {
     /// Changes made to the samples when they were read, such as a conversion of units.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
-    /// Type of integers in the file, if their acceleration per step is not known.
+    /// Kind of the samples, if nothing states their acceleration.
     #[serde(skip)]
-    pub integers: Option<Integers>,
+    pub unscaled: Option<Unscaled>,
     /// Findings of triage; empty if there are none.
     #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
@@ -59,10 +59,18 @@ pub struct TrialReport {
     pub used: bool,
 }
 
+impl TrialReport {
+    /// Returns true for a trial with a verdict, unless all that was found are rests that the fit left out.
+    pub fn is_doubtful(&self) -> bool {
+        let is_left_out = |own: &Verdict| own.kind() == triage::Kind::PartlySilent && self.cut_s > 0.0;
+        !self.verdicts.iter().all(is_left_out)
+    }
+}
+
 /// Returns the report on every trial, including the verdicts that need a comparison of trials.
 ///
 /// # Errors
-/// With [`Options::strict`] the first trial with a verdict, or of integers without a scale.
+/// With [`Options::strict`] the first trial with a verdict, or of samples without a unit.
 pub(super) fn reports(recordings: &[Recordings<'_>], options: &Options) -> Result<Vec<TrialReport>> {
     let mut recorded: Vec<&Recorded> = recordings.iter().flat_map(|own| &own.trials).collect();
     // In the order of the list, because a copy is reported with its original's number in it.
@@ -87,7 +95,7 @@ pub(super) fn reports(recordings: &[Recordings<'_>], options: &Options) -> Resul
             samples: analysis.samples,
             seconds: analysis.samples as f64 / f64::from(options.sample_rate_hz),
             remarks: analysis.account.remarks.clone(),
-            integers: analysis.account.integers,
+            unscaled: analysis.account.unscaled,
             floor_shares: analysis.floor.clone(),
             used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
             verdicts,
@@ -96,7 +104,7 @@ pub(super) fn reports(recordings: &[Recordings<'_>], options: &Options) -> Resul
     let reports: Vec<TrialReport> = reports.collect();
     let pairs = recorded.iter().zip(&reports);
     let mut doubtful = pairs.filter_map(|(own, report)| {
-        let unscaled = || report.integers.map(|_| "integers without a scale: give --scale".into());
+        let unscaled = || report.unscaled.map(|_| "samples without a unit: give --scale".into());
         let first = report.verdicts.first().map(ToString::to_string);
         Some((own, first.or_else(unscaled)?))
     });
@@ -120,7 +128,7 @@ fn all_verdicts(recorded: &[&Recorded<'_>]) -> Vec<Vec<Verdict>> {
         bands_db,
         is_idle: !own.trial.is_in_motion_and_contact(),
         rms_m_s2: own.analysis.power.sqrt(),
-        has_scale: own.analysis.account.integers.is_none(),
+        has_scale: own.analysis.account.unscaled.is_none(),
         mains_lines: &own.analysis.mains_lines,
         sketch: &own.analysis.sketch,
         verdicts: &own.analysis.verdicts,

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use model_format::{Library, NodeSpec, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode};
+use model_format::{Library, NodeSpec, Provenance, SAMPLE_RATE_HZ, Texture, TextureSpec, encode};
 
 use super::grid::Grid;
 use super::{quantise, theta};
 use crate::support::bounded_file::Format;
 use crate::support::error::{Error, Result};
+use crate::support::number::counted;
 
 /// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
 pub(crate) fn spec_of(name: &str, provenance: Provenance, grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {
@@ -47,6 +48,23 @@ pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
 /// Bytes that are not a valid library. [`encode`] makes none.
 pub fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
     Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))
+}
+
+/// Returns in words that the level of some of `textures` is not known, if it is so.
+pub fn unknown_levels<'a>(textures: impl IntoIterator<Item = Texture<'a>>) -> Option<String> {
+    let unscaled = textures
+        .into_iter()
+        .filter(|own| own.provenance() == Provenance::Unscaled);
+    let names: Vec<&str> = unscaled.map(|own| own.name()).collect();
+    let which = match names[..] {
+        [] => return None,
+        [_] | [_, _] | [_, _, _] => names.join(", "),
+        _ => counted(names.len(), "texture"),
+    };
+    Some(format!(
+        "level of {which} is not known, because nothing stated the unit of its recordings: to know it, fit them \
+         with --scale"
+    ))
 }
 
 /// Reads a library's bytes.

@@ -74,7 +74,8 @@ class Page {
       try {
         await act();
       } catch (fault) {
-        show("trouble", fault instanceof Cancelled ? "Cancelled. Nothing that was entered is lost." : fault.message);
+        const isCancelled = fault instanceof Cancelled;
+        show("trouble", isCancelled ? "Cancelled. Nothing that was entered is lost." : inColumns(fault.message));
       }
       this.progress(null);
       await this.save();
@@ -93,7 +94,7 @@ class Page {
   }
 
   note(text) {
-    byId("notes").append(element("li", {}, text));
+    byId("notes").append(element("li", {}, inColumns(text)));
   }
 
   // Keeps a file in the module and in the browser.
@@ -253,14 +254,16 @@ class Page {
     } catch (fault) {
       // The list's first line is its header.
       const line = /trials\.csv, line (\d+): /.exec(fault.message);
-      if (line) this.table.point(used[Number(line[1]) - 2]);
-      throw fault;
+      if (!line) throw fault;
+      const row = used[Number(line[1]) - 2];
+      this.table.point(row);
+      throw new Error(fault.message.replace(/^.*?line \d+/, row.file));
     }
     for (const path of [library, `${library}.fit.json`, `${folder}/trials.csv`]) {
       await this.keep(path, await this.lab.made(path));
     }
     const { trials } = this.state.fitted;
-    used.forEach((row, at) => Object.assign(this.state.looked[row.file] ?? {}, { verdicts: trials[at].verdicts }));
+    used.forEach((row, at) => Object.assign(this.state.looked[row.file] ?? {}, { verdicts: trials[at] }));
     this.table.show(rows, this.state.looked);
     this.show();
     const kept = { folder, library, page: "rub.html", report: "report" };
@@ -334,7 +337,7 @@ class Page {
     byId("simulated").hidden = !rows.some(({ simulated }) => simulated === "true");
     byId("fit").disabled = !rows.some(({ use }) => use);
     byId("judged").hidden = !judged;
-    byId("fit-notes").replaceChildren(...(fitted?.notes ?? []).map((text) => element("li", {}, text)));
+    byId("fit-notes").replaceChildren(...(fitted?.notes ?? []).map((text) => element("li", {}, inColumns(text))));
     if (fitted) {
       const plays = fitted.textures.map(({ name, plays: parts }) => `${name}: ${parts}`).join("; ");
       const made = `${countOf(fitted.trials.length, "trial")} -> ${this.library}, ${fitted.bytes} bytes. ${plays}.`;

@@ -16,6 +16,16 @@ const COLUMNS = [
 
 const NEEDED = ["texture", "speed_mm_s", "force_n"];
 
+// The command's words with this table's columns in place of its options and of its list's columns.
+function inColumns(text) {
+  const found = text.replace(/--([a-z-]+)|\b[a-z]+(_[a-z0-9]+)+\b/g, (word, option) => {
+    const named = (key) => (option ? key.startsWith(option.replaceAll("-", "_")) : key === word);
+    const heading = COLUMNS.find(([key]) => named(key))?.[1];
+    return heading ? `"${heading}"` : word;
+  });
+  return found.replace(/, or (give )?"[^"]*" in the list/, "");
+}
+
 class Table {
   // `onChange` is told the row, and the column that was changed.
   constructor(onChange) {
@@ -66,10 +76,10 @@ class Table {
     const own = this.rows.get(row.file);
     if (!own || !looked) return;
     own.length.textContent = looked.fault ? "" : looked.seconds.toFixed(2);
-    own.level.textContent = looked.fault ? "" : looked.rms_m_s2.toPrecision(3);
+    own.level.textContent = looked.fault ? "" : (looked.rms_m_s2?.toPrecision(3) ?? "not known");
     own.picture.replaceChildren(...(looked.fault ? [] : [waveform(looked.waveform)]));
     const words = looked.fault ? [looked.fault] : looked.verdicts;
-    own.words.replaceChildren(...words.map((text) => element("p", {}, text)));
+    own.words.replaceChildren(...words.map((text) => element("p", {}, inColumns(text))));
     own.line.classList.toggle("faulty", Boolean(looked.fault));
   }
 

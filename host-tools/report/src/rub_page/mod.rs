@@ -28,6 +28,7 @@ use crate::recording::RecordingSet;
 use crate::support::atomic_file;
 use crate::support::error::Result;
 use crate::support::visible::page_json;
+use crate::texture::library::unknown_levels;
 
 /// The kernel as a WebAssembly module, as `cargo tasks browser-module` builds it.
 pub const KERNEL: &[u8] = include_bytes!("kernel.wasm");
@@ -138,14 +139,8 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
              computed. They say nothing of real surfaces.</p>",
         );
     }
-    let unscaled = data.textures.iter().filter(|texture| !texture.level_is_known);
-    let unscaled: Vec<_> = unscaled.map(|texture| escaped(&texture.name)).collect();
-    if !unscaled.is_empty() {
-        notice.push_str(&format!(
-            "<p class=\"notice\">The level of {} is not known: nothing stated the acceleration of a count when the \
-             recordings were fitted.</p>",
-            unscaled.join(", ")
-        ));
+    if let Some(words) = unknown_levels(inputs.library.textures()) {
+        notice.push_str(&format!("<p class=\"notice\">The {}.</p>", escaped(&words)));
     }
     let content = format!(
         "{body}{templates}\

@@ -431,7 +431,7 @@ class RubPage {
       text.append(button, " ");
     };
     file("Motion, CSV", () => saveFile(`${name}.csv`, csv, "text/csv"));
-    file("Sound, WAV in m/s²", () => saveFile(`${name}.wav`, wavBytes(take), "audio/wav"));
+    file("Sound, WAV", () => saveFile(`${name}.wav`, wavBytes(take), "audio/wav"));
     const isWhole = take.choice.without === 0;
     text.append(isWhole ? "stylus render plays the same samples along this motion." : "");
     this.isTaking = false;
@@ -559,7 +559,8 @@ class RubPage {
     if (this.mapOf === index) return;
     this.mapOf = index;
     this.map = new MapPicture(byId("map-picture"), this.texture);
-    const { name, verdict } = this.texture.data;
+    const { name, verdict, level_is_known: isKnown } = this.texture.data;
+    for (const { axes } of [this.waveform, this.spectrumPicture, this.map]) showUnit(axes, isKnown);
     byId("verdict").textContent = verdict ? `${name}, beside its recordings: ${verdict}.` : "";
     // One node alone is no map.
     byId("map-picture").parentElement.hidden = this.texture.nodes.length === 1;

@@ -61,6 +61,18 @@ function pictureOf(holder, name, prepare = () => {}) {
   return new Axes(holder.querySelector("svg"));
 }
 
+// A level's unit, of which nothing is left if the level is not known.
+const relative = (unit) => unit.replace(/(re 1 \()?m\/s².*/, "relative");
+
+// Names the unit of the levels in a picture, or none if levels are not known.
+function showUnit({ svg, data }, isKnown) {
+  const texts = [...svg.querySelectorAll("text")].map((text) => [text, "textContent"]);
+  for (const [of, key] of [[data.y, "unit"], ...texts]) {
+    of.whole ??= of[key];
+    of[key] = isKnown ? of.whole : relative(of.whole);
+  }
+}
+
 // The last 100 ms.
 class Waveform {
   constructor(holder) {
@@ -169,6 +181,7 @@ class MapPicture {
       cells.x = values.map((_, n) => Math.floor(n / forces.length));
       cells.y = values.map((_, n) => n % forces.length);
       cells.z.values = values;
+      if (!texture.data.level_is_known) cells.z.unit = relative(cells.z.unit);
       cells.notes = texture.nodes.map(({ flags }) => Object.keys(FLAGS).filter((name) => flags & FLAGS[name]).join("; "));
       panel.play = texture.name;
       group.dataset.panel = JSON.stringify(panel);

@@ -399,7 +399,7 @@ impl Layout {
             channels,
             truncation: None,
             stated: Stated::default(),
-            integers: None,
+            unscaled: None,
             remarks: self.remarks,
             timing: self.timing,
         }

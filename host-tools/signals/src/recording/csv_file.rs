@@ -9,7 +9,7 @@ use super::source::{Cut, Source};
 use super::time_text;
 use super::time_unit::{TimeColumn, TimeUnit};
 use super::trial::Trial;
-use super::unit::{self, Integers};
+use super::unit::{self, Unscaled};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
@@ -93,8 +93,8 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, told_hz: Option<f64>, 
     } else {
         columns.refuse_jumps(table)?;
         let Some(rate) = rate.or(checked(told_hz).transpose()?) else {
-            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
-                           trials.csv, or give --sample-rate";
+            let problem = "has no sample rate: add a column 'time_s' to it, or give --sample-rate, or sample_rate_hz \
+                           in the list";
             return Err(Error::file(path, problem));
         };
         clock::even(rate, channels, cut)
@@ -104,7 +104,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, told_hz: Option<f64>, 
         return Err(Error::file(path, fault));
     }
     Ok(Source {
-        integers: counts(&source.channels).or(stated.counts()),
+        unscaled: counts(&source.channels).or(stated.counts()),
         stated,
         remarks: columns.remarks.into_iter().chain(source.remarks).collect(),
         ..source
@@ -282,12 +282,12 @@ pub(super) fn is_no_value(field: &str) -> bool {
     NO_VALUE.iter().any(|none| field.eq_ignore_ascii_case(none))
 }
 
-/// Returns [`Integers::Counts`] if the samples are steps of a converter, which are whole numbers.
-fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
+/// Returns [`Unscaled::Counts`] if the samples are steps of a converter, which are whole numbers.
+fn counts(columns: &[Vec<f64>]) -> Option<Unscaled> {
     let mut samples = columns.iter().flatten();
     let are_whole = samples.clone().all(|sample| sample.fract() == 0.0);
     // Samples of -1, 0 and 1 alone may be of any kind.
-    (are_whole && samples.any(|sample| sample.abs() > 1.0)).then_some(Integers::Counts)
+    (are_whole && samples.any(|sample| sample.abs() > 1.0)).then_some(Unscaled::Counts)
 }
 
 /// Refuses a table whose number of columns of samples, without the `others`, is not possible for a recording.

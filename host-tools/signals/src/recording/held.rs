@@ -3,7 +3,7 @@
 use super::defects::Timing;
 use super::rate::{MAX_CHANNELS, SampleRate, length_fault};
 use super::source::{Cut, Source};
-use super::unit::{Integers, Stated};
+use super::unit::{Stated, Unscaled};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 
@@ -13,7 +13,7 @@ use crate::support::fnv::Fnv;
 pub struct HeldSamples {
     rate: SampleRate,
     channels: Vec<Vec<f64>>,
-    integers: Option<Integers>,
+    unscaled: Option<Unscaled>,
     /// Units by the names of columns.
     stated: Stated,
     remarks: Vec<String>,
@@ -51,7 +51,7 @@ impl HeldSamples {
         Ok(Self {
             rate,
             channels,
-            integers: are_integers.then_some(Integers::OfFullScale),
+            unscaled: are_integers.then_some(Unscaled::OfFullScale),
             stated: Stated::default(),
             remarks: Vec::new(),
         })
@@ -60,7 +60,7 @@ impl HeldSamples {
     /// Returns the samples with what the `source` of a table states about them.
     pub(super) fn stated(self, source: &Source) -> Self {
         Self {
-            integers: source.integers,
+            unscaled: source.unscaled,
             stated: source.stated.clone(),
             remarks: source.remarks.clone(),
             ..self
@@ -105,7 +105,7 @@ impl HeldSamples {
             times_s: None,
             truncation: None,
             stated: self.stated.clone(),
-            integers: self.integers,
+            unscaled: self.unscaled,
             remarks: self.remarks.clone(),
             timing: Timing::default(),
         }

@@ -45,11 +45,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
-    remarks.extend(
-        source
-            .integers
-            .and_then(|integers| numbers::gone_on(&mut axes, integers)),
-    );
+    remarks.extend(source.unscaled.and_then(|kind| numbers::gone_on(&mut axes, kind)));
     let mut rate_hz = source.rate.hz();
     // Defects are sought among the sensor's own samples: among held values, each would be a hold or a step.
     let polled = polled(&axes, rate_hz);
@@ -90,7 +86,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
             remarks: remarks.into_iter().chain(conversion).chain(repeated).collect(),
             doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
             // A scale says what an integer means, so nothing is left to tell.
-            integers: source.integers.filter(|_| !has_scale),
+            unscaled: source.unscaled.filter(|_| !has_scale),
             has_scale,
         },
     })
@@ -315,7 +311,7 @@ mod tests {
     fn a_unit_is_converted_where_it_is_named_and_told_where_it_is_not() {
         let told = |samples: &Samples| {
             let verdicts = triage::samples(samples, samples.slow_share());
-            verdicts.iter().any(|own| own.kind() == triage::Kind::Scale) || samples.account.integers.is_some()
+            verdicts.iter().any(|own| own.kind() == triage::Kind::Scale) || samples.account.unscaled.is_some()
         };
         for (name, unit_m_s2, option) in UNITS {
             for (offsets_g, step_g, gain) in SENSORS {

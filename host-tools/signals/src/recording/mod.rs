@@ -46,4 +46,4 @@ pub(crate) use time_unit::TimeColumn;
 pub use time_unit::TimeUnit;
 pub use trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, TRIAL_DURATION_S, Trial, texture_fault};
 pub use unit::scale;
-pub use unit::{GRAVITY_M_S2, GRAVITY_TOLERANCE, Integers};
+pub use unit::{GRAVITY_M_S2, GRAVITY_TOLERANCE, Unscaled};

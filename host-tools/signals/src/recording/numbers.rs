@@ -1,6 +1,6 @@
 //! Integers that do not mean what they seem: two's complement that was read as unsigned, and converters that wrap.
 
-use super::unit::Integers;
+use super::unit::Unscaled;
 use crate::support::number::counted;
 
 /// Least number of jumps, least size of a jump, and largest size of a step, as fractions of the span of the numbers.
@@ -9,10 +9,10 @@ const JUMPS: (usize, f64, f64) = (4, 0.6, 0.4);
 
 /// Undoes the jumps of `channels` by the span of their numbers, if they have such jumps, and returns a remark about
 /// them. The span of whole numbers is the least power of two that holds them.
-pub(super) fn gone_on(channels: &mut [Vec<f64>], integers: Integers) -> Option<String> {
+pub(super) fn gone_on(channels: &mut [Vec<f64>], unscaled: Unscaled) -> Option<String> {
     let all = channels.iter().flatten();
     let (least, most) = all.fold((0.0, 0.0), |(least, most): (f64, f64), x| (least.min(*x), most.max(*x)));
-    let (span, words) = if integers == Integers::OfFullScale {
+    let (span, words) = if unscaled == Unscaled::OfFullScale {
         (2.0, "their whole span".to_owned())
     } else {
         let largest = if least < 0.0 {
@@ -81,17 +81,17 @@ mod tests {
             let signed: Vec<f64> = smooth.map(|x| (span * (level * x + offset)).round()).collect();
             let unsigned: Vec<f64> = signed.iter().map(|x| x.rem_euclid(span)).collect();
             let mut found = [unsigned.clone(), signed.clone()];
-            let told = gone_on(&mut found[..1], Integers::Counts);
+            let told = gone_on(&mut found[..1], Unscaled::Counts);
             let has_negative = signed.iter().any(|x| *x < 0.0);
             prop_assert!(told.is_some() == has_negative && found[0] == signed, "{:?}", told);
-            prop_assert_eq!(gone_on(&mut found[1..], Integers::Counts), None);
+            prop_assert_eq!(gone_on(&mut found[1..], Unscaled::Counts), None);
             // A converter that wraps at the ends of its range, and one that clips there.
             let loud: Vec<f64> = signed.iter().map(|x| 2.0 * x / span / level * 0.25).collect();
             let wrapped = loud.iter().map(|x| (x + 1.0).rem_euclid(2.0) - 1.0);
             let mut wrapped = [wrapped.collect::<Vec<f64>>()];
-            prop_assert!(gone_on(&mut wrapped, Integers::OfFullScale).is_some());
+            prop_assert!(gone_on(&mut wrapped, Unscaled::OfFullScale).is_some());
             let clipped: Vec<f64> = loud.iter().map(|x| (16.0 * x).clamp(-1.0, 1.0)).collect();
-            prop_assert_eq!(gone_on(&mut [clipped], Integers::OfFullScale), None);
+            prop_assert_eq!(gone_on(&mut [clipped], Unscaled::OfFullScale), None);
         }
     }
 
@@ -101,8 +101,8 @@ mod tests {
             .iter()
             .map(|x| (600.0 * x).round().clamp(-512.0, 511.0))
             .collect();
-        assert_eq!(gone_on(&mut [noise.clone()], Integers::Counts), None);
+        assert_eq!(gone_on(&mut [noise.clone()], Unscaled::Counts), None);
         let even: Vec<f64> = noise.iter().map(|x| x / 512.0 % 1.0).collect();
-        assert_eq!(gone_on(&mut [even], Integers::OfFullScale), None);
+        assert_eq!(gone_on(&mut [even], Unscaled::OfFullScale), None);
     }
 }

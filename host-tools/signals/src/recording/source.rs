@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::defects::{Defects, Timing, Truncation};
 use super::rate::SampleRate;
-use super::unit::{Integers, Stated};
+use super::unit::{Stated, Unscaled};
 use crate::dsp::high_pass;
 
 /// Part of a file that is used.
@@ -47,8 +47,8 @@ pub struct Source {
     pub truncation: Option<Truncation>,
     /// Units that the header names.
     pub(super) stated: Stated,
-    /// Kind of the integers, if the samples were integers.
-    pub integers: Option<Integers>,
+    /// Kind of the samples, if they are in m/s² only if something else states so.
+    pub unscaled: Option<Unscaled>,
     /// Changes made in reading beyond what the file states, one line each.
     pub remarks: Vec<String>,
     /// Faults in the times.
@@ -62,8 +62,8 @@ pub struct Account {
     pub remarks: Vec<String>,
     /// Contradictions and gaps in the information about the unit, one line each.
     pub doubts: Vec<String>,
-    /// Kind of the integers, if the samples were integers and nothing states their acceleration.
-    pub integers: Option<Integers>,
+    /// Kind of the samples, if nothing states their acceleration.
+    pub unscaled: Option<Unscaled>,
     /// True if a header, a list or an option states the acceleration of a sample of 1.
     pub has_scale: bool,
 }

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 use crate::support::csv_table::comment;
 use crate::support::number::positive;
 
-/// Kind of integers whose acceleration nothing states.
+/// Kind of samples whose acceleration nothing states.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Integers {
-    /// Fractions of a full scale, as in a WAV file.
+pub enum Unscaled {
+    /// Fractions of a full scale, as integers of a WAV file are, and floats that a sound card's program writes.
     OfFullScale,
     /// Steps of a converter, as in a table.
     Counts,
@@ -168,8 +168,8 @@ impl Stated {
     }
 
     /// Returns counts, if the header states that samples are counts, but not their acceleration.
-    pub fn counts(&self) -> Option<Integers> {
-        (self.unscaled == Some(Unit::Count)).then_some(Integers::Counts)
+    pub fn counts(&self) -> Option<Unscaled> {
+        (self.unscaled == Some(Unit::Count)).then_some(Unscaled::Counts)
     }
 
     /// Returns the conversion by the header's units, in words.
@@ -201,7 +201,7 @@ impl Stated {
                     "the header says {units}, a velocity: differentiate it, such as by numpy.gradient(v, t)"
                 )),
                 Unit::Other => Some(format!("the header says {units}, which is no acceleration")),
-                // Integers without a scale have a separate note.
+                // Counts without a scale have a separate note.
                 Unit::Acceleration(_) | Unit::Count => None,
             },
             _ => None,

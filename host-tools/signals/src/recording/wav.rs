@@ -16,7 +16,7 @@ use super::kind::remedy;
 use super::rate::{MAX_CHANNELS, SampleRate, counts_before, length_fault};
 use super::riff::{self, Wave};
 use super::source::{Cut, Source};
-use super::unit::{Integers, Stated};
+use super::unit::{Stated, Unscaled};
 use crate::support::error::{Error, Result};
 
 /// Remark on a file whose header has a length that does not fit it.
@@ -31,6 +31,12 @@ const NARROW: &str = "no sample uses the upper 8 of its 32 bits: if a converter 
 fn are_narrow(channels: &[Vec<f64>]) -> bool {
     let samples = || channels.iter().flatten();
     samples().all(|x| x.abs() < 2f64.powi(-8)) && samples().any(|x| x * 2f64.powi(30) % 1.0 != 0.0)
+}
+
+/// Returns true for a rate of sound cards, at which floats within ±1 are fractions of a full scale. Models, and what is
+/// rendered from them, have lower rates.
+fn is_of_sound_card(rate_hz: f64) -> bool {
+    rate_hz > 10_000.0 && [8000.0, 11_025.0].iter().any(|base| rate_hz % base == 0.0)
 }
 
 /// Reads the part of a WAV file within `cut`. Every sample is exact: float samples are unchanged, and integer samples
@@ -73,6 +79,7 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
         return Err(Error::file(path, problem));
     }
     let are_narrow = are_integers && bits == 32 && are_narrow(&channels);
+    let is_of_sound_card = is_of_sound_card(told_hz) && channels.iter().flatten().all(|x| x.abs() <= 1.0);
     Ok(Source {
         rate,
         first_frame: first,
@@ -80,7 +87,7 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
         times_s: None,
         truncation: declared_frames.and_then(|declared| truncation(declared, frame_bits, file_bytes)),
         stated: Stated::default(),
-        integers: are_integers.then_some(Integers::OfFullScale),
+        unscaled: (are_integers || is_of_sound_card).then_some(Unscaled::OfFullScale),
         remarks: (is_unfinished.then(|| UNFINISHED.to_owned()).into_iter())
             .chain(are_narrow.then(|| NARROW.to_owned()))
             .chain(given_hz.and_then(|given_hz| counts_before(given_hz, "its header says", told_hz)))
@@ -230,6 +237,23 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn floats_of_a_sound_card_are_of_a_full_scale_and_those_of_a_rig_are_not() {
+        for (rate_hz, peak, expected) in [
+            (44_100, 1.0, Some(Unscaled::OfFullScale)),
+            (48_000, 0.01, Some(Unscaled::OfFullScale)),
+            (192_000, 0.5, Some(Unscaled::OfFullScale)),
+            (48_000, 1.5, None),
+            (5000, 0.5, None),
+            (10_000, 0.5, None),
+            (51_200, 0.5, None),
+        ] {
+            let samples = (0..4000).map(|n| peak * (f64::from(n) * 0.37).sin()).chain([peak, 0.0]);
+            let found = read_bytes(&float_wav(2, rate_hz, samples).unwrap()).unwrap();
+            assert_eq!(found.unscaled, expected, "{rate_hz} Hz, {peak}");
         }
     }
 

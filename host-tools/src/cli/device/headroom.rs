@@ -6,10 +6,11 @@ use host_tools::link::Device;
 use host_tools::procedures::response::{Headroom, headroom};
 use host_tools::support::error::Result;
 use host_tools::texture::library::{decode_library, read_library};
-use model_format::{Library, Provenance};
+use model_format::Library;
 use serde::Serialize;
 
 use super::connection::Link;
+use crate::cli::input::warn_of_unknown_levels;
 use crate::cli::output::{print, print_json, warn};
 use crate::cli::table::table;
 
@@ -36,15 +37,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let library = decode_library(&arguments.library, &bytes)?;
     let device = arguments.link.connect()?;
     let (calibrated, textures) = of(&device, &library)?;
-    for texture in library
-        .textures()
-        .filter(|own| own.provenance() == Provenance::Unscaled)
-    {
-        warn(&format!(
-            "the level of '{}' is not known, nor is its headroom: fit it again, with --scale",
-            texture.name()
-        ));
-    }
+    warn_of_unknown_levels(library.textures());
     if !calibrated {
         warn("no response is stored, so levels at the tip are not known: run `stylus calibrate --response`");
     }
@@ -90,8 +83,9 @@ fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
 }
 
 /// Warns of textures that exceed what the stylus can output, if a response is stored, or of a headroom that is not
-/// known.
+/// known. Warns of levels that are not known, too.
 pub fn warn_of(device: &Device, library: &Library<'_>) {
+    warn_of_unknown_levels(library.textures());
     let known = || -> Result<Vec<Headroom>> {
         // Without a response, the levels at the tip are not known.
         if device.response()?.stored.is_none() {

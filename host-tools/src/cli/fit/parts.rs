@@ -191,7 +191,7 @@ fn library(merged: &Merged<'_>, index: usize, name: &str, path: &Path, options: 
     let bytes = fit.library()?;
     let record = FitRecord::with_contents(&set, options, &bytes, &contents);
     record.with_account_of(&fit).write_with(path, &bytes)?;
-    let doubtful = |trial: &&TrialReport| !trial.verdicts.is_empty();
+    let doubtful = |trial: &&TrialReport| trial.is_doubtful();
     Ok(Written {
         texture: name.to_owned(),
         library: path.display().to_string(),

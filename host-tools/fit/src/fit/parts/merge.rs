@@ -37,7 +37,7 @@ impl<'s> Merged<'s> {
     ///
     /// # Errors
     /// A recording that does not exist; a unit without a file, or with a damaged one; with [`Options::strict`] the
-    /// first trial with a verdict, or of integers without a scale.
+    /// first trial with a verdict, or of samples without a unit.
     pub fn of_folder(
         set: &'s RecordingSet,
         options: &Options,

@@ -32,7 +32,8 @@
 //! is not finite has no verdict, because [`read`](super::read) fails on it, and with it the whole fit. The same holds
 //! for a file that ends within the part that is used, and for times that do not rise.
 //!
-//! A trial that is used in spite of a verdict other than silent marks its node as doubtful. A flagged stretch is cut if
+//! A trial that is used in spite of a verdict marks its node as doubtful, unless it is silent, or all that was found
+//! are rests that are cut. A flagged stretch is cut if
 //! the remaining parts of at least 0.4 s make up half of the trial without its rests. Dropouts are cut also if the
 //! remaining parts of at least 0.1 s do ([`usable`]). Silent trials are not compared for copies. At rest or without
 //! contact, slow motion is not a finding. The option `--drop` leaves trials out, and `--strict` refuses the set.

@@ -66,7 +66,7 @@ fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdi
     }
 }
 
-/// Doubts the scale of a texture that nobody would feel at any speed and force. Integers without a scale have a note.
+/// Doubts the scale of a texture that nobody would feel at any speed and force. A scale that is not known has a note.
 fn add_faint(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
     let of_surface = |index: &&usize| !trials[**index].is_idle && !trials[**index].is_silent();
     let rubbed: Vec<usize> = members.iter().filter(of_surface).copied().collect();

@@ -8,8 +8,11 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::library::{decode_library, read_library};
+use model_format::Provenance;
 use model_format::link::{LIBRARY_CRC, PlayRequest, Selection, Status};
 use serde::Serialize;
+
+use crate::cli::input::warn_of_unknown_levels;
 
 /// Shortest and longest duration that is rendered, s.
 const RENDERED_S: [f64; 2] = [0.1, 60.0];
@@ -45,13 +48,18 @@ impl LibraryFile {
         })
     }
 
-    /// Computes the level of `request` along `motion` for `seconds`, but for one minute at most; `None` for a scene.
+    /// Computes the level of `request` along `motion` for `seconds`, but for one minute at most; `None` for a scene,
+    /// and for a texture whose level is not known, of which it warns.
     pub fn level(&self, request: &PlayRequest, motion: &MotionPath, seconds: f64) -> Result<Option<Level>> {
         let Selection::Texture(name) = &request.selection else {
             return Ok(None);
         };
         let library = decode_library(&self.path, &self.bytes)?;
         let texture = texture_named(&library, name)?;
+        if texture.provenance() == Provenance::Unscaled {
+            warn_of_unknown_levels([texture]);
+            return Ok(None);
+        }
         let rendered = render(
             texture,
             motion,
