@@ -6,7 +6,7 @@ use std::path::Path;
 use host_tools::support::bounded_file::Format;
 use model_format::link::{BoardName, ImageHeader, ImageVersion, SIGNED_BYTES};
 
-use super::large::{Grammar, Piece};
+use super::large::{Piece, input};
 use super::target_of;
 
 #[path = "../../../../host-tools/fit/src/fit/hatt/fixture.rs"]
@@ -41,7 +41,11 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
         ("updates", vec![update()]),
         ("listings", texts(&["own\nspectra/a.svg\n"])),
     ];
-    let mut grown = large();
+    let large = LARGE.map(|(format, head, repeated, tail)| {
+        let [head, repeated, tail] = [head, repeated, tail].map(|text| [(0, text.as_bytes())]);
+        input(format, [&head, &repeated, &tail])
+    });
+    let mut grown = large.to_vec();
     let mut before = vec!["decode"];
     for &format in Format::ALL {
         let Some(target) = target_of(format).filter(|target| !before.contains(target)) else {
@@ -49,7 +53,7 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
         };
         let seeds = all.iter().find(|(name, _)| *name == target);
         let (_, inputs) = seeds.unwrap_or_else(|| panic!("{format:?} has no seeds"));
-        grown.extend(inputs.iter().flat_map(|input| repetitions(format, input)));
+        grown.extend(inputs.iter().flat_map(|file| repetitions(format, file)));
         before.push(target);
     }
     all.push(("large", grown));
@@ -145,10 +149,10 @@ fn recordings() -> Vec<Vec<u8>> {
     all
 }
 
-/// Grammars of large files: `input` with its last line repeated, with its last byte repeated, and with the second field
+/// Grammars of large files: `file` with its last line repeated, with its last byte repeated, and with the second field
 /// of each line repeated.
-fn repetitions(format: Format, input: &[u8]) -> [Vec<u8>; 3] {
-    let lines: Vec<Piece<'_>> = input
+fn repetitions(format: Format, file: &[u8]) -> [Vec<u8>; 3] {
+    let lines: Vec<Piece<'_>> = file
         .split_inclusive(|&byte| byte == b'\n')
         .map(|line| (0, line))
         .collect();
@@ -163,155 +167,34 @@ fn repetitions(format: Format, input: &[u8]) -> [Vec<u8>; 3] {
             [(0, &line[..first]), (13, &line[first..second]), (0, &line[second..])]
         })
         .collect();
-    let byte = &input[input.len() - 1..];
-    let grammar = |head, repeated| {
-        Grammar {
-            head,
-            repeated,
-            tail: &[],
-        }
-        .input(format)
-    };
-    [
-        grammar(head, &[*last]),
-        grammar(&lines, &[(0, byte)]),
-        grammar(&columns[..columns.len() - 3], &columns[columns.len() - 3..]),
-    ]
+    let (above, row) = columns.split_at(columns.len() - 3);
+    let byte = [(0, &file[file.len() - 1..])];
+    [[head, &[*last], &[]], [&lines, &byte, &[]], [above, row, &[]]].map(|grammar| input(format, grammar))
 }
 
-/// Grammars of large files with many keys, columns, chunks, names or levels.
-fn large() -> Vec<Vec<u8>> {
-    let once = |format, head: &[u8], repeated: &[u8], tail: &[u8]| {
-        Grammar {
-            head: &[(0, head)],
-            repeated: &[(0, repeated)],
-            tail: &[(0, tail)],
-        }
-        .input(format)
-    };
-    let columns = |format, head: &[Piece<'_>], row: &[Piece<'_>]| {
-        Grammar {
-            head,
-            repeated: row,
-            tail: &[],
-        }
-        .input(format)
-    };
-    vec![
-        once(Format::Table, b"\x01time_us,x,y,z\n", b"\x1f00,1.25,-0.5,9.81\n", b""),
-        once(Format::Table, b"\0x\n", b"1\n", b""),
-        once(Format::Table, b"\0", b"# \x1f = 1\n", b"x\n1\n"),
-        once(Format::Table, b"\x01", b"k\x1f: 1\n", b"time_us,x\n100,1\n200,2\n"),
-        once(Format::Table, b"\x01", b"k\x1f\t1\n", b""),
-        columns(
-            Format::Table,
-            &[(0, b"\x01time_us"), (13, b",x\x1f"), (0, b"\n")],
-            &[(0, b"\x1f00"), (13, b",1"), (0, b"\n")],
-        ),
-        once(
-            Format::Wave,
-            b"RIFF\0\0\0\x01WAVEfmt \x10\0\0\0\x01\0\x01\0\x88\x13\0\0\x10\x27\0\0\x02\0\x10\0",
-            b"LIST\0\0\0\0",
-            b"data\x02\0\0\0\x01\x01",
-        ),
-        once(
-            Format::Wave,
-            b"RIFF\0\0\xa0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x88\x13\0\0\x88\x13\0\0\x01\0\x08\0data\0\0\x98\0",
-            b"\x01\x85",
-            b"",
-        ),
-        once(Format::LabView, b"LabVIEW Measurement\t\n", b"K\x1f\t\x1f\n", b""),
-        columns(
-            Format::LabView,
-            &[
-                (
-                    0,
-                    b"LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t8192\nDelta_X",
-                ),
-                (13, b"\t0.001"),
-                (0, b"\n***End_of_Header***\nX_Value"),
-                (13, b"\tc\x1f"),
-                (0, b"\n"),
-            ],
-            &[(0, b"0"), (13, b"\t1"), (0, b"\n")],
-        ),
-        once(
-            Format::Strokes,
-            b"\x01time_us,speed_mm_s,force_n,x\n",
-            b"\x1f00,100,1,0.1\n",
-            b"",
-        ),
-        once(
-            Format::Motion,
-            b"\0time_s,speed_mm_s,force_n\n",
-            b"\x1f,-120,0.8\n",
-            b"",
-        ),
-        once(
-            Format::Answers,
-            b"\x02listener,trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n",
-            b"\x1f,1,p\x1f,recording,fitted,fitted,B,1,0,12.5,0f,recorded\n",
-            b"",
-        ),
-        once(
-            Format::Plan,
-            b"\x03texture,speed_mm_s,force_n\n",
-            b"t\x1f,50,0.5\n",
-            b"",
-        ),
-        once(
-            Format::Trials,
-            b"file,texture,speed_mm_s,force_n\n",
-            b"\x1f.wav,t\x1f,\x1fe-3,1\n",
-            b"",
-        ),
-        columns(
-            Format::Trials,
-            &[
-                (0, b"file,texture,speed_mm_s,force_n\n"),
-                (16, b"\x1f.wav,t\x1f,\x1fe-3,1\n"),
-            ],
-            &[],
-        ),
-        columns(
-            Format::Trials,
-            &[
-                (0, b"file,texture,speed_mm_s,force_n\n"),
-                (16, b"\x1f.wav,t,\x1fe-3,1\n"),
-            ],
-            &[],
-        ),
-        once(Format::Scene, b"", b"k\x1f = 1\n", b""),
-        once(
-            Format::Scene,
-            b"name = \"a\"\n",
-            b"[[surface]]\nname = \"\x1f\"\ntexture = \"silk\"\n",
-            b"",
-        ),
-        once(Format::Scene, b"a", b".a", b" = 1\n"),
-        once(Format::Scene, b"a = ", b"[", b""),
-        once(Format::Rig, b"a = [", b"1,", b"]\n"),
-        once(Format::Record, b"", b"[", b""),
-        once(
-            Format::Record,
-            b"{",
-            b"\"k\x1f\":1,",
-            b"\"library\":\"0123456789abcdef\"}",
-        ),
-        once(
-            Format::Record,
-            b"{\"trials\":[",
-            b"{\"file\":\"\x1f\",\"content\":\"00\",\"start_s\":0,\"duration_s\":null},",
-            b"null]}",
-        ),
-        once(Format::Hatt, b"", b"<a>", b""),
-        once(Format::Hatt, b"<a", b" k\x1f=\"1\"", b"/>"),
-        once(Format::Hatt, b"<AccelModels><numMod>", b"1", b"</numMod></AccelModels>"),
-        once(Format::Listing, b"own\n", b"\x1f/\x1f.svg\n", b""),
-        once(Format::Listing, b"own\n", b"a/", b""),
-        once(Format::Library, b"", b"\0", b""),
-    ]
-}
+/// Head, repetition and tail of large files with many keys, chunks, names or levels.
+const LARGE: [(Format, &str, &str, &str); 10] = [
+    (Format::Table, "\0", "# \x1f = 1\n", "x\n1\n2\n"),
+    (Format::Wave, "RIFF\0\0\0\x01WAVE", "LIST\0\0\0\0", ""),
+    (
+        Format::Strokes,
+        "\x01time_us,speed_mm_s,force_n,x\n",
+        "\x1f00,100,1,0.1\n",
+        "",
+    ),
+    (
+        Format::Trials,
+        "file,texture,speed_mm_s,force_n\n",
+        "\x1f,t\x1f,1\x1fe-5,1\n",
+        "",
+    ),
+    (Format::Scene, "name = \"a\"\n", "[[surface]]\nname = \"\x1f\"\n", ""),
+    (Format::Scene, "a", ".a", " = 1\n"),
+    (Format::Record, "{", "\"k\x1f\":1,", ""),
+    (Format::Record, "", "[", ""),
+    (Format::Hatt, "<a", " k\x1f=\"1\"", "/>"),
+    (Format::Listing, "own\n", "\x1f/\x1f.svg\n", ""),
+];
 
 /// An update with an image of four bytes, and a signature of zeros, which the device judges.
 fn update() -> Vec<u8> {
