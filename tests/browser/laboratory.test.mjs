@@ -236,9 +236,15 @@ test("nothing is fitted from a guess: what no name says is asked for, filled at 
 
 test("a fit that is cancelled leaves all that was entered, and a reload leaves all that was made", () =>
   opened(async (page) => {
+    await page.value(() => {
+      globalThis.changes = 0;
+      new MutationObserver(() => (changes += 1)).observe(byId("rows"), { childList: true, subtree: true });
+    });
     await page.page.locator("#demo").click();
     await settled(page);
     assert.equal((await column(page, "file")).length, 60);
+    // Each is a layout of the whole table.
+    assert.ok((await page.value(() => changes)) < 25);
     assert.match(await text(page, "#simulated"), /SIMULATED/);
     await page.page.locator("#fit").click();
     await page.loaded(() => document.getElementById("progress-text").textContent === "fitting");

@@ -36,8 +36,10 @@ const MOST_FIELDS: usize = 16_384;
 /// Largest number of characters of a field that an error repeats.
 const SHOWN_CHARACTERS: usize = 40;
 
-/// Number of first lines that an excerpt has.
+/// Number of first lines that an excerpt has, and largest number of characters of each, because patterns are sought in
+/// an excerpt.
 const SHOWN_LINES: u64 = 8;
+const SHOWN_OF_LINE: usize = 1000;
 
 /// A table, with its separator and its decimal sign.
 #[derive(Debug)]
@@ -146,24 +148,33 @@ impl CsvTable {
         })
     }
 
-    /// Returns the comments above the first line that is not a comment.
+    /// Returns the comments above the first line that is not a comment, up to the one with which they have 64 KiB.
     pub fn comments(&self) -> Result<String> {
         let (mut lines, mut comments) = (self.lines()?, String::new());
-        while lines.advance()? && !lines.is_content() {
+        while comments.len() < MOST_BYTES && lines.advance()? && !lines.is_content() {
             comments.push_str(&lines.line);
         }
         Ok(comments)
     }
 
-    /// Returns the line of this number, and the first lines, as they are but for spaces that separate fields.
+    /// Returns the beginnings of the line of this number and of the first lines, as they are but for spaces that
+    /// separate fields.
     pub fn excerpt(&self, line: u64) -> Result<String> {
         let (mut lines, mut own, mut first) = (self.lines()?, String::from("\n"), String::new());
         while lines.number < line.max(SHOWN_LINES) && lines.advance()? {
+            let begin = || {
+                lines
+                    .line
+                    .trim_end_matches('\n')
+                    .chars()
+                    .take(SHOWN_OF_LINE)
+                    .chain(['\n'])
+            };
             if lines.number == line {
-                own.clone_from(&lines.line);
+                own = begin().collect();
             }
             if lines.number <= SHOWN_LINES {
-                first.push_str(&lines.line);
+                first.extend(begin());
             }
         }
         Ok(own + &first)
@@ -774,6 +785,14 @@ mod tests {
             all.push(fields.collect::<Result<Vec<f64>>>()?);
         }
         Ok(all)
+    }
+
+    #[test]
+    fn texts_in_which_patterns_are_sought_do_not_grow_with_rows_and_comments() {
+        let wide = "1,".repeat(100_000) + "\n";
+        assert!(table(&wide.repeat(10)).excerpt(9).unwrap().len() < 10 * SHOWN_OF_LINE);
+        let told = "# a = 1\n".repeat(100_000) + "x\n1\n";
+        assert!(table(&told).comments().unwrap().len() < 2 * MOST_BYTES);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::path::Path;
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
     BLOCK_SAMPLES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeFlags,
-    NodeSpec, PartsSpec, TextureSpec, Wander, encode, encode_with_scenes, limits,
+    NodeSpec, TextureSpec, Wander, encode, encode_with_scenes, limits,
 };
 
 /// Writes the seeds of every target into the target's folder below `root`.

@@ -100,10 +100,10 @@ impl SceneFile {
         })
     }
 
-    /// Returns the names of the surfaces, all different.
+    /// Returns the names of as many surfaces as a scene may have, all different.
     fn surface_names(&self) -> Result<Vec<String>> {
         let mut names: Vec<String> = Vec::new();
-        for (index, surface) in self.description.surfaces.iter().enumerate() {
+        for (index, surface) in self.description.surfaces.iter().take(MAX_SURFACES).enumerate() {
             let place = Field::default().key("surface").item(index);
             let name = match surface.name() {
                 Some(name) => name.to_owned(),
@@ -320,5 +320,12 @@ mod tests {
         let scene = SceneFile::from_toml(Path::new("two.toml"), text).unwrap();
         let failure = scene.surface_names().unwrap_err().to_string();
         test_helpers::holds(&failure, &["4", "surface[2]: surface 1 is called 'surface 2'"]);
+    }
+
+    #[test]
+    fn surfaces_above_the_allowed_number_are_compared_with_none() {
+        let text = "name = 'many'\n".to_owned() + &"[[surface]]\n".repeat(3 * MAX_SURFACES);
+        let scene = SceneFile::from_toml(Path::new("many.toml"), &text).unwrap();
+        assert_eq!(scene.surface_names().unwrap().len(), MAX_SURFACES);
     }
 }

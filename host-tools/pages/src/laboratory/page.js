@@ -164,10 +164,14 @@ class Page {
   async lookAtAll() {
     const { rows, looked } = this.state;
     this.table.show(rows, looked);
-    for (const [at, row] of rows.entries()) {
-      if (looked[row.file]) continue;
-      this.progress({ action: "looking", done: at, total: rows.length });
-      await this.look(row);
+    // The browser lays out the whole table for what is shown of a row, so that many rows are shown in 16 steps.
+    const unseen = rows.filter(({ file }) => !looked[file]);
+    const step = Math.ceil(unseen.length / 16);
+    for (let at = 0; at < unseen.length; at += step) {
+      this.progress({ action: "looking", done: at, total: unseen.length });
+      const some = unseen.slice(at, at + step);
+      for (const row of some) await this.look(row);
+      some.forEach((row) => this.table.look(row, looked[row.file]));
     }
     this.progress(null);
   }
@@ -181,14 +185,15 @@ class Page {
       if (fault instanceof Cancelled) throw fault;
       looked[row.file] = { fault: fault.message };
     }
-    this.table.look(row, looked[row.file]);
   }
 
   changed(row, key) {
     this.state.isStale = true;
     this.does(async () => {
       // What is used of a recording, and in which unit, changes what is in it.
-      if (!["use", ...NEEDED].includes(key)) await this.look(row);
+      if (["use", ...NEEDED].includes(key)) return;
+      await this.look(row);
+      this.table.look(row, this.state.looked[row.file]);
     });
   }
 

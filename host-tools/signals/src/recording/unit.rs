@@ -351,8 +351,11 @@ impl Sensitivity {
         .ok()
     }
 
-    /// Returns the first sensitivity in `text`: `100 mV/g`, `0.0102 V/(m/s²)`, `256 LSB/g`, `3.9 mg/LSB`.
+    /// Returns the first sensitivity in the first 64 KiB of `text`: `100 mV/g`, `0.0102 V/(m/s²)`, `256 LSB/g`,
+    /// `3.9 mg/LSB`.
     fn found_in(text: &str) -> Option<Self> {
+        // The pattern takes a microsecond for a byte, and a name may have all bytes of a row.
+        let text = &text[..text.floor_char_boundary(1 << 16)];
         Self::form()?.captures_iter(text).find_map(|found| {
             let number: f64 = found[1].parse().ok().filter(|number| *number > 0.0)?;
             let (of, m_s2) = match (Unit::parse(&found[2])?, Unit::parse(&found[3])?) {
@@ -517,6 +520,8 @@ mod tests {
             let found = stated(&names, comment).scales_m_s2;
             assert_eq!(found, m_s2.map(|m_s2| vec![m_s2; 2]), "{comment}");
         }
+        let late = format!("{} 256 LSB/g", "1 ".repeat(1 << 15));
+        assert_eq!(Sensitivity::found_in(&late), None);
         let named = ["x (mg)".to_owned()];
         let found = stated(&named, "# unit: g").scales_m_s2;
         assert_eq!(found, Some(vec![1e-3 * G]));

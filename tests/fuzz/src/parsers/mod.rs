@@ -2,6 +2,7 @@
 
 mod fitted;
 mod frame;
+mod large;
 mod place;
 pub mod seeds;
 mod table;
@@ -12,7 +13,7 @@ use host_tools::support::bounded_file::Format;
 use crate::Judge;
 
 /// The targets by their names.
-pub const TARGETS: [(&str, Judge); 11] = [
+pub const TARGETS: [(&str, Judge); 12] = [
     ("trials", fitted::list),
     ("recordings", fitted::recording),
     ("tables", table::judge),
@@ -24,6 +25,7 @@ pub const TARGETS: [(&str, Judge); 11] = [
     ("records", texts::record),
     ("updates", place::update),
     ("listings", place::listing),
+    ("large", large::judge),
 ];
 
 /// Returns the target that reads `format`; none for a partial result, whose hash refuses any changed byte.

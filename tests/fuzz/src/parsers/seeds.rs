@@ -6,6 +6,7 @@ use std::path::Path;
 use host_tools::support::bounded_file::Format;
 use model_format::link::{BoardName, ImageHeader, ImageVersion, SIGNED_BYTES};
 
+use super::large::{Piece, input};
 use super::target_of;
 
 #[path = "../../../../host-tools/fit/src/fit/hatt/fixture.rs"]
@@ -18,7 +19,7 @@ type Seeds<'a> = (&'a str, Vec<Vec<u8>>);
 /// Writes the seeds of every parser.
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     let texts = |texts: &[&str]| texts.iter().map(|text| text.as_bytes().to_vec()).collect();
-    let all: [Seeds; 11] = [
+    let mut all: Vec<Seeds> = vec![
         ("trials", texts(&TRIALS)),
         ("recordings", recordings()),
         ("tables", texts(&TABLES)),
@@ -40,11 +41,22 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
         ("updates", vec![update()]),
         ("listings", texts(&["own\nspectra/a.svg\n"])),
     ];
-    for format in Format::ALL {
-        let target = target_of(*format);
-        let has_seeds = target.is_none_or(|target| target == "decode" || all.iter().any(|(name, _)| *name == target));
-        assert!(has_seeds, "{format:?} has no seeds");
+    let large = LARGE.map(|(format, head, repeated, tail)| {
+        let [head, repeated, tail] = [head, repeated, tail].map(|text| [(0, text.as_bytes())]);
+        input(format, [&head, &repeated, &tail])
+    });
+    let mut grown = large.to_vec();
+    let mut before = vec!["decode"];
+    for &format in Format::ALL {
+        let Some(target) = target_of(format).filter(|target| !before.contains(target)) else {
+            continue;
+        };
+        let seeds = all.iter().find(|(name, _)| *name == target);
+        let (_, inputs) = seeds.unwrap_or_else(|| panic!("{format:?} has no seeds"));
+        grown.extend(inputs.iter().flat_map(|file| repetitions(format, file)));
+        before.push(target);
     }
+    all.push(("large", grown));
     for (target, inputs) in all {
         let folder = root.join(target);
         std::fs::create_dir_all(&folder)?;
@@ -136,6 +148,53 @@ fn recordings() -> Vec<Vec<u8>> {
     }
     all
 }
+
+/// Grammars of large files: `file` with its last line repeated, with its last byte repeated, and with the second field
+/// of each line repeated.
+fn repetitions(format: Format, file: &[u8]) -> [Vec<u8>; 3] {
+    let lines: Vec<Piece<'_>> = file
+        .split_inclusive(|&byte| byte == b'\n')
+        .map(|line| (0, line))
+        .collect();
+    let (last, head) = lines.split_last().expect("no seed is empty");
+    let is_separator = |byte: &u8| b",;\t = ".contains(byte);
+    let columns: Vec<Piece<'_>> = lines
+        .iter()
+        .flat_map(|(_, line)| {
+            let first = line.iter().position(is_separator).unwrap_or(line.len());
+            let second = line.iter().skip(first + 1).position(is_separator);
+            let second = second.map_or(first, |second| first + 1 + second);
+            [(0, &line[..first]), (13, &line[first..second]), (0, &line[second..])]
+        })
+        .collect();
+    let (above, row) = columns.split_at(columns.len() - 3);
+    let byte = [(0, &file[file.len() - 1..])];
+    [[head, &[*last], &[]], [&lines, &byte, &[]], [above, row, &[]]].map(|grammar| input(format, grammar))
+}
+
+/// Head, repetition and tail of large files with many keys, chunks, names or levels.
+const LARGE: [(Format, &str, &str, &str); 10] = [
+    (Format::Table, "\0", "# \x1f = 1\n", "x\n1\n2\n"),
+    (Format::Wave, "RIFF\0\0\0\x01WAVE", "LIST\0\0\0\0", ""),
+    (
+        Format::Strokes,
+        "\x01time_us,speed_mm_s,force_n,x\n",
+        "\x1f00,100,1,0.1\n",
+        "",
+    ),
+    (
+        Format::Trials,
+        "file,texture,speed_mm_s,force_n\n",
+        "\x1f,t\x1f,1\x1fe-5,1\n",
+        "",
+    ),
+    (Format::Scene, "name = \"a\"\n", "[[surface]]\nname = \"\x1f\"\n", ""),
+    (Format::Scene, "a", ".a", " = 1\n"),
+    (Format::Record, "{", "\"k\x1f\":1,", ""),
+    (Format::Record, "", "[", ""),
+    (Format::Hatt, "<a", " k\x1f=\"1\"", "/>"),
+    (Format::Listing, "own\n", "\x1f/\x1f.svg\n", ""),
+];
 
 /// An update with an image of four bytes, and a signature of zeros, which the device judges.
 fn update() -> Vec<u8> {

@@ -56,6 +56,8 @@ pub struct Timing {
 pub struct Defects {
     /// Fraction of clipped samples on the worst axis.
     pub clipped_share: f64,
+    /// Fraction of samples at tops that were clipped before a filter, on the worst axis.
+    pub rounded_share: f64,
     /// Stretches of clipped samples, of all axes.
     pub clips: Vec<Clip>,
     /// Stretches in which the value does not change, of all axes, in order of time.
@@ -101,6 +103,7 @@ impl Defects {
         });
         Self {
             clipped_share: clipping::clipped_share(&axes),
+            rounded_share: clipping::rounded_share(&axes),
             clips,
             holds,
             spikes,

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | silent | the RMS about the mean is below the silence floor | a silent node |
 //! | too-short | fewer than [`SHORT_SAMPLES`] samples | a lower order |
-//! | clipped | at least [`CLIPPED_SHARE`] of an axis's samples are at its extreme, in runs | |
+//! | clipped | at least [`CLIPPED_SHARE`] of an axis's samples are at its extreme, in runs or at round tops | |
 //! | dropouts, stuck | one value for 2 to 100 ms, longer than a natural run of equal values; zero, or another | cut |
 //! | dropouts | gaps in the times; single samples that are missing | cut; interpolated up to 1 % |
 //! | spikes | a sample's fourth difference is 20 times that of the 48 samples on either side | cut |

@@ -170,8 +170,12 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
         alike.map(|hold| span(hold.start_s, hold.seconds, 0)).collect()
     };
     let mut verdicts = Vec::new();
-    if defects.clipped_share >= CLIPPED_SHARE {
-        let words = format!("clipped: {:.2} % of samples", 100.0 * defects.clipped_share);
+    let shares = [
+        (defects.clipped_share, ""),
+        (defects.rounded_share, " at tops of one height, which a filter rounded"),
+    ];
+    if let Some((share, how)) = shares.into_iter().find(|(share, _)| *share >= CLIPPED_SHARE) {
+        let words = format!("clipped: {:.2} % of samples{how}", 100.0 * share);
         verdicts.push(Verdict::new(Kind::Clipped, words));
     }
     if let Some(read_hz) = defects.read_at_hz {
