@@ -48,8 +48,8 @@ pub struct Arguments {
     /// Other takes of the same trials, as a folder or a list, to judge the library in place of the inputs
     #[arg(long, value_name = "DIR", requires = "library")]
     takes: Option<PathBuf>,
-    /// A free hand's recordings that the library was not fitted to, which judge it in time: CSV as for fit --strokes. The
-    /// inputs are then the recordings that it was fitted to, for comparison
+    /// A free hand's recordings that the library was not fitted to, which judge it in time: CSV as for fit --strokes.
+    /// The inputs are then the recordings that it was fitted to, for comparison
     #[arg(
         long,
         value_name = "CSV",

@@ -20,8 +20,8 @@ const SIZES: [usize; 2] = [10 << 20, 1 << 20];
 /// a recording's target compares. A format that allows less is bounded by that, whatever it takes per byte.
 const MOST_MEMORY: u64 = (20 + 8) * SIZES[0] as u64;
 
-/// Longest time per byte, in units of what [`ORDINARY`] takes. The command reads that in 0.35 s of the processor, and its
-/// target does twice. A target reads what it accepts up to three times, each within 2 s of an optimised build; an
+/// Longest time per byte, in units of what [`ORDINARY`] takes. The command reads that in 0.35 s of the processor, and
+/// its target does twice. A target reads what it accepts up to three times, each within 2 s of an optimised build; an
 /// instrumented one takes some five times as long, for all alike.
 const MOST_TIME: f64 = 3.0 * 2.0 / (2.0 * 0.35);
 

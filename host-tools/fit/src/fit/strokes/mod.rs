@@ -127,10 +127,11 @@ fn without_lines(strokes: &mut [Stroke]) -> Along {
 /// Adds `lines` to `texture`, with their amplitudes at its nodes.
 fn add_lines(texture: &mut FittedTexture, lines: &Along) {
     let axes = Axes::of_grid(&texture.grid);
-    let levels = (lines.levels.iter()).map(|windows| match windows.is_empty() {
-        true => None,
-        false => Some(NodeLevels::of(axes.clone(), windows).levels_db),
-    });
+    let of_line = |windows: &Vec<LevelAt>| {
+        let is_shown = !windows.is_empty();
+        is_shown.then(|| NodeLevels::of(axes.clone(), windows).levels_db)
+    };
+    let levels = lines.levels.iter().map(of_line);
     let levels: Vec<Option<Vec<f64>>> = levels.collect();
     let at_node = |node: usize| TrialLines {
         amplitudes_m_s2: (levels.iter())
