@@ -3,9 +3,10 @@
 //!
 //! Each piece of a stroke is freed of its level's dependence on the motion, and resampled at even positions. There the
 //! lines stand where a trial at the piece's mean speed has them, and are sought in all pieces as in trials: narrow
-//! ones, and one that wanders. A hum is smeared by this, unless the hand was steady. The lines are then fitted to the samples
-//! themselves in short windows, in which speed and force hardly change, and subtracted with an amplitude that is linear
-//! between the windows' middles.
+//! ones, and one that wanders. A hum is smeared by this, unless the hand was steady.
+//!
+//! The lines are then fitted to the samples themselves in short windows, in which speed and force hardly change, and
+//! subtracted with an amplitude that is linear between the windows' middles.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
