@@ -72,11 +72,13 @@ mod tests {
         /// Resting between gravity and none, in counts of a sensor of any width.
         #[test]
         fn unsigned_and_wrapped_numbers_are_signed_again_and_others_stay(
-            bits in 10i32..=24, level in 0.005..0.18f64, offset in -0.1..0.1f64, seed in 0u64..1000,
+            bits in 10i32..=24, level in 0.005..0.16f64, offset in -0.1..0.1f64, seed in 0u64..1000,
         ) {
             let span = 2f64.powi(bits);
             let smooth = noise(seed, 5006);
             let smooth = smooth.windows(6).map(|near| near.iter().sum::<f64>() / 6f64.sqrt());
+            // Amplified before they are converted, so that the converter's steps stay small.
+            let loud: Vec<f64> = smooth.clone().map(|x| 0.5 * x).collect();
             let offset = if level < 0.1 { 0.0 } else { offset };
             let signed: Vec<f64> = smooth.map(|x| (span * (level * x + offset)).round()).collect();
             let unsigned: Vec<f64> = signed.iter().map(|x| x.rem_euclid(span)).collect();
@@ -86,7 +88,6 @@ mod tests {
             prop_assert!(told.is_some() == has_negative && found[0] == signed, "{:?}", told);
             prop_assert_eq!(gone_on(&mut found[1..], Unscaled::Counts), None);
             // A converter that wraps at the ends of its range, and one that clips there.
-            let loud: Vec<f64> = signed.iter().map(|x| 2.0 * x / span / level * 0.25).collect();
             let wrapped = loud.iter().map(|x| (x + 1.0).rem_euclid(2.0) - 1.0);
             let mut wrapped = [wrapped.collect::<Vec<f64>>()];
             prop_assert!(gone_on(&mut wrapped, Unscaled::OfFullScale).is_some());
