@@ -221,6 +221,25 @@ fn refuse_what_does_not_go_with_strokes(bench: &Bench) {
 }
 
 #[test]
+fn a_free_hands_counts_without_a_scale_have_a_level_that_is_not_known() {
+    let bench = Bench::new();
+    let in_counts = |line: &str| match line.split(',').collect::<Vec<_>>()[..] {
+        [time_s, a, speed, force] if a != "a" => {
+            let count = (10.0 * a.parse::<f64>().unwrap()).round();
+            format!("{time_s},{count},{speed},{force}\n")
+        }
+        _ => format!("{line}\n"),
+    };
+    let counts: String = free_stroke(0).lines().skip(1).map(in_counts).collect();
+    bench.write("hand.csv", counts);
+    let output = bench.run("fit hand.csv --strokes --order 10 --out a.lib");
+    holds(&text(&output.stderr), &["no unit", "--scale"]);
+    holds(&bench.succeed("inspect a.lib"), &["level not known"]);
+    bench.succeed("fit hand.csv --strokes --order 10 --scale g/256 --out b.lib");
+    assert!(!bench.succeed("inspect b.lib").contains("not known"));
+}
+
+#[test]
 fn a_free_hands_file_that_cannot_be_used_is_named() {
     let bench = Bench::new();
     let with = |rows: &str| format!("time_s,a,speed_mm_s,force_n\n{rows}");

@@ -283,7 +283,7 @@ pub(super) fn is_no_value(field: &str) -> bool {
 }
 
 /// Returns [`Unscaled::Counts`] if the samples are steps of a converter, which are whole numbers.
-fn counts(columns: &[Vec<f64>]) -> Option<Unscaled> {
+pub(super) fn counts(columns: &[Vec<f64>]) -> Option<Unscaled> {
     let mut samples = columns.iter().flatten();
     let are_whole = samples.clone().all(|sample| sample.fract() == 0.0);
     // Samples of -1, 0 and 1 alone may be of any kind.

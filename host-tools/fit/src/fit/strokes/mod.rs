@@ -278,6 +278,7 @@ mod tests {
             force_n: motion.iter().map(|at| at.1).collect(),
             outliers: Vec::new(),
             is_simulated: true,
+            is_unscaled: false,
             remarks: Vec::new(),
         }
     }

@@ -32,11 +32,7 @@ pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Res
             add(stroke, run, levels, &mut at_nodes);
         }
     }
-    let provenance = if strokes.iter().any(|stroke| stroke.is_simulated) {
-        Provenance::Simulated
-    } else {
-        Provenance::Recorded
-    };
+    let provenance = Provenance::of_all(strokes.iter().map(|stroke| stroke.provenance));
     let nodes = levels.axes.nodes().zip(at_nodes);
     let enough = nodes.filter(|(_, own)| own.samples.len() >= LEAST_KEPT);
     let trial = |((speed, force), own): ((f64, f64), AtNode)| {

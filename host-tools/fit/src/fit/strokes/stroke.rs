@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use model_format::{SAMPLE_RATE_HZ, Texture};
+use model_format::{Provenance, SAMPLE_RATE_HZ, Texture};
 
 use crate::dsp::high_pass::high_pass;
 use crate::dsp::motion_law::LevelAt;
@@ -53,8 +53,8 @@ pub(super) struct Stroke {
     pub motion: Vec<(f64, f64)>,
     /// Stretches of the signal in motion and contact, without what triage cuts.
     pub moving: Vec<Range<usize>>,
-    /// True if the file says that it is simulated.
-    pub is_simulated: bool,
+    /// Where the file's samples come from.
+    pub provenance: Provenance,
     /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
     pub cut_hz: Option<f64>,
     /// Times at which the speed jumps by more than a hand can cause, s.
@@ -98,7 +98,11 @@ impl Stroke {
             motion: speeds.into_iter().zip(at_samples(&recording.force_n)).collect(),
             moving,
             signal,
-            is_simulated: recording.is_simulated,
+            provenance: match (recording.is_simulated, recording.is_unscaled) {
+                (true, _) => Provenance::Simulated,
+                (false, true) => Provenance::Unscaled,
+                (false, false) => Provenance::Recorded,
+            },
             file: file.to_owned(),
             cut_hz,
             jumps_s: jumps_s(recording),

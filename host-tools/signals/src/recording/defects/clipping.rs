@@ -40,10 +40,12 @@ fn clipped_share_of(axis: &Axis<'_>) -> f64 {
 /// of Gaussian noise 4.
 const MOST_CREST: f64 = 2.2;
 
-/// Least number of tops on either side that show a limit, and least height of nine tenths of the longer ones, as a
-/// fraction of the highest: 0.78 in a recording that
-/// lost 2.8 dB, 0.6 in Gaussian noise.
+/// Least number of tops on either side that show a limit, and largest number that is looked at, which bounds memory.
 const LEAST_TOPS: usize = 40;
+const MOST_TOPS: usize = 100_000;
+
+/// Least height of nine tenths of the longer tops, as a fraction of the highest: 0.78 in a recording that lost 2.8 dB,
+/// 0.6 in Gaussian noise.
 const EQUAL_TOPS: f64 = 0.7;
 
 /// Least median ratio of the lengths of successive tops. A sine's are alike.
@@ -76,7 +78,7 @@ fn are_of_one_height(samples: &[f64], height: impl Fn(&f64) -> f64) -> bool {
     let is_above = |x: &f64| height(x) > 0.0;
     let highest = |top: &&[f64]| top.iter().map(&height).fold(0.0, f64::max);
     let tops = samples.chunk_by(|x, next| is_above(x) == is_above(next));
-    let tops: Vec<&[f64]> = tops.filter(|top| highest(top) > 0.5).collect();
+    let tops: Vec<&[f64]> = tops.filter(|top| highest(top) > 0.5).take(MOST_TOPS).collect();
     if tops.len() < LEAST_TOPS {
         return false;
     }

@@ -145,6 +145,7 @@ mod tests {
             force_n,
             outliers: Vec::new(),
             is_simulated: false,
+            is_unscaled: false,
             remarks: Vec::new(),
         }
     }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::positions::{self, PositionColumn};
 use crate::recording::axes::LeftOut;
 use crate::recording::clock::{self, Told};
-use crate::recording::csv_file::is_no_value;
+use crate::recording::csv_file::{counts, is_no_value};
 use crate::recording::rate::length_fault;
 use crate::recording::time_unit::TimeColumn;
 use crate::recording::uneven::evened;
@@ -54,6 +54,8 @@ pub struct Freehand {
     pub outliers: Vec<Outlier>,
     /// True if the file states that it is simulated.
     pub is_simulated: bool,
+    /// True if neither the file nor the caller states what a count is in m/s².
+    pub is_unscaled: bool,
     /// Conversions of units, and doubts about them, one line each.
     pub remarks: Vec<String>,
 }
@@ -206,6 +208,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
         outliers: Vec::new(),
         is_backward: Vec::new(),
         is_simulated: is_simulated(path)?,
+        is_unscaled: false,
         remarks: remarks.chain(stated.doubt(scale_m_s2)).collect(),
     };
     let all = columns.all(&scales_m_s2);
@@ -236,6 +239,13 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
     let source = source(&table, columns.time.as_ref(), times, rate_hz, channels)?;
     recording.rate_hz = source.rate.hz().round();
     recording.remarks.extend(source.remarks);
+    let has_scale = scale_m_s2.is_some() || stated.scales_m_s2.is_some();
+    recording.is_unscaled = !has_scale && counts(&source.channels[..axes.len()]).or(stated.counts()).is_some();
+    if recording.is_unscaled {
+        let text = "its samples have no unit, and no scale tells the acceleration of a count: 1 m/s² is taken; give \
+                    --scale, such as g/256";
+        recording.remarks.push(text.to_owned());
+    }
     let channels = match &source.times_s {
         Some(times) => evened(&source.channels, times, recording.rate_hz),
         None => source.channels,
