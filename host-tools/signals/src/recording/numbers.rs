@@ -40,26 +40,48 @@ pub(super) fn gone_on(channels: &mut [Vec<f64>], unscaled: Unscaled) -> Option<S
     }
     let found = counted(jumps, "jump");
     let found = format!("its samples have {found} by {words}, as of signed numbers read as unsigned, or wrapped ones");
-    let undone: Vec<Vec<f64>> = channels.iter().map(|axis| of_axis(axis, span)).collect();
+    let ways: Vec<Way> = channels.iter().map(|axis| Way::of(axis, span)).collect();
     // Where a true step was as large as a jump, the samples after it are off by the span.
-    if undone.iter().flatten().any(|x| x.abs() > span) {
+    if ways.iter().any(|way| way.furthest > span) {
         return Some(format!("{found}: read them as signed, or record with a larger range"));
     }
-    channels.clone_from_slice(&undone);
+    for (axis, way) in channels.iter_mut().zip(ways) {
+        let mut before = axis[0];
+        for x in axis {
+            before = near(*x, before, span);
+            *x = before - way.shift;
+        }
+    }
     Some(format!("{found}; they are taken to go on"))
 }
 
-/// Returns the samples of `axis`, each moved by a multiple of `span` to the one before it, about zero.
-fn of_axis(axis: &[f64], span: f64) -> Vec<f64> {
-    let mut before = axis[0];
-    let near = axis.iter().map(|x| {
-        before = x + span * ((before - x) / span).round();
-        before
-    });
-    let near: Vec<f64> = near.collect();
-    let mean = near.iter().sum::<f64>() / near.len() as f64;
-    let shift = span * (mean / span).round();
-    near.iter().map(|x| x - shift).collect()
+/// Returns `x`, moved by a multiple of `span` to the sample `before` it.
+fn near(x: f64, before: f64, span: f64) -> f64 {
+    x + span * ((before - x) / span).round()
+}
+
+/// The way of an axis whose samples go on from each other.
+struct Way {
+    /// Multiple of the span by which the way is moved to be about zero.
+    shift: f64,
+    /// Largest magnitude of a sample on the moved way.
+    furthest: f64,
+}
+
+impl Way {
+    fn of(axis: &[f64], span: f64) -> Self {
+        let (mut before, mut sum, mut low, mut high) = (axis[0], 0.0, f64::INFINITY, f64::NEG_INFINITY);
+        for x in axis {
+            before = near(*x, before, span);
+            sum += before;
+            (low, high) = (low.min(before), high.max(before));
+        }
+        let shift = span * (sum / axis.len() as f64 / span).round();
+        Self {
+            shift,
+            furthest: (high - shift).max(shift - low),
+        }
+    }
 }
 
 #[cfg(test)]
