@@ -13,7 +13,7 @@ use symphonia::default::formats::WavReader;
 
 use super::defects::{Timing, Truncation};
 use super::kind::remedy;
-use super::rate::{MAX_CHANNELS, SampleRate, counts_before, length_fault};
+use super::rate::{MAX_CHANNELS, MAX_FRAMES, SampleRate, counts_before, length_fault};
 use super::riff::{self, Wave};
 use super::source::{Cut, Source};
 use super::unit::{Stated, Unscaled};
@@ -70,7 +70,8 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
     let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default());
     let decoder = decoder.map_err(|e| unusable(path, &e))?;
     let (first, end) = cut.frames(rate_hz);
-    let (channels, position) = decoded(path, &mut format, decoder, first..end)?;
+    let held = (8 * file_bytes / frame_bits.max(8)) as usize;
+    let (channels, position) = decoded(path, &mut format, decoder, (first..end, held))?;
     // Only the part that is used must be there.
     if let Some(declared) = declared_frames
         && (position as u64) < declared.min(end as u64)
@@ -103,12 +104,12 @@ fn unusable(path: &Path, failure: &WavError) -> Error {
 }
 
 /// Returns the samples of the `wanted` frames, by channel, and the number of frames that were read up to the end of
-/// these.
+/// these. The file has room for at most `held` frames.
 fn decoded(
     path: &Path,
     format: &mut WavReader<'_>,
     mut decoder: PcmDecoder,
-    wanted: Range<usize>,
+    (wanted, held): (Range<usize>, usize),
 ) -> Result<(Vec<Vec<f64>>, usize)> {
     let mut channels: Vec<Vec<f64>> = Vec::new();
     let (mut packet_channels, mut position) = (Vec::new(), 0usize);
@@ -127,7 +128,9 @@ fn decoded(
             return Err(Error::file(path, problem));
         }
         decoded.copy_to_vecs_planar(&mut packet_channels);
-        channels.resize(packet_channels.len(), Vec::new());
+        // What the file has room for, and no more than a recording may have: growing would take twice the memory.
+        let most = wanted.len().min(held).min(MAX_FRAMES);
+        channels.resize_with(packet_channels.len(), || Vec::with_capacity(most));
         let from = wanted.start.saturating_sub(position).min(frames);
         let to = (wanted.end - position).min(frames);
         for (channel, samples) in channels.iter_mut().zip(&packet_channels) {
