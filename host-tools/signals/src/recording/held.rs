@@ -12,6 +12,8 @@ use crate::support::fnv::Fnv;
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldSamples {
     rate: SampleRate,
+    /// Rate at which the samples were recorded, Hz, if they were brought to another one.
+    recorded_hz: Option<f64>,
     channels: Vec<Vec<f64>>,
     unscaled: Option<Unscaled>,
     /// Units by the names of columns.
@@ -50,6 +52,7 @@ impl HeldSamples {
         }
         Ok(Self {
             rate,
+            recorded_hz: None,
             channels,
             unscaled: are_integers.then_some(Unscaled::OfFullScale),
             stated: Stated::default(),
@@ -65,6 +68,20 @@ impl HeldSamples {
             remarks: source.remarks.clone(),
             ..self
         }
+    }
+
+    /// Returns the samples as ones that were recorded at `recorded_hz`, Hz, and hold no more than that rate carries.
+    #[must_use]
+    pub fn recorded_at(self, recorded_hz: f64) -> Self {
+        Self {
+            recorded_hz: Some(recorded_hz),
+            ..self
+        }
+    }
+
+    /// Rate at which the samples were recorded, Hz, if it is another one than theirs.
+    pub(super) fn recorded_hz(&self) -> Option<f64> {
+        self.recorded_hz
     }
 
     /// Sample rate, Hz.

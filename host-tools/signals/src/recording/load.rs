@@ -78,9 +78,10 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     let repeated = without_repeated(&mut axes);
     let has_scale = trial.scale_m_s2.is_some() || source.stated.scales_m_s2.is_some();
     let conversion = source.stated.conversion(trial.scale_m_s2);
+    let recorded_hz = trial.held.as_ref().and_then(|held| held.recorded_hz());
     Ok(Samples {
         axes,
-        source_rate_hz: rate_hz,
+        source_rate_hz: recorded_hz.unwrap_or(rate_hz),
         defects,
         account: Account {
             remarks: remarks.into_iter().chain(conversion).chain(repeated).collect(),

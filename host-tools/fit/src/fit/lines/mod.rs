@@ -13,6 +13,8 @@
 //! Threads that are not evenly spaced make a band instead of a narrow line. Bands of a steady amplitude (`bands`) are
 //! therefore always sought too. The phase of such a band gives the position with its wander (`wander`). The bands are
 //! used if there is no narrow line, or if their lines have more than 1.1 times the power of the narrow ones.
+//!
+//! Along a free hand's strokes (`along`), the position is known at each sample, and the speed never steady.
 
 mod along;
 mod bands;

@@ -473,6 +473,34 @@ mod tests {
     }
 
     #[test]
+    fn strokes_below_the_models_rate_have_no_events_where_their_stretches_join() {
+        let slow = |seed| {
+            let Freehand {
+                axes,
+                speed_mm_s,
+                force_n,
+                ..
+            } = stroke(seed);
+            // Every other sample of white noise is white noise.
+            let half = |values: &[f64]| values.iter().copied().step_by(2).collect::<Vec<f64>>();
+            let axis = half(&axes[0]);
+            let strokes = Freehand {
+                rate_hz: RATE_HZ / 2.0,
+                is_outlier: vec![false; axis.len()],
+                is_backward: vec![false; axis.len()],
+                axes: vec![axis],
+                speed_mm_s: half(&speed_mm_s),
+                force_n: half(&force_n),
+                ..stroke(seed)
+            };
+            (PathBuf::from(format!("{seed}.csv")), strokes)
+        };
+        let fit = fit_strokes("felt", &[1, 2, 3, 4].map(slow), &Options::default(), |_| ()).unwrap();
+        let notes: Vec<String> = fit.warnings().iter().map(ToString::to_string).collect();
+        assert!(!notes.iter().any(|note| note.contains("in no codebook")), "{notes:#?}");
+    }
+
+    #[test]
     fn strokes_that_never_touch_the_surface_are_refused_with_the_remedy() {
         let mut lifted = stroke(1);
         lifted.force_n.fill(0.0);

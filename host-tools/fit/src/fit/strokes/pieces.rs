@@ -33,12 +33,17 @@ pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Res
         }
     }
     let provenance = Provenance::of_all(strokes.iter().map(|stroke| stroke.provenance));
+    // Above what the slowest stroke carries, not every stretch has a signal.
+    let recorded_hz = strokes
+        .iter()
+        .map(|stroke| stroke.recorded_hz)
+        .fold(f64::from(SAMPLE_RATE_HZ), f64::min);
     let nodes = levels.axes.nodes().zip(at_nodes);
     let enough = nodes.filter(|(_, own)| own.samples.len() >= LEAST_KEPT);
     let trial = |((speed, force), own): ((f64, f64), AtNode)| {
         // Stretches fade into each other as the parts of a cut trial do, so that no joint clicks.
         let joined = kept(vec![own.samples], &own.stretches);
-        let held = HeldSamples::new(f64::from(SAMPLE_RATE_HZ), joined, false)?;
+        let held = HeldSamples::new(f64::from(SAMPLE_RATE_HZ), joined, false)?.recorded_at(recorded_hz);
         let file = format!("{name} at {speed} mm/s, {force} N");
         Ok(Trial {
             held: Some(held.into()),

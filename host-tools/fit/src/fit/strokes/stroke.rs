@@ -53,6 +53,8 @@ pub(super) struct Stroke {
     pub motion: Vec<(f64, f64)>,
     /// Stretches of the signal in motion and contact, without what triage cuts.
     pub moving: Vec<Range<usize>>,
+    /// Rate at which the stroke was recorded, Hz.
+    pub recorded_hz: f64,
     /// Where the file's samples come from.
     pub provenance: Provenance,
     /// Cut-off frequency of the high-pass filter of the axes, Hz; `None` if they were not filtered.
@@ -98,6 +100,7 @@ impl Stroke {
             motion: speeds.into_iter().zip(at_samples(&recording.force_n)).collect(),
             moving,
             signal,
+            recorded_hz: recording.rate_hz,
             provenance: match (recording.is_simulated, recording.is_unscaled) {
                 (true, _) => Provenance::Simulated,
                 (false, true) => Provenance::Unscaled,

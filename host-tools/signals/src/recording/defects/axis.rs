@@ -20,8 +20,9 @@ pub(super) struct Axis<'a> {
     /// Difference up to which two samples count as equal at a limit, because round-off from a gain or an offset makes a
     /// clipped top not exactly flat.
     pub tolerance: f64,
-    /// Indices, ascending, of the samples that are within the tolerance of the lowest or the highest.
-    pub at_limits: Vec<usize>,
+    /// Indices, ascending, of the samples that are within the tolerance of the lowest or the highest. They may be nearly
+    /// all, so that they are kept in 32 bits, which hold the length of any recording.
+    pub at_limits: Vec<u32>,
     /// Smallest step between neighbours that is not zero; infinity if there is none.
     pub least_step: f64,
     /// Number of pairs of neighbours that are not equal.
@@ -50,7 +51,7 @@ impl<'a> Axis<'a> {
 }
 
 /// Returns the indices, ascending, of the samples that are at most `low` or at least `high`.
-fn beyond(samples: &[f64], low: f64, high: f64) -> Vec<usize> {
+fn beyond(samples: &[f64], low: f64, high: f64) -> Vec<u32> {
     let is_beyond = |x: f64| x <= low || x >= high;
     wide(
         #[inline(always)]
@@ -61,7 +62,7 @@ fn beyond(samples: &[f64], low: f64, high: f64) -> Vec<usize> {
                 if count > 0 {
                     let here = samples.iter().enumerate();
                     let here = here.filter(|(_, x)| is_beyond(**x));
-                    found.extend(here.map(|(at, _)| block * BLOCK + at));
+                    found.extend(here.map(|(at, _)| (block * BLOCK + at) as u32));
                 }
             }
             found
@@ -141,7 +142,8 @@ mod tests {
         ) {
             let axis = Axis::of(&values);
             let at_limit = |x: f64| x >= axis.high - axis.tolerance || x <= axis.low + axis.tolerance;
-            let places: Vec<usize> = (0..values.len()).filter(|&at| at_limit(values[at])).collect();
+            let places = (0..values.len()).filter(|&at| at_limit(values[at]));
+            let places: Vec<u32> = places.map(|at| at as u32).collect();
             prop_assert_eq!(&axis.at_limits, &places);
             let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
             prop_assert_eq!(axis.changes, changes);

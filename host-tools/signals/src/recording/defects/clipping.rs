@@ -26,7 +26,8 @@ fn clipped_share_of(axis: &Axis<'_>) -> f64 {
         return 0.0;
     }
     let flat = |run: &[f64]| run.iter().all(|x| (x - run[0]).abs() <= axis.tolerance);
-    let runs = axis.at_limits.iter().filter(|&&at| {
+    let places = axis.at_limits.iter().map(|&at| at as usize);
+    let runs = places.filter(|&at| {
         let run = samples.get(at..at + LEAST_RUN);
         run.is_some_and(flat)
     });
@@ -115,7 +116,7 @@ pub(super) fn clips(axis: &Axis<'_>, rate_hz: f64) -> Vec<Clip> {
     }
     let equal = |at: usize| (samples[at] - samples[at + 1]).abs() <= axis.tolerance;
     // A run that begins away from the limits cannot be at a limit, so only samples at a limit are examined.
-    let starts = axis.at_limits.iter().copied();
+    let starts = axis.at_limits.iter().map(|&at| at as usize);
     let starts = starts.filter(|&at| at == 0 || !equal(at - 1));
     let runs = starts.map(|start| {
         let mut end = start + 1;
