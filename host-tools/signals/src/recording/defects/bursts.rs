@@ -5,6 +5,8 @@
 //! this: the other axes stay calm; the surroundings are as predictable as usual when its samples are left out; and its
 //! samples are white.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::axis::Axis;
@@ -40,6 +42,11 @@ const LOUD_SHOULDER: f64 = 9.0;
 
 /// Largest distance from one large error of a burst to the next, samples.
 const PAUSE: usize = 6;
+
+/// Number of errors on either side of a window among which a burst in it is looked at. They are computed anew for it,
+/// because few windows need them, and those of whole axes take much memory. A burst, its pauses and the predictor reach
+/// less far.
+const AROUND: usize = 3 * LONGEST + PAUSE + ORDER;
 
 /// Least ratio of a burst's energy to that of the next event, and least product of this ratio and [`Left::whiteness`].
 #[derive(Clone, Copy)]
@@ -126,10 +133,10 @@ struct Left {
 /// The prediction errors of an axis.
 struct Errors<'a> {
     axis: &'a Axis<'a>,
+    /// Mean of the axis. An offset, such as gravity, would otherwise be most of what is predicted.
+    middle: f64,
     /// Coefficients of the predictor: 1, a(1) .. a(p).
     predictor: Vec<f64>,
-    /// Prediction errors of the samples from the p-th on.
-    of_samples: Vec<f64>,
     /// Energy of the errors in the window that begins at each sample.
     energy: Vec<f64>,
     /// Median of the energy.
@@ -143,7 +150,6 @@ impl<'a> Errors<'a> {
         if axis.deviation <= 0.0 || samples.len() < 10 * BLOCK {
             return None;
         }
-        // An offset, such as gravity, would otherwise be most of what is predicted.
         let middle = mean(samples);
         let centred: Vec<f64> = samples.iter().map(|x| x - middle).collect();
         let lag = |lag: usize| dot(&centred[lag..], &centred) / centred.len() as f64;
@@ -151,15 +157,17 @@ impl<'a> Errors<'a> {
         let mut predictor = vec![1.0];
         predictor.extend(step_up(&Prediction::levinson_durbin(&lags, ORDER).reflection));
         let backward: Vec<f64> = predictor.iter().rev().copied().collect();
-        let of_samples = sliding(&centred, &backward);
-        let squares: Vec<f64> = of_samples.iter().map(|e| e * e).collect();
+        let mut squares = sliding(&centred, &backward);
+        drop(centred);
+        squares.iter_mut().for_each(|error| *error *= *error);
         let energy = sliding(&squares, &[1.0; WINDOW]);
+        drop(squares);
         let median = upper_median(&energy)?;
         // If most windows are predicted exactly, nothing can be compared with them.
         (median > 0.0).then_some(Self {
             axis,
+            middle,
             predictor,
-            of_samples,
             energy,
             median,
         })
@@ -168,6 +176,14 @@ impl<'a> Errors<'a> {
     /// Order of the predictor.
     fn order(&self) -> usize {
         self.predictor.len() - 1
+    }
+
+    /// Returns the prediction errors in this range, of which the first is that of the p-th sample.
+    fn of_samples(&self, range: Range<usize>) -> Vec<f64> {
+        let samples = &self.axis.samples[range.start..range.end + self.order()];
+        let centred: Vec<f64> = samples.iter().map(|x| x - self.middle).collect();
+        let backward: Vec<f64> = self.predictor.iter().rev().copied().collect();
+        sliding(&centred, &backward)
     }
 
     /// Returns, for each window, true if an event is near.
@@ -227,7 +243,10 @@ impl<'a> Errors<'a> {
     /// Returns the samples that must be left out around the window `at` so that no energy is above `rest`; `None` if
     /// they are too few or too many for a burst, or if their surroundings are loud.
     fn left_out(&self, at: usize, rest: f64) -> Option<Left> {
-        let errors = &self.of_samples;
+        let begin = at.saturating_sub(AROUND);
+        let end = (at + WINDOW + AROUND).min(self.axis.samples.len() - self.order());
+        let errors = self.of_samples(begin..end);
+        let at = at - begin;
         // Two such errors in a window would exceed `rest`.
         let is_large = |index: &usize| 2.0 * errors[*index] * errors[*index] > rest;
         let largest = (at..at + WINDOW).max_by(|&a, &b| errors[a].abs().total_cmp(&errors[b].abs()))?;
@@ -248,23 +267,23 @@ impl<'a> Errors<'a> {
         // An error lasts as long as the burst is within the reach of the predictor.
         let least = (last + 1 - first).saturating_sub(self.order()).max(1);
         let (count, whiteness) =
-            (least..=LONGEST).find_map(|count| Some((count, self.whiteness(first, count, rest)?)))?;
+            (least..=LONGEST).find_map(|count| Some((count, self.whiteness(&errors, first, count, rest)?)))?;
         let left = Left {
-            first: first + self.order(),
+            first: begin + first + self.order(),
             count,
             whiteness,
         };
         (count >= SHORTEST && self.is_calm_around(&left)).then_some(left)
     }
 
-    /// Returns the whiteness of `count` samples that cause errors from the index `first` on; `None` if an energy is
+    /// Returns the whiteness of `count` samples that cause `errors` from the index `first` on; `None` if an energy is
     /// still above `rest` without these samples.
     ///
     /// When they are left out, the errors become e - a∗d, where d, the deviation of the samples, is chosen for the
     /// least energy (Janssen, Veldhuis, Vries, IEEE ASSP 34, 1986). White d have on average the energy Σa² Σd².
-    fn whiteness(&self, first: usize, count: usize, rest: f64) -> Option<f64> {
+    fn whiteness(&self, errors: &[f64], first: usize, count: usize, rest: f64) -> Option<f64> {
         let (a, p) = (&self.predictor, self.order());
-        let errors = self.of_samples.get(first..first + count + p)?;
+        let errors = errors.get(first..first + count + p)?;
         // Beyond the predictor's order, its correlation is zero.
         let lag = |lag: usize| dot(&a[lag.min(p + 1)..], a);
         let lags: Vec<f64> = (0..count).map(lag).collect();
@@ -282,8 +301,7 @@ impl<'a> Errors<'a> {
 
     /// Returns whether the samples on either side are not loud.
     fn is_calm_around(&self, left: &Left) -> bool {
-        let samples = self.axis.samples;
-        let middle = mean(samples);
+        let (samples, middle) = (self.axis.samples, self.middle);
         let (before, after) = (left.first, left.first + left.count);
         let sides = [
             &samples[before.saturating_sub(SHOULDER)..before],
