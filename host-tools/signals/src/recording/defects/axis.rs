@@ -20,8 +20,8 @@ pub(super) struct Axis<'a> {
     /// Difference up to which two samples count as equal at a limit, because round-off from a gain or an offset makes a
     /// clipped top not exactly flat.
     pub tolerance: f64,
-    /// Indices, ascending, of the samples that are within the tolerance of the lowest or the highest. They may be nearly
-    /// all, so that they are kept in 32 bits, which hold the length of any recording.
+    /// Indices, ascending, of the samples that are within the tolerance of the lowest or the highest. They may be
+    /// nearly all, so that they are kept in 32 bits, which hold the length of any recording.
     pub at_limits: Vec<u32>,
     /// Smallest step between neighbours that is not zero; infinity if there is none.
     pub least_step: f64,
