@@ -17,7 +17,7 @@ pub const MOST_MOTION: (f64, f64) = (1e6, 1e9);
 
 /// A message of the mover.
 #[derive(Clone, Copy, Debug)]
-pub enum Told {
+pub enum MoverMessage {
     /// The motion of the next block.
     Block(BlockMotion),
     /// A place at a time of the caller's clock, s; the speed follows from the previous place.
@@ -28,7 +28,7 @@ pub enum Told {
     },
 }
 
-impl Told {
+impl MoverMessage {
     /// Returns the words for the mailbox. A place has NaN as its speed, and its time in place of a block's end.
     pub fn words(self) -> Words<BLOCK_NUMBERS> {
         let motion = match self {
@@ -106,7 +106,7 @@ impl Follower {
     /// the tool returns.
     pub fn next_block(&mut self, moves: &Moves, last_s: f64) -> BlockMotion {
         if let Some((ticket, words)) = moves.newer_than(self.taken) {
-            let motion = self.motion_of(Told::of_words(words), last_s);
+            let motion = self.motion_of(MoverMessage::of_words(words), last_s);
             // The positions were those of one block. In later blocks the speed alone moves the tool.
             let (begin_mm, end_mm) = (f64::NAN, f64::NAN);
             self.held = BlockMotion {
@@ -135,13 +135,13 @@ impl Follower {
         self.is_over
     }
 
-    fn motion_of(&mut self, told: Told, last_s: f64) -> BlockMotion {
+    fn motion_of(&mut self, told: MoverMessage, last_s: f64) -> BlockMotion {
         let (time_s, position_mm, force_n) = match told {
-            Told::Block(motion) => {
+            MoverMessage::Block(motion) => {
                 self.place = None;
                 return motion;
             }
-            Told::Place {
+            MoverMessage::Place {
                 time_s,
                 position_mm,
                 force_n,
@@ -179,7 +179,7 @@ mod tests {
             let mut motion = BlockMotion::new(0.0, 0.0);
             for step in 0..10 {
                 let time_s = 1e3 + f64::from(step) * step_s;
-                let place = Told::Place {
+                let place = MoverMessage::Place {
                     time_s,
                     position_mm: -120.0 * time_s,
                     force_n: 0.5,
@@ -199,7 +199,7 @@ mod tests {
         let mut speed_at = |time_s: f64, position_mm| {
             let force_n = 0.5;
             moves.put(
-                Told::Place {
+                MoverMessage::Place {
                     time_s,
                     position_mm,
                     force_n,

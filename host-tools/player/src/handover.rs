@@ -61,9 +61,9 @@ mod tests {
     use super::*;
 
     /// A value that reports the thread in which it is dropped.
-    struct Told(std::sync::mpsc::Sender<ThreadId>);
+    struct TellsItsEnd(std::sync::mpsc::Sender<ThreadId>);
 
-    impl Drop for Told {
+    impl Drop for TellsItsEnd {
         fn drop(&mut self) {
             // Nobody listens after the test.
             let _ = self.0.send(thread::current().id());
@@ -75,7 +75,7 @@ mod tests {
         let (sender, dropped) = std::sync::mpsc::channel();
         let handover = Arc::new(Handover::new());
         let theirs = Arc::clone(&handover);
-        handover.give(Told(sender.clone()));
+        handover.give(TellsItsEnd(sender.clone()));
         // The filler returns several values before the mover gives the next one.
         thread::spawn(move || {
             for _ in 0..3 {
@@ -83,7 +83,7 @@ mod tests {
                     theirs.give_back(taken);
                 }
                 theirs.give_back(Box::new(Given {
-                    it: Told(sender.clone()),
+                    it: TellsItsEnd(sender.clone()),
                     before: None,
                 }));
             }
@@ -92,7 +92,7 @@ mod tests {
         .expect("it does not panic");
         assert_eq!(dropped.try_iter().count(), 0);
         let (unheard, _) = std::sync::mpsc::channel();
-        handover.give(Told(unheard));
+        handover.give(TellsItsEnd(unheard));
         let threads: Vec<ThreadId> = dropped.try_iter().collect();
         assert_eq!(threads, [thread::current().id(); 4]);
     }

@@ -8,7 +8,7 @@ use model_format::{OutputSample, PlayRate};
 use stylus_kernel::update_interval_samples;
 
 use crate::choice::{ChoiceError, Selection, Without, plan_of};
-use crate::follow::{Follower, HELD_BLOCKS, MOST_MOTION, Moves, Told};
+use crate::follow::{Follower, HELD_BLOCKS, MOST_MOTION, MoverMessage, Moves};
 use crate::handover::{Given, Handover};
 use crate::library::SharedLibrary;
 use crate::motion::BlockMotion;
@@ -152,7 +152,7 @@ impl Mover {
     /// Moves by `motion` in the next block, and continues at its speed in the blocks after it.
     pub fn follow(&self, motion: BlockMotion) -> Result<(), Fault> {
         checked(&motion)?;
-        self.shared.moves.put(Told::Block(motion).words());
+        self.shared.moves.put(MoverMessage::Block(motion).words());
         Ok(())
     }
 
@@ -170,7 +170,7 @@ impl Mover {
             let problem = "the time or the position is not finite: give them in s and mm";
             return Err(Fault::Motion(problem));
         }
-        let told = Told::Place {
+        let told = MoverMessage::Place {
             time_s,
             position_mm,
             force_n,

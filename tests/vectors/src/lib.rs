@@ -27,4 +27,4 @@ pub use job::Libraries;
 pub use library::{COUNTED_ORDERS, DIGESTED, counted_library, counted_texture, digest_library, library, specs};
 pub use path::{COUNTED_UPDATES, PATH_UPDATES, counted_motion, motion};
 pub use play::{PlayError, run};
-pub use textures::{MEASURED, Measured, VECTORS, Vector};
+pub use textures::{COST_BUDGETS, CostBudget, VECTORS, Vector};

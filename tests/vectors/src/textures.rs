@@ -58,9 +58,9 @@ pub const VECTORS: [Vector; 14] = [
     Vector::new("lattice, snippets", 26),
 ];
 
-/// A texture whose cost is measured.
+/// The largest costs that a texture may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Measured {
+pub struct CostBudget {
     /// Name of the texture in the library. The texture's highest order is the limit, 400.
     pub texture: &'static str,
     /// Largest number of instructions that one sample may take.
@@ -71,33 +71,33 @@ pub struct Measured {
 
 /// One texture for each path through the kernel, with the largest costs of a sample and of an update on a Cortex-M4 or
 /// M7.
-pub const MEASURED: [Measured; 6] = [
-    Measured {
+pub const COST_BUDGETS: [CostBudget; 6] = [
+    CostBudget {
         texture: "lattice",
         budget_instructions: 4800,
         update_budget_instructions: 10_000,
     },
-    Measured {
+    CostBudget {
         texture: "fine lattice, mean dB",
         budget_instructions: 5100,
         update_budget_instructions: 11_000,
     },
-    Measured {
+    CostBudget {
         texture: "compact lattice, mean dB",
         budget_instructions: 5100,
         update_budget_instructions: 12_000,
     },
-    Measured {
+    CostBudget {
         texture: "lattice, four lines",
         budget_instructions: 5300,
         update_budget_instructions: 12_500,
     },
-    Measured {
+    CostBudget {
         texture: "lattice, four lines that wander",
         budget_instructions: 5300,
         update_budget_instructions: 16_000,
     },
-    Measured {
+    CostBudget {
         texture: "lattice, snippets",
         budget_instructions: 5100,
         update_budget_instructions: 13_500,

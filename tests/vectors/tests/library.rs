@@ -1,6 +1,8 @@
 //! Properties that the test textures need for the comparison of bits to be meaningful.
 
-use kernel_vectors::{DIGESTED, MEASURED, PATH_UPDATES, VECTORS, Vector, digest_library, edges, library, motion, run};
+use kernel_vectors::{
+    COST_BUDGETS, DIGESTED, PATH_UPDATES, VECTORS, Vector, digest_library, edges, library, motion, run,
+};
 use model_format::limits::MAX_ORDER;
 use model_format::{Library, OutputSample, Texture};
 use stylus_kernel::arithmetic::Portable;
@@ -28,7 +30,7 @@ fn the_library_holds_every_vector_and_nothing_else() {
 fn every_measured_texture_is_of_the_highest_order() {
     let bytes = library();
     let library = Library::decode(&bytes).expect("the library is valid");
-    for measured in MEASURED {
+    for measured in COST_BUDGETS {
         let texture = library.texture(measured.texture).expect("it is there");
         assert_eq!(texture.max_order(), MAX_ORDER, "{}", measured.texture);
     }

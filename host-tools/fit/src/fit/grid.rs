@@ -38,7 +38,7 @@ pub(super) struct Member<'a> {
 }
 
 /// The model of all trials of one node.
-struct Measured {
+struct NodeFit {
     model: Model,
     miss: Option<BandLevel>,
     loud: Vec<LoudTrial>,
@@ -88,8 +88,8 @@ pub(super) fn assemble(
         let force = place(&forces_n, member.trial.force_n);
         cells[speed * forces_n.len() + force].push(member);
     }
-    let measured: Vec<Option<Measured>> = cells.par_iter().map(|cell| measured_model(cell, options)).collect();
-    let miss = |(index, node): (usize, &Option<Measured>)| {
+    let measured: Vec<Option<NodeFit>> = cells.par_iter().map(|cell| measured_model(cell, options)).collect();
+    let miss = |(index, node): (usize, &Option<NodeFit>)| {
         Some(Miss {
             speed_mm_s: speeds_mm_s[index / forces_n.len()],
             force_n: forces_n[index % forces_n.len()],
@@ -160,7 +160,7 @@ pub(super) fn place(axis: &[f32], value: f64) -> usize {
 }
 
 /// Returns the model of all trials of a node; `None` if there is no trial.
-fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
+fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<NodeFit> {
     let doubtful = |member: &Member<'_>| !member.analysis.is_silent() && member.report.is_doubtful();
     // Silence is a finding, too, but leaves no doubt about the node.
     let mut flags = NodeFlags::NONE;
@@ -173,7 +173,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
         return None;
     }
     if heard.is_empty() {
-        return Some(Measured {
+        return Some(NodeFit {
             model: Model::silent(),
             miss: None,
             loud: Vec::new(),
@@ -205,7 +205,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
         ..model_of(lags, &recorded, samples, options.order)
     };
     let miss = recorded.missed_by(&model, samples, NOTABLE_MISS_DB);
-    Some(Measured { model, miss, loud })
+    Some(NodeFit { model, miss, loud })
 }
 
 /// Returns the factor with which each power of a node's trials counts. It is 1, except for a trial that is far louder

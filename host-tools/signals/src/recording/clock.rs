@@ -26,7 +26,7 @@ use crate::support::error::{Error, Result};
 const NEAR_RATE: f64 = 0.2;
 
 /// Facts about a file's times, in addition to the times themselves.
-pub(super) struct Told<'a> {
+pub(super) struct TimeFacts<'a> {
     /// Name of the column of times.
     pub column: &'a str,
     /// Unit of the times, if it was given or is in the column's name.
@@ -45,7 +45,7 @@ pub(super) struct Told<'a> {
 /// line is at fault, the error states it. With a given rate, such samples are evenly spaced at it instead.
 pub(super) fn source(
     table: &CsvTable,
-    told: &Told<'_>,
+    told: &TimeFacts<'_>,
     times: Vec<f64>,
     mut channels: Vec<Vec<f64>>,
     cut: &Cut,
@@ -82,7 +82,7 @@ fn is_sampled(channels: &[Vec<f64>], row: usize) -> bool {
     channels.iter().all(|axis| axis[row].is_finite())
 }
 
-impl Told<'_> {
+impl TimeFacts<'_> {
     /// Returns the unit of `times`, and true if no name or option states it and it is not seconds.
     fn unit_of(&self, times: &[f64]) -> (TimeUnit, bool) {
         if let Some(unit) = self.unit {
@@ -116,7 +116,7 @@ struct Layout {
 /// Times of a file in their unit, which do not fall.
 struct Stamps<'a> {
     table: &'a CsvTable,
-    told: &'a Told<'a>,
+    told: &'a TimeFacts<'a>,
     times: Vec<f64>,
     unit: TimeUnit,
     is_guess: bool,
@@ -127,7 +127,7 @@ struct Stamps<'a> {
 
 impl<'a> Stamps<'a> {
     /// Returns the times in the order in which samples were taken.
-    fn of(table: &'a CsvTable, told: &'a Told<'a>, times: Vec<f64>) -> Result<Self> {
+    fn of(table: &'a CsvTable, told: &'a TimeFacts<'a>, times: Vec<f64>) -> Result<Self> {
         if times.len() < 2 {
             let problem = match times[..] {
                 [] => "holds no samples",
@@ -486,8 +486,8 @@ mod tests {
         CsvTable::of(Path::new("a.csv"), text).unwrap()
     }
 
-    fn told() -> Told<'static> {
-        Told {
+    fn told() -> TimeFacts<'static> {
+        TimeFacts {
             column: "time_s",
             unit: None,
             is_even: false,
@@ -500,7 +500,7 @@ mod tests {
     }
 
     /// Samples of a slow tone at `times`, s. The times are written multiplied by `factor`.
-    fn of(times: &[f64], factor: f64, told: &Told<'_>, cut: &Cut) -> Result<Source> {
+    fn of(times: &[f64], factor: f64, told: &TimeFacts<'_>, cut: &Cut) -> Result<Source> {
         let written: Vec<f64> = times.iter().map(|time| time * factor).collect();
         let channels = vec![times.iter().map(|time| tone(*time)).collect()];
         source(&table(&written), told, written, channels, cut)
@@ -576,7 +576,7 @@ mod tests {
                     holds(&fault, &words.each_ref().map(String::as_str));
                 }
             }
-            let found = of(&times, factor, &Told { is_even: true, ..told() }, &ALL).unwrap();
+            let found = of(&times, factor, &TimeFacts { is_even: true, ..told() }, &ALL).unwrap();
             near(found.rate.hz(), 2000.0, 2.0);
             prop_assert_eq!(found.channels[0].len(), times.len());
             prop_assert_eq!(found.times_s, None);
@@ -605,7 +605,7 @@ mod tests {
             // A loss that is shorter than the digits is not always seen.
             let is_seen = rate_hz < 2000.0 || digits > 3;
             prop_assert!(missing == single.len() || !is_seen && missing < single.len(), "{} {}", missing, single.len());
-            let even = source(&table(&times), &Told { is_even: true, ..told() }, times.clone(), vec![channel], &ALL);
+            let even = source(&table(&times), &TimeFacts { is_even: true, ..told() }, times.clone(), vec![channel], &ALL);
             near(even.unwrap().rate.hz(), rate_hz, 2e-3 * rate_hz);
         }
     }
@@ -648,13 +648,13 @@ mod tests {
         ] {
             // All values differ, so that no row occurs twice.
             let channels = || vec![(0..times.len()).map(|n| n as f64).collect()];
-            let seconds = Told {
+            let seconds = TimeFacts {
                 unit: Some(TimeUnit::S),
                 ..told()
             };
             let fault = source(&table(times), &seconds, times.to_vec(), channels(), &ALL).unwrap_err();
             holds(&fault, &[word]);
-            let given = Told {
+            let given = TimeFacts {
                 rate: SampleRate::new(800.0, "").ok(),
                 ..seconds
             };
@@ -671,7 +671,7 @@ mod tests {
             let factor = unit.per_second();
             for (told, rate_hz, guessed) in [
                 (
-                    Told {
+                    TimeFacts {
                         unit: Some(unit),
                         ..told()
                     },
@@ -679,7 +679,7 @@ mod tests {
                     None,
                 ),
                 (
-                    Told {
+                    TimeFacts {
                         rate: SampleRate::new(1550.0, "").ok(),
                         ..told()
                     },
@@ -695,7 +695,7 @@ mod tests {
                 assert_eq!(found.times_s, None, "{unit:?}");
             }
         }
-        let wrong = Told {
+        let wrong = TimeFacts {
             unit: Some(TimeUnit::S),
             ..told()
         };

@@ -2,7 +2,7 @@
 //! Columns whose names show that they do not contain an axis are left out.
 
 use super::axes::{self, LeftOut};
-use super::clock::{self, Told};
+use super::clock::{self, TimeFacts};
 use super::kind::remedy;
 use super::rate::{MAX_CHANNELS, SampleRate, length_fault, most_frames};
 use super::source::{Cut, Source};
@@ -83,7 +83,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, told_hz: Option<f64>, 
     let channels = axes.iter().map(|&index| std::mem::take(&mut columns.values[index]));
     let channels = channels.collect();
     let source = if let (Some(time), Some(times)) = (time, times) {
-        let told = Told {
+        let told = TimeFacts {
             column: &time.name,
             unit: trial.time_unit.or(time.unit),
             is_even: trial.has_even_times.unwrap_or(false),

@@ -17,7 +17,7 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::job::Job;
 use kernel_vectors::{
-    COUNTED_UPDATES, MEASURED, Measured, PATH_UPDATES, VECTORS, counted_motion, edges, motion, report, run,
+    COST_BUDGETS, COUNTED_UPDATES, CostBudget, PATH_UPDATES, VECTORS, counted_motion, edges, motion, report, run,
 };
 use model_format::{Library, OutputSample, Texture};
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
@@ -50,8 +50,10 @@ fn main() -> ! {
             play::<Portable>(report::PORTABLE, &mut output);
             play::<CortexM>(report::CORTEX_M, &mut output);
             let library = Library::decode(LIBRARY).expect("the library is valid");
-            let texture = |measured: &Measured| library.texture(measured.texture);
-            let textures = MEASURED.iter().map(|measured| texture(measured).expect("it is there"));
+            let texture = |measured: &CostBudget| library.texture(measured.texture);
+            let textures = COST_BUDGETS
+                .iter()
+                .map(|measured| texture(measured).expect("it is there"));
             measure(textures, PATH_UPDATES, motion, &counter, &mut output);
         }
     }

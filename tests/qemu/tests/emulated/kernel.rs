@@ -6,7 +6,7 @@
 use std::sync::LazyLock;
 
 use kernel_vectors::job::Job;
-use kernel_vectors::{DIGESTED, MEASURED, digest_library, report as keyword};
+use kernel_vectors::{COST_BUDGETS, DIGESTED, digest_library, report as keyword};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::FEED;
 use tasks::compare::{self, EmulatorReport};
@@ -72,7 +72,7 @@ fn the_kernel_is_within_its_budget_and_a_sample_takes_the_same_instructions_what
 /// The largest budget of an update, which the test above holds.
 #[test]
 fn the_page_of_costs_says_what_an_update_takes_at_most() {
-    let budgets = MEASURED.iter().map(|own| own.update_budget_instructions);
+    let budgets = COST_BUDGETS.iter().map(|own| own.update_budget_instructions);
     let most = budgets.max().expect("some are measured");
     let words = format!("an update takes up to {} {:03} instructions", most / 1000, most % 1000);
     let page = include_str!("../../../../host-tools/manual/COSTS.md");

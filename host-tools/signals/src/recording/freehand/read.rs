@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::positions::{self, PositionColumn};
 use crate::recording::axes::LeftOut;
-use crate::recording::clock::{self, Told};
+use crate::recording::clock::{self, TimeFacts};
 use crate::recording::csv_file::{counts, is_no_value};
 use crate::recording::rate::length_fault;
 use crate::recording::time_unit::TimeColumn;
@@ -288,7 +288,7 @@ fn source(
     let rate = rate.transpose().map_err(|fault| Error::file(path, fault))?;
     let source = match (time, rate) {
         (Some(time), rate) => {
-            let told = Told {
+            let told = TimeFacts {
                 column: &time.name,
                 unit: time.unit,
                 is_even: false,
