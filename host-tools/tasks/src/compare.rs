@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use kernel_vectors::report::{self as keyword, ARITHMETICS};
-use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, library, run};
+use kernel_vectors::{COST_BUDGETS, PATH_UPDATES, VECTORS, edges, library, run};
 use stylus_kernel::arithmetic::Portable;
 
 use crate::guest::{self, Processor};
@@ -139,7 +139,7 @@ pub fn same_bits(processor: Processor, played: &[String], host: &[String]) -> Re
 /// # Errors
 /// The first texture that violates one of these conditions, or that was not measured often enough.
 pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
-    for measured in &MEASURED {
+    for measured in &COST_BUDGETS {
         let texture = measured.texture;
         for (what, costs, calls, budget) in [
             ("sample", &report.samples, MIN_CALLS, measured.budget_instructions),
@@ -201,17 +201,17 @@ mod tests {
     #[test]
     fn costs_that_vary_exceed_or_are_missing_are_refused() {
         let costs = |fewest, most, calls| {
-            let cost = move |measured: &kernel_vectors::Measured| Cost {
+            let cost = move |measured: &kernel_vectors::CostBudget| Cost {
                 texture: measured.texture.to_owned(),
                 fewest,
                 most,
                 calls,
             };
-            MEASURED.iter().map(cost).collect::<Vec<_>>()
+            COST_BUDGETS.iter().map(cost).collect::<Vec<_>>()
         };
         let calls = MIN_CALLS.max(PATH_UPDATES);
-        let samples = MEASURED.iter().map(|measured| measured.budget_instructions);
-        let updates = MEASURED.iter();
+        let samples = COST_BUDGETS.iter().map(|measured| measured.budget_instructions);
+        let updates = COST_BUDGETS.iter();
         let updates = updates.map(|measured| measured.update_budget_instructions);
         let [sample, update] = [samples.min(), updates.min()].map(|lowest| lowest.unwrap());
         for (samples, follows, holds) in [

@@ -5,9 +5,9 @@
 //! keeps its place, so that a snippet goes on with what follows the last snippet of its codebook: a wave that lasts
 //! longer than a snippet is played as it was recorded. After the codebook's end follows its beginning.
 //!
-//! A codebook goes on at a random place after half to three halves of its length, so that its passes do not repeat each
-//! other in one order. Such a place is not faded in. The excitation is white, and a joint of white noise is none: the
-//! filter's ringing makes the transition.
+//! A pass of a codebook plays each of its eight parts once, in a random order, and each pass divides it at other places.
+//! Nothing comes twice before all was played, and a hand that stays at one speed and force feels no period. A part is
+//! not faded in. The excitation is white, and a joint of white noise is none: the filter's ringing makes the transition.
 
 use model_format::limits::MAX_CODEBOOKS;
 use model_format::{Codebook, Excitation as Codebooks, SHARE_FRACTION_BITS};
@@ -21,6 +21,9 @@ use crate::grid::{GridPoint, ONE};
 /// Shortest and longest snippet, ms.
 const SHORTEST_MS: u32 = 120;
 const LONGEST_MS: u32 = 480;
+
+/// Parts of a codebook that a pass plays in a random order.
+const PARTS: u32 = u8::BITS;
 
 /// The state of the snippets.
 #[derive(Clone, Copy, Debug)]
@@ -38,8 +41,12 @@ pub(super) struct Snippets {
 struct Place {
     /// Index of the next sample.
     at: u32,
-    /// Samples until the codebook goes on at a random place.
+    /// Samples that are left of the part.
     left: u32,
+    /// Index of the sample at which the first part of this pass begins.
+    first: u32,
+    /// Parts that this pass has not played, a bit each.
+    unplayed: u8,
 }
 
 impl Snippets {
@@ -47,7 +54,7 @@ impl Snippets {
     pub const NONE: Self = Self {
         source: 0,
         left: 0,
-        places: [Place { at: 0, left: 0 }; MAX_CODEBOOKS],
+        places: [Place::NONE; MAX_CODEBOOKS],
     };
 
     /// Returns the next sample in steps of 2⁻²⁵, at most the highest peak.
@@ -76,12 +83,19 @@ impl Snippets {
 }
 
 impl Place {
+    /// No pass.
+    const NONE: Self = Self {
+        at: 0,
+        left: 0,
+        first: 0,
+        unplayed: 0,
+    };
+
     #[inline]
     fn next_sample(&mut self, codebook: &Codebook<'_>, draws: &mut Draws) -> i32 {
         let samples = codebook.samples() as u32;
         if self.left == 0 {
-            self.at = draws.below(samples);
-            self.left = samples / 2 + draws.below(samples);
+            self.begin_part(samples, draws);
         }
         self.left -= 1;
         let sample = value(codebook, self.at);
@@ -90,6 +104,24 @@ impl Place {
             self.at = 0;
         }
         sample
+    }
+
+    /// Begins a part that this pass has not played, or one of a new pass.
+    fn begin_part(&mut self, samples: u32, draws: &mut Draws) {
+        if self.unplayed == 0 {
+            self.unplayed = u8::MAX;
+            self.first = draws.below(samples);
+        }
+        let mut parts = self.unplayed;
+        for _ in 0..draws.below(parts.count_ones()) {
+            // Clears the lowest bit that is set.
+            parts &= parts.wrapping_sub(1);
+        }
+        let part = parts.trailing_zeros();
+        self.unplayed &= !(1 << part);
+        let [begin, end] = [part, part + 1].map(|part| part * samples / PARTS);
+        self.at = (self.first + begin) % samples;
+        self.left = end - begin;
     }
 }
 

@@ -192,7 +192,7 @@ fn a_fed_texture_has_the_level_of_its_node() {
 
 /// The magnitude of each sample shows its block, and that it is none of the noise of the other nodes.
 #[test]
-fn snippets_go_on_where_their_codebook_was_left_and_it_jumps_once_per_pass() {
+fn snippets_go_on_where_their_codebook_was_left() {
     const BLOCKS: usize = 30;
     const PASSES: usize = 160;
     let pass = BLOCKS * BLOCK_SAMPLES;
@@ -226,11 +226,40 @@ fn snippets_go_on_where_their_codebook_was_left_and_it_jumps_once_per_pass() {
     let is_jump = |pair: &[usize]| pair[1] != pair[0] && pair[1] != (pair[0] + 1) % BLOCKS;
     let jumps: Vec<usize> = (1..own.len()).filter(|&n| is_jump(&own[n - 1..=n])).collect();
     let apart = jumps.windows(2).map(|pair| pair[1] - pair[0]);
-    // Two of thirty places are those that would follow anyway.
-    assert!(jumps.len().abs_diff(own.len() / pass) <= PASSES / 13, "{}", jumps.len());
-    assert!(apart.min().unwrap() + 20 >= pass / 2);
+    // Of a pass's eight joints, one leads to the part that follows anyway.
+    let expected = own.len() * 7 / pass;
+    let count = jumps.len();
+    assert!(count.abs_diff(expected) <= expected / 20, "{count} of {expected}");
+    assert!(apart.min().unwrap() + 20 >= pass / 8);
     let share = |block: usize| own.iter().filter(|&&n| n == block).count() * BLOCKS;
     assert!((0..BLOCKS).all(|block| (0.5..1.5).contains(&(share(block) as f64 / own.len() as f64))));
+}
+
+#[test]
+fn each_pass_plays_every_sample_once_in_an_order_of_its_own() {
+    let codebook = impulsive(4096);
+    let sorted = |pass: &[f64]| {
+        let mut pass = pass.to_vec();
+        pass.sort_by(f64::total_cmp);
+        pass
+    };
+    let all = sorted(&values(&codebook));
+    let bytes = bare_of(vec![codebook], [1; 4]);
+    let signal: Vec<f64> = excitation(&texture(&bytes), 7).take(50 * all.len()).collect();
+    let passes: Vec<&[f64]> = signal.chunks(all.len()).collect();
+    for (n, pass) in passes.iter().enumerate() {
+        let off = sorted(pass)
+            .iter()
+            .zip(&all)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(off < 1e-6, "pass {n}: {off}");
+        // Independent orders share an eighth of their places in the mean.
+        for other in &passes[..n] {
+            let same = other.iter().zip(*pass).filter(|(a, b)| a == b).count();
+            assert!(same < all.len() * 3 / 4, "pass {n}: {same}");
+        }
+    }
 }
 
 /// Plays 20 minutes, in blocks of several passes of a codebook, which are independent.
