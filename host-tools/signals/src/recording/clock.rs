@@ -605,7 +605,8 @@ mod tests {
             // A loss that is shorter than the digits is not always seen.
             let is_seen = rate_hz < 2000.0 || digits > 3;
             prop_assert!(missing == single.len() || !is_seen && missing < single.len(), "{} {}", missing, single.len());
-            let even = source(&table(&times), &TimeFacts { is_even: true, ..told() }, times.clone(), vec![channel], &ALL);
+            let is_even = TimeFacts { is_even: true, ..told() };
+            let even = source(&table(&times), &is_even, times.clone(), vec![channel], &ALL);
             near(even.unwrap().rate.hz(), rate_hz, 2e-3 * rate_hz);
         }
     }

@@ -2,6 +2,7 @@
 //! pages, and build nothing.
 
 mod code;
+mod lengths;
 mod pages;
 pub(crate) mod tree;
 
@@ -30,6 +31,7 @@ fn check_tree(tree: &Tree) -> Findings {
     let mut findings = Findings::default();
     code::check(tree, &mut findings);
     pages::check(tree, &mut findings);
+    lengths::check(tree, &mut findings);
     findings
 }
 
@@ -48,10 +50,13 @@ mod tests {
     #[test]
     fn each_departure_is_found_with_its_place() {
         let scene = ("host-tools/scene.rs", "pub struct Scene;");
+        let long = format!("\n// {}é", "word ".repeat(24));
         for (path, text, expected) in [
             ("a.md", "\nSee `host-tools/a.rs`.", "2: 'host-tools/a.rs'"),
             ("host-tools/a.md", "\n[a](../b.md)", "2: '../b.md'"),
             ("a.md", "\n[`no`](host-tools/scene.rs)", "2: 'no'"),
+            ("a.md", &long, "2: more than 120"),
+            ("a.rs", &long, "2: more than 120"),
         ] {
             let found = found(&[scene, (path, text)]);
             let expected = format!("{path}:{expected}");
