@@ -182,6 +182,18 @@ fn what_is_not_read_is_refused_with_the_way_to_what_is() {
             "the columns of the settings",
         ),
         ("b.csv", "t\0,\0x\0\n\0", "UTF-16 without a mark"),
+        ("b.csv", "t,x\r0,1\r1,2\r", "an old Macintosh's"),
+        ("b.csv", "t,x\n0,1.5D+00\n1,2.5D+00\n", "E in place of D"),
+        (
+            "b.csv",
+            "t,x\n0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n6,7\n7,8\nt,x\n8,9\n",
+            "names stand between the rows",
+        ),
+        (
+            "b.csv",
+            "{\"t\":0,\"x\":1,\"y\":2}\n{\"t\":1,\"x\":2,\"y\":3}\n",
+            "it is JSON",
+        ),
     ] {
         bench.write(file, content);
         let refused = bench.refuse(&format!("fit {file} --speed 100 --force 1 --out a.lib"));

@@ -61,7 +61,7 @@ pub(super) fn conversion(ending: &str) -> String {
 
 /// Files and names that are refused, by a sign in the refusal, the line that it names, or the first lines, which follow
 /// one another; and what they are, with the remedy.
-const SIGNS: [(&str, &str); 15] = [
+const SIGNS: [(&str, &str); 18] = [
     (
         "[ -~]\0[ -~]\0[ -~]\0",
         "it is UTF-16 without a mark at its beginning: save it as UTF-8",
@@ -93,6 +93,18 @@ const SIGNS: [(&str, &str); 15] = [
         "its labels have a space after the colon: write them without it, as x:0.1, and no unit behind the numbers",
     ),
     (
+        "\r[^\n]",
+        "its lines end as an old Macintosh's: save it as CSV UTF-8, or `tr '\\r' '\\n' <FILE >OUT` converts it",
+    ),
+    (
+        "^line [0-9]+: '[-+0-9.]+[dD][-+0-9]",
+        "Fortran wrote its exponents with D: write E in place of D",
+    ),
+    (
+        "^line [0-9]{2,}: '[A-Za-z_].* is not a number",
+        "names stand between the rows, as in files that were joined: remove this line",
+    ),
+    (
         "^line [0-9]+: .*\n.*[A-Za-z]{3}.*[(:]",
         "text stands between the rows, as of a board that started again: remove this line",
     ),
@@ -111,7 +123,7 @@ const SIGNS: [(&str, &str); 15] = [
     ("[0-9]p[0-9]+.*'$", "a number has a point: rename 0p5 to 0.5"),
     ("(?s)^line 1: .*\0", "it is no text: export its samples as .csv"),
     (
-        "(?i)^line 1: .*\n *[{\\[]",
+        "(?im)^line 1: .*\n *[{\\[]|^ *[{\\[] *[\"{\\[]",
         "it is JSON, and no table: save its samples as .csv",
     ),
     ("(?i)not UTF-8", "if it is no text, export its samples as .csv"),

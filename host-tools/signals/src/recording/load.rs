@@ -164,12 +164,16 @@ fn named_alike(path: &Path) -> Option<String> {
     })
 }
 
-/// Removes the channels that repeat the first, as of a microphone in a stereo file, and says so. Constant ones stay, as
-/// dead axes.
+/// Removes the channels that repeat the first, inverted or not, as of a microphone in a stereo file, and says so.
+/// Constant ones stay, as dead axes.
 fn without_repeated(axes: &mut Vec<Vec<f64>>) -> Option<String> {
     let (first, others) = axes.split_first()?;
     let is_constant = first.iter().all(|sample| sample.to_bits() == first[0].to_bits());
-    let is_new: Vec<bool> = others.iter().map(|axis| is_constant || axis != first).collect();
+    let is_inverse = |axis: &[f64]| axis.iter().zip(first).all(|(a, b)| *a == -b);
+    let is_new = others
+        .iter()
+        .map(|axis| is_constant || axis != first && !is_inverse(axis));
+    let is_new: Vec<bool> = is_new.collect();
     let count = is_new.iter().filter(|is_new| !**is_new).count();
     let mut kept = std::iter::once(true).chain(is_new);
     axes.retain(|_| kept.next() == Some(true));
@@ -366,6 +370,7 @@ mod tests {
         for (axes, left) in [
             (vec![one.clone(), one.clone()], vec![&one]),
             (vec![one.clone(), other.clone(), one.clone()], vec![&one, &other]),
+            (vec![one.clone(), one.iter().map(|x| -x).collect()], vec![&one]),
             (vec![one.clone(), other.clone()], vec![&one, &other]),
             (vec![vec![0.0; 3]; 2], vec![&vec![0.0; 3]; 2]),
         ] {

@@ -26,6 +26,9 @@ const QUIET_PARTS: usize = 20;
 /// Number of parts at an end of a quiet run, inside the trial, in which a hand may start or end: 0.1 s.
 const QUIET_ENDS: usize = 5;
 
+/// Least number of parts between these ends that must be steady: 0.2 s.
+const STEADY_PARTS: usize = 10;
+
 /// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
 /// 0.6 dB.
 const QUIET_SPREAD_DB: f64 = 1.3;
@@ -118,7 +121,7 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
         } else {
             run.end
         };
-        let is_steady = |part: Span| part.len() >= QUIET_PARTS && spread(&levels[part]) < QUIET_SPREAD_DB;
+        let is_steady = |part: Span| part.len() >= STEADY_PARTS && spread(&levels[part]) < QUIET_SPREAD_DB;
         if is_steady(run.clone()) || is_steady(start..end) {
             spans.push(run);
         }
@@ -282,10 +285,11 @@ mod tests {
     #[test]
     fn rests_of_a_noisy_sensor_are_found_at_both_ends_and_between_strokes() {
         let sensor = bounded_noise(2);
-        for (rests, starts_with, within) in [
-            ([0..2600, 7300..10_000], true, 1000.0),
-            ([0..0, 3500..6500], false, 1000.0),
-            ([0..0, 3900..6100], false, 1.0),
+        for (rests, starts_with, within, noise) in [
+            ([0..2600, 7300..10_000], true, 1000.0, 0.05),
+            ([0..0, 3500..6500], false, 1000.0, 0.05),
+            ([0..0, 3900..6100], false, 1.0, 0.05),
+            ([0..0, 4000..6000], false, 250.0, 0.005),
         ] {
             let slowed = bounded_noise(1).into_iter().enumerate().map(|(n, x)| {
                 let away = rests.iter().map(|rest| {
@@ -297,7 +301,7 @@ mod tests {
                 });
                 x * (away.min().unwrap_or(0) as f64 / within).min(1.0)
             });
-            let signal = slowed.zip(&sensor).map(|(x, noise)| x + 0.05 * noise).collect();
+            let signal = slowed.zip(&sensor).map(|(x, own)| x + noise * own).collect();
             let found = verdicts(&[signal]);
             let spans = found
                 .iter()
