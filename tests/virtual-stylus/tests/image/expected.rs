@@ -49,8 +49,6 @@ pub struct ExpectedPlay<'a> {
     pub plan: Plan<'a>,
     pub follower: Follower,
     pub seed: u64,
-    /// The plan that replaces `plan`, its follower, and the first tick whose update knows of the change.
-    pub switch: Option<(u64, Plan<'a>, Follower)>,
 }
 
 impl<'a> ExpectedPlay<'a> {
@@ -60,7 +58,6 @@ impl<'a> ExpectedPlay<'a> {
             follower: Follower::new(false).tracking(plan.has_lines()),
             plan,
             seed,
-            switch: None,
         }
     }
 
@@ -69,7 +66,6 @@ impl<'a> ExpectedPlay<'a> {
             follower: Follower::new(true).tracking(plan.has_lines()),
             plan,
             seed,
-            switch: None,
         }
     }
 }
@@ -94,7 +90,6 @@ fn samples(heard: &ExpectedPlay<'_>, recorded: &Recorded, play: u64) -> Vec<mode
     let config = InputConfig::new(&Settings::default());
     let mut player: ScenePlayer<'_> = ScenePlayer::new(heard.plan.clone(), heard.seed);
     let mut follower = heard.follower;
-    let mut switch = heard.switch.clone();
     let block = heard.plan.block_samples();
     let mut samples = vec![model_format::OutputSample::SILENCE; block as usize];
     let mut estimator = Estimator::new();
@@ -102,10 +97,6 @@ fn samples(heard: &ExpectedPlay<'_>, recorded: &Recorded, play: u64) -> Vec<mode
         let motion = estimator.motion(&sensors, &config);
         if tick < play {
             continue;
-        }
-        if let Some((_, plan, next)) = switch.take_if(|(known, ..)| tick >= *known) {
-            player.switch(plan);
-            follower = next;
         }
         let interaction = follower.follow(motion, &estimator, &config, tick);
         player.at_tick(tick + u64::from(UPDATE_LEAD_TICKS));
@@ -170,7 +161,7 @@ impl<'a> Output<'a> {
 pub const BEFORE_FIRST_TICK: usize = 17;
 
 /// Checks the instants of the codes at the output, and returns the codes of each tick, from the first tick on.
-pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
+fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
     let outputs = device.triggered();
     assert_even(&outputs);
     let codes: Vec<u16> = (outputs[BEFORE_FIRST_TICK..].iter())
@@ -197,14 +188,8 @@ impl Compared {
         self.recorded.first_tick + self.recorded.samples.len() as u64
     }
 
-    /// Returns the first tick whose codes differ from the output of `heard` with the beginning `began`. If the image is
-    /// right, that is the end of the recording. Ticks before the request are not compared.
-    pub fn explained_from(&self, heard: &ExpectedPlay<'_>, began: Began) -> u64 {
-        let played = samples(heard, &self.recorded, began.play);
-        Output::of(heard, self).equal_until(&played, began)
-    }
-
-    /// Returns the beginning for which [`Compared::explained_from`] is latest, and the tick that it returns.
+    /// Returns the first tick whose codes differ from the output of `heard`, and the beginning for which that is latest.
+    /// If the image is right, that is the end of the recording. Ticks before the request are not compared.
     pub fn explained(&self, heard: &ExpectedPlay<'_>) -> (Began, u64) {
         let mut codes = (1u64..).zip(&self.codes);
         let first_heard = codes.find(|&(tick, codes)| tick >= self.asked && *codes != [MID_SCALE; CODES]);

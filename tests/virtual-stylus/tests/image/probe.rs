@@ -104,7 +104,6 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
         plan,
         follower: Follower::new(false),
         seed: 0,
-        switch: None,
     };
     let (began, same_until) = compared.explained(&heard);
     // The reference continues to play, so its codes differ from the mute at the probe's end.

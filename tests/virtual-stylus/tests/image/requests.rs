@@ -284,7 +284,7 @@ pub fn play_request(texture: &str, seed: u64) -> PlayRequest {
 }
 
 /// A request to play a scene that follows the sensors.
-pub fn scene_request(scene: &str, seed: u64) -> PlayRequest {
+fn scene_request(scene: &str, seed: u64) -> PlayRequest {
     PlayRequest {
         selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),
         ..play_request("", seed)

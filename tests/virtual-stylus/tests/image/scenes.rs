@@ -1,7 +1,6 @@
 //! Scenes, and libraries with scenes, at 5 and at 10 kHz.
 
 use kernel_vectors::scenes::{self, of_surface, side_by_side, sticky, tapped};
-use model_format::link::{Activity, MotionSource};
 use model_format::scene::{MotionOfScene, Scene, Surface};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec,
@@ -9,11 +8,7 @@ use model_format::{
 };
 use stylus_kernel::scene::Plan;
 
-use crate::device::{Device, MS};
-use crate::expected::ExpectedPlay;
-use crate::expected::recorded;
-use crate::library;
-use crate::requests::scene_request;
+use crate::device::Device;
 
 /// Textures of the library, by their index.
 const LATTICE: u8 = 0;
@@ -195,46 +190,4 @@ pub fn press(device: &mut Device, newton: f64) {
         5 => force_code(newton),
         _ => 0x8000,
     });
-}
-
-#[test]
-fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_computes_them() {
-    let bytes = bytes();
-    let mut device = Device::started(library::with(&bytes));
-    device.set_pins(tapping);
-    let mut switched = 0..0;
-    let compared = recorded(&mut device, |device| {
-        device.move_along(&OVER_AND_BACK);
-        device.play_scene("everything", 5);
-        device.run_for(1_300 * MS);
-        let before = device.status();
-        device.play_scene("sticky transition", 5);
-        let after = device.status();
-        switched = before.tick.ticks..after.tick.ticks;
-        device.run_for(400 * MS);
-        assert_eq!(
-            after.output.mute_counts, before.output.mute_counts,
-            "nothing was muted for the switch"
-        );
-    });
-    let activity = Activity::Playing {
-        selection: scene_request("sticky transition", 5).selection,
-        motion: MotionSource::Sensors,
-    };
-    assert_eq!(device.status().output.activity, activity);
-    let library = Library::decode(&bytes).expect("a valid library");
-    let mut heard = ExpectedPlay::of_scene(plan(&library, "everything"), 5);
-    let (began, same_until) = compared.explained(&heard);
-    assert!(
-        (switched.start..=switched.end + 20).contains(&same_until),
-        "codes differ from tick {same_until} on, with {began:?}; the switch was in {switched:?}"
-    );
-    // The first update after the answer must already use the new scene.
-    let is_explained = (switched.start - 10..=switched.end + 10).step_by(10).any(|known| {
-        let next = ExpectedPlay::of_scene(plan(&library, "sticky transition"), 0);
-        heard.switch = Some((known, next.plan, next.follower));
-        compared.explained_from(&heard, began) == compared.end()
-    });
-    assert!(is_explained, "no switch in {switched:?} explains the codes");
-    compared.assert_heard(began);
 }

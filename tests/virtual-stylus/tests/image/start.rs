@@ -1,12 +1,10 @@
 //! Starts with clocks that do not start, do not lock or fail, on old silicon, with a low supply, and after faults in
 //! quick succession.
 
-use fake_stylus::device::change;
 use hil::injection::Injected;
 use model_format::link::{
     BoardName, ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError,
-    QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport, StartStage,
-    UploadBeginEndpoint, UploadError,
+    QUICK_FAULTS, ResetReason, SCHEMA_HASH, SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError,
 };
 use stylus_board::ALL;
 use virtual_stylus::motion::Motion;
@@ -226,33 +224,18 @@ fn silicon_of_revision_y_reads_its_library_whole() {
 }
 
 #[test]
-fn while_the_supply_is_low_no_flash_is_written() {
-    let mut device = Device::started(with(|electrical| electrical.brown_out_level = 2));
-    assert_eq!(start(&mut device).brown_out_level, 2);
-    let before = device.stylus.flash_operations().len();
-    let change = change(Setting::HardLimit, 0.25);
-    device.stylus.set_supply(2_700);
-    assert!(start(&mut device).supply_low);
-    let begun = device.request::<UploadBeginEndpoint>(&announced(&library::other()));
-    assert_eq!(begun, Err(UploadError::SupplyLow));
-    let set = device.change_settings(&[change]);
-    assert_eq!(set, Err(SettingsError::SupplyLow));
-    let after = device.stylus.flash_operations().len();
-    assert_eq!(before, after);
-    device.stylus.set_supply(3_300);
-    assert!(!start(&mut device).supply_low);
-    assert!(device.change_settings(&[change]).is_ok());
-    device.upload(&library::other());
-}
-
-#[test]
-fn a_start_with_a_low_supply_writes_no_flash_either() {
+fn while_the_supply_is_low_no_flash_is_written_from_the_start_on() {
     // Without settings in flash, a start would erase sectors for them.
     let mut options = Options::default();
     options.electrical.supply_millivolts = 2_700;
     let mut device = Device::started(options);
     assert!(start(&mut device).supply_low);
+    let begun = device.request::<UploadBeginEndpoint>(&announced(&library::other()));
+    assert_eq!(begun, Err(UploadError::SupplyLow));
     assert_eq!(device.stylus.flash_operations(), []);
+    device.stylus.set_supply(3_300);
+    assert!(!start(&mut device).supply_low);
+    device.upload(&library::other());
 }
 
 #[test]

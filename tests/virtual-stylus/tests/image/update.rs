@@ -1,4 +1,5 @@
-//! Updates of bootloader and image together: from the signed file to the confirmation, the way back, and power cuts.
+//! Updates of bootloader and image together: from the signed file to the confirmation, and the way back. Power cuts are in
+//! `soak`.
 
 use std::path::Path;
 
@@ -11,9 +12,9 @@ use model_format::link::{
 use stylus_app::update::sign;
 use stylus_board::ALL;
 use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS, WORD_BYTES};
+use virtual_stylus::Options;
 use virtual_stylus::model::dac::{Cause, Output};
-use virtual_stylus::model::flash::{BASE, Contents, Kind, Moment};
-use virtual_stylus::{Options, PowerCut};
+use virtual_stylus::model::flash::{BASE, Kind};
 
 use crate::device::{Device, MS, SECOND, inject, long, product, with_faults};
 use crate::library;
@@ -24,80 +25,6 @@ pub const EXCHANGE_NS: u64 = 30 * SECOND;
 
 /// Name of the first board.
 pub const NAME: BoardName = BoardName::new(ALL[0].name);
-
-/// Steps that a test performs with a device.
-type Work<'a> = &'a dyn Fn(&mut Device);
-
-/// Captures power cuts of `work`, which begins with this content of the flash: some spread over its operations, then
-/// all three moments of the last operation.
-fn cuts(flash: &Contents, work: Work<'_>) -> Vec<PowerCut> {
-    const SPREAD: u64 = 8;
-    let device = || Device::new(&product(), library::after(flash.clone()));
-    let mut counted = device();
-    work(&mut counted);
-    let last = counted.stylus.flash_operations().len() as u64;
-    let moments = [Moment::Before, Moment::During { seed: 5 }, Moment::After];
-    let spread = (0..SPREAD).map(|n| 1 + n * (last - 1) / SPREAD);
-    let spread = spread.zip(moments.into_iter().cycle());
-    let wanted = spread.chain(moments.map(|moment| (last, moment)));
-    let mut device = device();
-    device.stylus.capture_power_cuts(wanted.collect());
-    work(&mut device);
-    device.stylus.take_power_cuts()
-}
-
-#[test]
-fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings_and_library() {
-    if !long() {
-        return;
-    }
-    let [old, new] = [product(), with_faults()].map(|path| image(&path));
-    let mut before = Device::started(library::options());
-    let settings = before.set(Setting::HardLimit, 0.25);
-    let (mut flash, library) = (before.stylus.flash(), state_of(&mut before));
-    let start = |device: &mut Device| assert!(device.answers_within(EXCHANGE_NS));
-    let stages: [(&str, Work<'_>); 3] = [
-        ("receiving and commit", &|device| {
-            start(device);
-            device.update(&new);
-        }),
-        ("exchange and confirmation", &|device| {
-            start(device);
-            device.confirm();
-        }),
-        ("way back", &start),
-    ];
-    for (stage, (name, work)) in stages.into_iter().enumerate() {
-        let cuts = cuts(&flash, work);
-        let [.., on_trial, _, done] = &cuts[..] else {
-            panic!("there are more");
-        };
-        let last = done.operation.number;
-        flash = [done, on_trial, done][stage].contents.clone();
-        let mut counts = [0; 2];
-        for cut in cuts {
-            let mut device = Device::new(&product(), library::after(cut.contents));
-            let told = (name, cut.operation.number, cut.moment);
-            assert!(device.answers_within(EXCHANGE_NS), "{told:?}");
-            let is_new = device.runs(&new);
-            assert!(is_new || device.runs(&old), "{told:?}");
-            // The last word of the exchange begins the trial. A power cut after that ends the trial.
-            let expected = match (stage, last - cut.operation.number, cut.moment) {
-                (0 | 1, 0, Moment::During { .. }) | (1, 1, _) => is_new,
-                (_, 0, Moment::Before) | (2, ..) => false,
-                (_, 0, _) | (1, ..) => true,
-                _ => false,
-            };
-            assert_eq!(is_new, expected, "{told:?}");
-            counts[usize::from(is_new)] += 1;
-            let kept = (device.settings(), state_of(&mut device));
-            assert_eq!(kept, (settings, library), "{told:?}");
-            let playable = device.status().settings.check_playable();
-            assert_eq!((playable, device.sounds_from(0)), (Ok(()), 0), "{told:?}");
-        }
-        println!("{name}, {last} operations: {counts:?} times the old and the new image");
-    }
-}
 
 /// The image in the file at `path`, as it is flashed.
 pub fn image(path: &Path) -> Vec<u8> {
@@ -241,23 +168,17 @@ fn an_unsigned_image_is_refused_before_anything_is_erased_unless_power_came_with
     let image = vec![1; 1000];
     let mut unsigned = sign(NAME, &image, version(), &DEVELOPMENT_SEED);
     unsigned[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
-    for is_held in [false, true] {
-        let mut device = Device::new(&product(), library::options());
-        device.stylus.press_button(is_held);
-        device.wait_for_start();
-        let operations = device.stylus.flash_operations().len();
-        let by_another = sign(NAME, &image, version(), &[9; 32]);
-        for (signed, is_taken) in [(by_another, false), (unsigned, is_held)] {
-            let begun = device.request::<UpdateBeginEndpoint>(&UpdateBegin::new(&image, &signed));
-            let is_same = device.stylus.flash_operations().len() == operations;
-            assert_eq!((begun.is_ok(), is_same), (is_taken, !is_taken));
-            assert!(is_taken || begun == Err(UpdateError::Signature));
-        }
-        device.assert_undisturbed();
-        assert_eq!(device.update_state().takes_unsigned, is_held);
-        device.reset();
-        assert!(!device.update_state().takes_unsigned);
-    }
+    let mut device = Device::new(&product(), library::options());
+    device.stylus.press_button(true);
+    device.wait_for_start();
+    assert!(device.update_state().takes_unsigned);
+    device.reset();
+    assert!(!device.update_state().takes_unsigned);
+    let operations = device.flash_operations();
+    let begun = device.request::<UpdateBeginEndpoint>(&UpdateBegin::new(&image, &unsigned));
+    assert_eq!(begun.err(), Some(UpdateError::Signature));
+    assert_eq!(device.flash_operations(), operations);
+    device.assert_undisturbed();
     let mut flash = Device::new(&product(), library::options()).stylus.flash();
     flash.bytes[BOOTLOADER_VERSION as usize] = 0;
     let mut device = Device::started(library::after(flash));
