@@ -475,37 +475,3 @@ fn counters_count_what_was_changed() {
     assert!(hard.slew_limited == 0, "{hard:?}");
     assert!(counters(&[(Setting::SlewLimit, 0.1)]).slew_limited > 900);
 }
-
-/// A tone below 2 kHz at both rates: in the steady state the codes differ only by the filters' delays, so their power
-/// is the same.
-#[test]
-fn a_tone_has_the_same_power_at_both_rates() {
-    let power = |rate: PlayRate, hertz: f64| {
-        let config = Config::at_rate(&transparent_but(&[]), 0.5, rate);
-        let mut state = State::new(&config);
-        let tone = |n: u32| {
-            let seconds = f64::from(n) / f64::from(rate.hz());
-            sine(5.0, hertz * seconds * RATE, 1)
-        };
-        let mut sum = 0.0;
-        for tick in 0..2 * SAMPLE_RATE_HZ {
-            let codes = match rate {
-                PlayRate::Hz5000 => state.process(&config, tone(tick), false),
-                PlayRate::Hz10000 => {
-                    let pair = [tone(2 * tick), tone(2 * tick + 1)];
-                    state.process_pair(&config, pair, false)
-                }
-            };
-            if tick >= SAMPLE_RATE_HZ {
-                let squares = offsets(codes).map(|code| f64::from(code).powi(2));
-                sum += squares.iter().sum::<f64>();
-            }
-        }
-        sum
-    };
-    for hertz in [40.0, 250.0, 1_000.0, 1_900.0] {
-        let [slow, fast] = PlayRate::ALL.map(|rate| power(rate, hertz));
-        let decibels = 10.0 * (fast / slow).log10();
-        assert!(decibels.abs() < 0.15, "{decibels} dB at {hertz} Hz");
-    }
-}

@@ -38,30 +38,6 @@ fn blocks_to_silence(player: &mut stylus_kernel::scene::ScenePlayer<'_>, limit: 
     })
 }
 
-/// Contact and lift alternate, 200 and 250 times per second, for two seconds.
-#[test]
-fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
-    let bytes = library(&[]);
-    // In blocks of 2 ms: contact in two of five, and in one of two.
-    for touches_at in [|n: u32| n * 2 % 5 < 2, |n: u32| n.is_multiple_of(2)] {
-        let mut player = player(&bytes, &busy(), 13);
-        let mut highest: f64 = 0.0;
-        for n in 0..1000u32 {
-            // Each contact comes with 500 N/s, which would exceed the limit.
-            let interaction = if touches_at(n) {
-                at(n as f32 * 0.1, motion(80.0, 1.0))
-            } else {
-                lifted()
-            };
-            highest = highest.max(peak(&block(&mut player, interaction)));
-        }
-        // The texture's 2 m/s² and the tap's 20, each times the equaliser's gain.
-        assert!(highest > 10.0 && highest < 60.0, "{highest}");
-        assert_eq!(player.saturations(), 0);
-        assert!(blocks_to_silence(&mut player, 2000).is_some());
-    }
-}
-
 #[test]
 fn motion_that_stops_dead_is_silent_a_block_later_and_rings_out() {
     let bytes = library(&[]);

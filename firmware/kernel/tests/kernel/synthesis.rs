@@ -22,23 +22,6 @@ fn play<'a>(synthesis: &'a mut Synthesis<'_>, motion: Motion, samples: u32) -> i
 }
 
 #[test]
-fn at_rest_there_is_exact_silence_after_one_update_interval() {
-    let bytes = smooth(MAX_OUTPUT_POWER);
-    for stop in [Motion::REST, motion(75.0, 0.0), motion(0.0, 1.0), motion(75.0, -2.0)] {
-        let mut synthesis = Synthesis::new(texture(&bytes), 1);
-        for _ in 0..100 {
-            play(&mut synthesis, motion(75.0, 0.75), UPDATE_INTERVAL_SAMPLES).for_each(drop);
-        }
-        let last = play(&mut synthesis, stop, UPDATE_INTERVAL_SAMPLES).last();
-        assert_eq!(last, Some(OutputSample::SILENCE));
-        for _ in 0..100 {
-            let mut rest = play(&mut synthesis, stop, UPDATE_INTERVAL_SAMPLES);
-            assert!(rest.all(|output| output == OutputSample::SILENCE));
-        }
-    }
-}
-
-#[test]
 fn before_any_motion_there_is_exact_silence() {
     let bytes = smooth(MAX_OUTPUT_POWER);
     let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), 1);
@@ -156,21 +139,5 @@ proptest! {
         held.hold(from, samples);
         updated.update_scaled::<Portable>(&texture, moving, gain, from, samples);
         prop_assert_eq!(format!("{held:?}"), format!("{updated:?}"));
-    }
-}
-
-/// Four equal nodes share the weight that a single node has alone, and give the same bits.
-#[test]
-fn a_grid_of_equal_nodes_plays_like_a_single_node() {
-    let node = || fixture("H3").node(4.0);
-    let one = single(node());
-    let four = library(&[50.0, 150.0], &[0.5, 1.5], vec![node(); 4]);
-    let mut single: Synthesis<'_> = Synthesis::new(texture(&one), 3);
-    let mut grid: Synthesis<'_> = Synthesis::new(texture(&four), 3);
-    for n in 0..200u16 {
-        let moving = motion(100.0 + f32::from(n % 50), 1.0 + f32::from(n % 7) / 20.0);
-        let grid = play(&mut grid, moving, UPDATE_INTERVAL_SAMPLES);
-        let single = play(&mut single, moving, UPDATE_INTERVAL_SAMPLES);
-        assert!(grid.eq(single), "update {n}");
     }
 }
