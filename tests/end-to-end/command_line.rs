@@ -148,28 +148,6 @@ fn an_output_can_be_named_as_in_other_programs() {
 }
 
 #[test]
-fn damaged_libraries_are_refused_by_every_command_with_the_place() {
-    let bench = small_set();
-    bench.succeed("fit set --out good.lib");
-    let good = bench.read("good.lib");
-    let mut flipped = good.clone();
-    flipped[good.len() / 2] ^= 4;
-    bench.write("flipped.lib", flipped);
-    let mut newer = good.clone();
-    newer[4] += 1;
-    bench.write("newer.lib", newer);
-    for (name, word) in [("flipped", "damaged"), ("newer", "version")] {
-        for command in [
-            format!("inspect {name}.lib"),
-            format!("evaluate set --library {name}.lib"),
-            format!("render {name}.lib --texture silk --speed 1 --force 1 --seconds 1 --out o.wav"),
-        ] {
-            holds(&bench.refuse(&command), &[name, word]);
-        }
-    }
-}
-
-#[test]
 fn arguments_out_of_range_are_refused() {
     let bench = small_set();
     for arguments in [

@@ -55,33 +55,6 @@ fn a_logger_of_3200_hz_is_a_note_and_one_below_skins_band_a_verdict() {
 }
 
 #[test]
-fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
-    let bench = Bench::new();
-    let signal = all_pole(&[-0.6, 0.7], &noise(3, 4000));
-    let covariances = ",0.1".repeat(9);
-    let names = (0..9).map(|n| format!(",field.linear_acceleration_covariance{n}"));
-    let names = names.collect::<String>();
-    let ros = format!("%time,field.linear_acceleration.x{names}");
-    let dialect = |header: &str, row: &dyn Fn(usize) -> String| {
-        let rows = signal.iter().enumerate();
-        let rows = rows.map(|(n, x)| row(n).replace("{x}", &x.to_string()) + "\n");
-        format!("{header}\n{}", rows.collect::<String>())
-    };
-    let seconds = |n: usize| format!("{}.{:03}", n / 1000, n % 1000);
-    let clock = dialect("time;ax", &|n| format!("12:00:0{};{{x}}", seconds(n)));
-    for (name, text) in [
-        ("plain", dialect("time,ax", &|n| seconds(n) + ",{x}")),
-        ("clock", clock.replace('.', ",")),
-        ("ros", dialect(&ros, &|n| format!("{n}000000,{{x}}{covariances}"))),
-    ] {
-        bench.write(&format!("{name}/felt.csv"), text);
-        let fit = format!("fit {name}/felt.csv --speed 100 --force 1 --out {name}.lib {QUICK}");
-        bench.succeed(&fit);
-        assert_eq!(bench.read(&format!("{name}.lib")), bench.read("plain.lib"), "{name}");
-    }
-}
-
-#[test]
 fn tables_as_programs_write_them_are_read_as_a_plain_one_is() {
     let bench = Bench::new();
     let signal = all_pole(&[-0.6, 0.7], &noise(3, 4000));
@@ -343,20 +316,6 @@ fn units_of_headers_are_converted_and_a_set_says_so_once() {
 }
 
 #[test]
-fn recordings_of_labview_are_read_and_told() {
-    let bench = Bench::new();
-    let mut lvm = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\nChannels\t1\n\
-                   Y_Unit_Label\tg\nDelta_X\t0.0002\n***End_of_Header***\t\nX_Value\tax\tComment\n"
-        .to_owned();
-    for (n, x) in noise(2, 10_000).iter().enumerate() {
-        lvm += &format!("{:.4}\t{x}\n", n as f64 / f64::from(RATE_HZ));
-    }
-    bench.write("labview.lvm", lvm);
-    let told = bench.told(&format!("fit labview.lvm --speed 100 --force 1 --out a.lib {QUICK}"));
-    holds(&told, &["labview.lvm", "converted from g to m/s²"]);
-}
-
-#[test]
 fn the_first_example_of_the_readme_gives_the_scale_of_its_integers() {
     let readme = include_str!("../../README.md");
     let list = readme.split("```").find(|block| block.contains(HEADER));
@@ -423,28 +382,6 @@ fn every_remedy_for_times_that_are_refused_works() {
         };
         holds(&bench.refuse(&fit), &[named, words]);
         bench.succeed(&format!("{fit} {option}"));
-    }
-}
-
-#[test]
-fn what_is_mended_in_the_times_is_said() {
-    let bench = Bench::new();
-    let even = |n: usize| n as f64 / 1000.0;
-    let paused = |n: usize| even(n) + 0.02 * (n / 1500) as f64;
-    let back = |n: usize| even(n) - if n < 3000 { 0.0 } else { 2.0 };
-    let sensor = noise(8, 4000);
-    let held = (0..4000).map(|n| (even(n), sensor[(n as f64 * 0.73) as usize]));
-    let held = held.fold(String::from("t,x\n"), |text, (time, x)| text + &format!("{time},{x}\n"));
-    let steps = "values of 730 Hz held at 1000 Hz, nothing above 365 Hz";
-    for (text, words) in [
-        (stamped("t", 1e3, even), "taken for ms"),
-        (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
-        (stamped("t", 1.0, back), "start again after 2,"),
-        (held, steps),
-    ] {
-        bench.write("a.csv", text);
-        let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
-        holds(&bench.told(&fit), &[words]);
     }
 }
 
@@ -543,44 +480,6 @@ fn a_motion_of_one_line_has_no_end_and_says_so() {
         holds(&bench.refuse(command), &["one.csv", "one row", "--seconds"]);
         bench.succeed(&format!("{command} --seconds 0.5"));
     }
-}
-
-#[test]
-fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
-    let bench = fitted();
-    let motion = "render good.lib --texture silk --motion a.csv --out o.wav";
-    let recording = "fit a.csv --out o.lib";
-    let hand = "fit a.csv --strokes --texture a --out o.lib";
-    for (command, text, words) in [
-        (
-            motion,
-            "0;100;1\n1;100;1\n",
-            &["line 1", "the first line is numbers", "time_s, speed_mm_s"][..],
-        ),
-        (
-            motion,
-            "time_s\tspeed_mm_s\tforce_n\n0\t1.5\t1\n\n# on\n1\t2,5\t1\n",
-            &["line 5", "column 2", "tab", "by a point"],
-        ),
-        (
-            recording,
-            "time_s,x\n0,1\n0.0002,2\n0.1,3\n0.1002,1\n",
-            &["line 4", "a gap of 0.0998", "start_s"],
-        ),
-        (
-            hand,
-            "time_s,speed_mm_s,x,force_n\n0,100,1,1\n0.0002,100,2,1\n0.0001,100,3,1\n0.0003,100,1,1\n0.0001,100,1,1\n",
-            &["line 4", "falls often"],
-        ),
-    ] {
-        bench.write("a.csv", text);
-        holds(&bench.refuse(command), words);
-    }
-    // A comment above does not change the line number in the message.
-    let list = format!("# mine\n{HEADER}\n# next\n\nsilk-50-0.5.wav,silk,50,x\n");
-    bench.write("set/trials.csv", list);
-    let refused = bench.refuse("fit set --out o.lib");
-    holds(&refused, &["line 5", "column 4", "force_n", "comma"]);
 }
 
 #[test]
