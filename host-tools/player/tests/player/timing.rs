@@ -9,44 +9,6 @@ use crate::common::{LIBRARIES, library, playing, playing_as_rendered, rubbed};
 
 const RATES_HZ: [u32; 8] = [1000, 5000, 8000, 10_000, 11_025, 44_100, 48_000, 192_000];
 
-/// The output begins to change at the latest when the current block ends. The stated latency is that of the change's
-/// centre, which is later by the interpolator's delay.
-#[test]
-fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
-    for (library, sample_rate_hz) in LIBRARIES.iter().zip([5000, 10_000]) {
-        for rate_hz in RATES_HZ {
-            let latency = (latency_s(sample_rate_hz, rate_hz) * f64::from(rate_hz)).ceil() as usize;
-            // Anywhere in a block.
-            for offset in (0..rate_hz as usize / 500).step_by(3) {
-                let [before, after] = [(100.0, 1.0), (250.0, 2.5)].map(|motion| {
-                    let (mover, mut filler) = playing(library, 1, rate_hz);
-                    rubbed(&mover, &mut filler, 20, (100.0, 1.0));
-                    let mut samples = vec![0.0; offset];
-                    filler.fill(&mut samples);
-                    mover.rub(motion.0, motion.1).expect("it is finite");
-                    let mut samples = vec![0.0f32; rate_hz as usize / 20];
-                    filler.fill(&mut samples);
-                    samples
-                });
-                let peak = before.iter().fold(0.0f32, |peak, sample| peak.max(sample.abs()));
-                let changed = |by: f32| {
-                    let pairs = before.iter().zip(&after);
-                    pairs
-                        .map(|(one, other)| (one - other).abs())
-                        .position(|difference| difference > by)
-                };
-                let first = changed(0.0).expect("it changes");
-                assert!(first <= rate_hz as usize / 500 + 1, "{rate_hz} {offset}: {first}");
-                let felt = changed(0.1 * peak).expect("it changes");
-                assert!(
-                    felt <= latency + rate_hz as usize / 500,
-                    "{rate_hz} {offset}: {felt} {latency}"
-                );
-            }
-        }
-    }
-}
-
 /// Lines where a position stands give a constant, whose steps by another position or force are seen without noise.
 #[test]
 fn the_middle_of_a_steps_change_comes_after_the_latency_that_is_stated_in_the_mean_and_1_ms_later_at_most() {

@@ -251,20 +251,6 @@ fn each_effect_adds_the_same_whatever_else_the_scene_names() {
 }
 
 #[test]
-fn a_drum_that_hardly_wanders_gives_the_samples_of_one_that_does_not() {
-    let steady = trials(&[PROTOCOL, TOOL, STRIP, WEAVE], 3);
-    let hardly = "\nwander = { rms = 1e-9, correlation_s = 0.1 }\n";
-    let hardly = trials(&[PROTOCOL, hardly, TOOL, STRIP, WEAVE], 3);
-    for (steady, hardly) in steady.iter().zip(&hardly) {
-        let tolerance = 1e-3 * steady.rms_m_s2();
-        let samples = steady.samples_m_s2.iter().flatten();
-        for (a, b) in samples.zip(hardly.samples_m_s2.iter().flatten()) {
-            near(*a, *b, tolerance);
-        }
-    }
-}
-
-#[test]
 fn the_rig_with_weaves_is_sound() {
     let text = include_str!("../../../examples/rigs/weave-rig.toml");
     let rig = RigFile::from_toml(Path::new("rigs/weave-rig.toml"), text).unwrap();
