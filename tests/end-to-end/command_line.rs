@@ -183,14 +183,14 @@ fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
         bench.write(&format!("pcm{bits}.wav"), integers(&signal, bits));
     }
     bench.write("double.wav", double_wav(&signal));
-    let rows = (0..).zip(&signal);
-    let rows = rows.map(|(n, x)| format!("{},{x}\n", f64::from(n) / f64::from(RATE_HZ)));
+    let rows = (0..)
+        .zip(&signal)
+        .map(|(n, x)| format!("{},{x}\n", f64::from(n) / f64::from(RATE_HZ)));
     bench.write("table.csv", "time_s,x_m_s2\n".to_owned() + &rows.collect::<String>());
     bench.succeed("fit float.wav pcm16.wav pcm24.wav pcm32.wav double.wav table.csv --out a.lib --order 10");
     let bytes = bench.read("a.lib");
     let library = model_format::Library::decode(&bytes).unwrap();
-    let powers = library.textures().map(|t| t.node(0, 0).output_power);
-    let powers: Vec<f32> = powers.collect();
+    let powers: Vec<f32> = library.textures().map(|t| t.node(0, 0).output_power).collect();
     assert_eq!(powers.len(), 6);
     for power in &powers {
         assert!((power / powers[0] - 1.0).abs() < 1e-3, "{powers:?}");

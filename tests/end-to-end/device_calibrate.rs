@@ -34,8 +34,10 @@ impl<'a> Operator<'a> {
     /// Waits until the command prints `words`, and returns the line.
     fn until(&mut self, words: &str) -> String {
         let said = |line: &std::io::Result<String>| line.as_ref().unwrap().contains(words);
-        let found = self.said.find(said);
-        found.unwrap_or_else(|| panic!("'{words}' is not said")).unwrap()
+        self.said
+            .find(said)
+            .unwrap_or_else(|| panic!("'{words}' is not said"))
+            .unwrap()
     }
 
     fn answer(&mut self, words: &str, answer: &str) {

@@ -12,7 +12,7 @@ use serde_json::Value;
 use stylus_plant::Parameters;
 
 /// A stylus with an active library of one texture, and a folder that holds the library.
-fn ready() -> (FakeStylus, Bench) {
+pub fn ready() -> (FakeStylus, Bench) {
     let (stylus, bench) = attached(FakeStylus::start());
     bench.write("a.lib", library(1, 20, 1));
     bench.succeed("upload a.lib --activate");
@@ -191,8 +191,9 @@ fn a_play_tells_what_the_accelerometer_felt_and_what_the_active_library_lets_exp
     bench.write("b.lib", library(1, 20, 2));
     bench.succeed("upload a.lib --activate");
     let texture = ["--texture", "texture 0"];
-    let along = "play --speed 120 --force 1 --gain 2 --json --library a.lib";
-    let along = along.split(' ').chain(texture);
+    let along = "play --speed 120 --force 1 --gain 2 --json --library a.lib"
+        .split(' ')
+        .chain(texture);
     // The level at the accelerometer is that of a whole second.
     let output = play_for(Duration::from_millis(2_200), &stylus, &bench, along);
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -285,8 +286,7 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     let status = bench.succeed("status");
     assert!(!status.contains("SETTINGS"), "{status}");
     // Only the texture is missing now.
-    let refused = bench.refuse(play);
-    holds(&refused, &["no texture"]);
+    holds(&bench.refuse(play), &["no texture"]);
     bench.refuse_each("settings set power-limit 0.3 volume 1 | no setting 'volume'");
 }
 
@@ -378,8 +378,9 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     // The first interval of a command may be over before the first block has arrived.
     let watch = ["status", "--watch", "--interval", "0.25"];
     let mut child = bench.spawn(watch.into_iter().chain(["--json"]));
-    let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    let mut sights = lines.map(|line| json(&line.unwrap()));
+    let mut sights = BufReader::new(child.stdout.take().unwrap())
+        .lines()
+        .map(|line| json(&line.unwrap()));
     // 768 codes to both sides of the mean, 3.3 V / 65 536 per code, 29.72 m/s² per V.
     let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
     let is_seen = |sight: &Value| (sight["level"]["rms_m_s2"].as_f64().unwrap_or(0.0) - rms).abs() < 1e-3;

@@ -17,8 +17,7 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
     let seed = (speed_mm_s * 10.0 + force_n) as u64;
     let vibration = all_pole(&[-1.2, 0.7], &noise(seed, 25_000));
     let code = |x: f64| (32_768.0 + 900.0 * x).round().clamp(0.0, 65_535.0) as u16;
-    let codes = vibration.iter();
-    let codes = codes.map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
+    let codes = vibration.iter().map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
     Hand {
         speed_mm_s,
         force_n,
@@ -283,8 +282,11 @@ fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
     let text = text(&bench.read(name));
     let rows = text.lines().filter(|line| !line.starts_with(['#', 't']));
     let row = |line: &str| -> [f64; 6] {
-        let fields = line.split(',').map(|field| field.parse().unwrap());
-        fields.collect::<Vec<f64>>().try_into().unwrap()
+        line.split(',')
+            .map(|field| field.parse().unwrap())
+            .collect::<Vec<f64>>()
+            .try_into()
+            .unwrap()
     };
     rows.map(row).collect()
 }
@@ -304,8 +306,9 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
         let pins = hand(speed, force).acceleration;
         let codes = |row: &[f64; 6]| [1, 2, 3].map(|axis| (row[axis] / scale).round() as i64 + 32_768);
         let pin = |at: usize| pins[at % pins.len()].map(i64::from);
-        let begins = (0..pins.len()).find(|&at| (0..20).all(|n| pin(at + n) == codes(&rows[n])));
-        let begins = begins.expect("the first samples were on the pins");
+        let begins = (0..pins.len())
+            .find(|&at| (0..20).all(|n| pin(at + n) == codes(&rows[n])))
+            .expect("the first samples were on the pins");
         for (n, row) in rows.iter().enumerate() {
             assert_eq!(codes(row), pin(begins + n), "{name}, sample {n}");
             near(row[4], speed, 0.02 * speed);

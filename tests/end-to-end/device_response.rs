@@ -24,8 +24,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     let device = connected(&stylus);
     let response = response_for(&device.settings().unwrap());
     let id = device.propose_response(&response).unwrap();
-    let period = (0..MAX_PROBE_SAMPLES as i16).map(|n| n.wrapping_mul(7_919));
-    let period: Vec<i16> = period.collect();
+    let period: Vec<i16> = (0..MAX_PROBE_SAMPLES as i16).map(|n| n.wrapping_mul(7_919)).collect();
     let crc32 = device.load_probe(&period).unwrap();
     let start = ProbeStart {
         through: ProbeThrough::Proposed,

@@ -50,8 +50,7 @@ fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
             let level = decibels(mean_square(&played) / mean_square(&signal));
             assert!(level.abs() < 0.2, "{case}: level {level} dB");
 
-            let bands = band_powers(&played, f64::from(RATE_HZ));
-            for (band, power) in bands.into_iter().enumerate() {
+            for (band, power) in band_powers(&played, f64::from(RATE_HZ)).into_iter().enumerate() {
                 let (low_hz, high_hz) = band_edges_hz(band);
                 let expected = 0.05f64.powi(2) * power_between(&a, RATE_HZ, low_hz, high_hz);
                 let error = decibels(power / expected);
@@ -127,8 +126,11 @@ fn band_shares(density: impl Fn(f64) -> f64, steps: usize) -> Vec<f64> {
     let edge = |tenth: f64| 10f64.powf(tenth / 10.0);
     let between = |low: f64, high: f64| {
         let step = (high - low) / steps as f64;
-        let middles = (0..steps).map(|n| low + (n as f64 + 0.5) * step);
-        middles.map(&density).sum::<f64>() * step
+        (0..steps)
+            .map(|n| low + (n as f64 + 0.5) * step)
+            .map(&density)
+            .sum::<f64>()
+            * step
     };
     let bands: Vec<f64> = (3..=33)
         .map(|tenth| between(edge(f64::from(tenth) - 0.5), edge(f64::from(tenth) + 0.5)))
@@ -151,9 +153,10 @@ fn worst_band_db(truth: Density, reflection: &[f64]) -> f64 {
     };
     let (truth, model) = (band_shares(truth, STEPS), band_shares(model, STEPS));
     let strongest = truth.iter().copied().fold(0.0, f64::max);
-    let pairs = truth.iter().zip(&model);
-    let judged = pairs.filter(|(truth, _)| **truth > 1e-5 * strongest);
-    judged
+    truth
+        .iter()
+        .zip(&model)
+        .filter(|(truth, _)| **truth > 1e-5 * strongest)
         .map(|(truth, model)| decibels(model / truth))
         .max_by(|a, b| a.abs().total_cmp(&b.abs()))
         .unwrap()

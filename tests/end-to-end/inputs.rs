@@ -16,8 +16,9 @@ fn recording(seed: u64) -> Vec<u8> {
 
 /// Writes the set `set`, with a trial of noise for each of these textures, speeds and forces.
 fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
-    let trials = (0..).zip(trials);
-    let trials = trials.map(|(seed, &(texture, v, f))| (texture, v, f, recording(seed)));
+    let trials = (0..)
+        .zip(trials)
+        .map(|(seed, &(texture, v, f))| (texture, v, f, recording(seed)));
     bench.write_set("set", &trials.collect::<Vec<_>>());
 }
 
@@ -340,8 +341,7 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
     let forces = "force of 500 N, and no hand or drum exceeds 100";
     for (speed, force, words) in [(120_000.0, 1.0, speeds), (120.0, 500.0, forces)] {
         set(&bench, &[("silk", 120.0, 1.0), ("silk", speed, force)]);
-        let refused = bench.refuse("fit set --out a.lib");
-        holds(&refused, &["trials.csv", "line 3", words]);
+        holds(&bench.refuse("fit set --out a.lib"), &["trials.csv", "line 3", words]);
     }
     for (speed, force, words) in [
         (5000.0, 1.0, "speeds reach 5000 mm/s"),
@@ -349,15 +349,16 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
         (0.12, 1.0, "are they in m/s"),
     ] {
         set(&bench, &[("silk", speed, force)]);
-        let message = bench.told(&format!("fit set --out a.lib {QUICK}"));
-        holds(&message, &[words]);
+        holds(&bench.told(&format!("fit set --out a.lib {QUICK}")), &[words]);
     }
 }
 
 /// A table of noise at 1 kHz. Its times are `stamp`, s, multiplied by `factor`.
 fn stamped(header: &str, factor: f64, stamp: impl Fn(usize) -> f64) -> String {
-    let rows = noise(7, 4000).into_iter().enumerate();
-    let rows = rows.map(|(n, x)| format!("{:.7},{x}\n", factor * stamp(n)));
+    let rows = noise(7, 4000)
+        .into_iter()
+        .enumerate()
+        .map(|(n, x)| format!("{:.7},{x}\n", factor * stamp(n)));
     format!("{header},x\n{}", rows.collect::<String>())
 }
 
@@ -494,8 +495,7 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     }
     bench.write("set/rest.wav", wav(&[&signal], 5_000));
     let proposed = "`stylus trials set --pattern '{texture}_{speed}mms_{force}N.wav'`";
-    let refused = bench.refuse("fit set --out a.lib");
-    holds(&refused, &["no trials.csv", proposed]);
+    holds(&bench.refuse("fit set --out a.lib"), &["no trials.csv", proposed]);
     let output = bench.run("trials set --pattern {texture}_{speed}mms_{force*0.001}N_{take}.wav");
     let words = &["{speed}mms_{force*0.001}N", "first of 7 is"];
     holds(&text(&output.stderr), words);
@@ -512,8 +512,11 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     let told = bench.succeed(&format!("{trials} --take 2 --list takes.csv --scale 9.81"));
     holds(&told, &["2 trials"]);
     let takes = text(&bench.read("set/takes.csv"));
-    let scaled = takes.lines().filter(|line| line.ends_with(",9.81"));
-    assert_eq!(scaled.count(), 2, "{takes}");
+    assert_eq!(
+        takes.lines().filter(|line| line.ends_with(",9.81")).count(),
+        2,
+        "{takes}"
+    );
     let output = bench.run("trials set --pattern {texture}_{*}.wav --list b.csv");
     holds(&text(&output.stderr), &["no {speed}", "--speed"]);
 }

@@ -119,8 +119,7 @@ fn a_scene_of_constant_motion_is_rendered_without_another_and_a_followed_one_ask
     let alone = bench.samples("alone.wav", RATE_HZ);
     assert!(alone.len() == 5000 && alone.iter().any(|x| x.abs() > 0.1));
     assert_eq!(alone, bench.samples("told.wav", RATE_HZ));
-    let refused = bench.refuse(&format!("{render} --out no.wav"));
-    holds(&refused, &["give --seconds"]);
+    holds(&bench.refuse(&format!("{render} --out no.wav")), &["give --seconds"]);
     bench.write("two.toml", TWO);
     let still = bench.refuse("scene render two.toml --library cloths.lib --seconds 1 --out no.wav");
     holds(&still, &["give --motion CSV"]);

@@ -37,8 +37,8 @@ pub fn forward(signal: &mut [f64]) -> Vec<Complex<f64>> {
         let plan = plans.of_reals.plan_fft_forward(signal.len());
         let mut spectrum = plan.make_output_vec();
         let scratch = first(&mut plans.scratch, plan.get_scratch_len());
-        let outcome = plan.process_with_scratch(signal, &mut spectrum, scratch);
-        outcome.expect("lengths come from the plan");
+        plan.process_with_scratch(signal, &mut spectrum, scratch)
+            .expect("lengths come from the plan");
         spectrum
     })
 }
@@ -57,8 +57,8 @@ pub fn inverse(spectrum: &mut [Complex<f64>], length: usize) -> Vec<f64> {
         let plan = plans.of_reals.plan_fft_inverse(length);
         let mut signal = plan.make_output_vec();
         let scratch = first(&mut plans.scratch, plan.get_scratch_len());
-        let outcome = plan.process_with_scratch(spectrum, &mut signal, scratch);
-        outcome.expect("lengths come from the plan, and ends are real");
+        plan.process_with_scratch(spectrum, &mut signal, scratch)
+            .expect("lengths come from the plan, and ends are real");
         signal
     })
 }

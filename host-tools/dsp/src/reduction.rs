@@ -134,8 +134,7 @@ pub fn remove_mean(signal: &mut [f64]) {
 
 /// Components of the principal direction, one per axis.
 fn weights(axes: &[Vec<f64>]) -> Vec<f64> {
-    let direction = principal_direction(axes);
-    direction.iter().copied().take(axes.len()).collect()
+    principal_direction(axes).iter().copied().take(axes.len()).collect()
 }
 
 fn projected(axes: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
@@ -151,8 +150,12 @@ fn projected(axes: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
 /// Returns the angle between the principal axes of two recordings, degrees, from 0 to 90. Both have the same axes,
 /// about their means.
 pub fn angle_deg(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
-    let cos = principal_direction(one).dot(&principal_direction(other));
-    cos.abs().min(1.0).acos().to_degrees()
+    principal_direction(one)
+        .dot(&principal_direction(other))
+        .abs()
+        .min(1.0)
+        .acos()
+        .to_degrees()
 }
 
 /// Returns the unit vector in the direction of the greatest variance. Its largest component is positive, so that the

@@ -181,8 +181,10 @@ impl ScoringRange {
 
     /// The number of third octaves that lie in the range.
     pub fn bands(&self) -> usize {
-        let edges = (0..BAND_COUNT).map(band_edges_hz);
-        edges.filter(|(low, high)| self.holds(*low, *high)).count()
+        (0..BAND_COUNT)
+            .map(band_edges_hz)
+            .filter(|(low, high)| self.holds(*low, *high))
+            .count()
     }
 }
 

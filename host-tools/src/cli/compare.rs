@@ -115,8 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
     };
     let of = |library, record| Compared { library, record };
-    let before = before.as_ref();
-    let before = before.map(|(library, record)| of(library, record.as_ref()));
+    let before = before.as_ref().map(|(library, record)| of(library, record.as_ref()));
     let fitted = of(&library, record.as_ref());
     let plan = plan(&set, &chosen.judges, fitted, before, &evaluate, &options)?;
     for text in plan.notes(arguments.segment, arguments.takes.is_some()) {

@@ -166,9 +166,11 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         }
     }
     let strokes = |paths: &[PathBuf], recordings: Vec<Freehand>| {
-        let pairs = paths.iter().zip(recordings);
-        let stroke = pairs.map(|(path, own)| Stroke::of(path, own, arguments.conditioning));
-        stroke.collect::<Result<Vec<_>>>()
+        paths
+            .iter()
+            .zip(recordings)
+            .map(|(path, own)| Stroke::of(path, own, arguments.conditioning))
+            .collect::<Result<Vec<_>>>()
     };
     let found = along_strokes(
         texture,
@@ -336,8 +338,7 @@ pub fn choose(
 
 /// Returns a verdict per texture, and one table with an explanation of its columns.
 pub fn answer(evaluation: &Evaluation) -> String {
-    let verdicts = evaluation.verdicts();
-    let verdicts: Vec<String> = verdicts.map(|v| wrapped(&v, LINE_CHARS, "  ")).collect();
+    let verdicts: Vec<String> = evaluation.verdicts().map(|v| wrapped(&v, LINE_CHARS, "  ")).collect();
     format!(
         "{}\n\n{}\n{}",
         verdicts.join("\n"),

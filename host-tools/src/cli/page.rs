@@ -66,8 +66,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         arguments.recordings.as_slice()
     };
-    let set = (!recordings.is_empty()).then(|| RecordingSet::open_with(recordings, &arguments.assumed));
-    let set = set.transpose()?;
+    let set = (!recordings.is_empty())
+        .then(|| RecordingSet::open_with(recordings, &arguments.assumed))
+        .transpose()?;
     let (bytes, record) = match &set {
         Some(set) if is_recordings => fitted(set, arguments)?,
         None if is_strokes => fitted_to_strokes(arguments)?,
@@ -194,8 +195,12 @@ pub fn summary(path: &Path, written: &Written) -> String {
         1 => "1 clip of a recording".to_owned(),
         many => format!("{many} clips of recordings"),
     };
-    let shown = written.digests.iter().take(SHOWN_DIGESTS);
-    let shown: Vec<String> = shown.map(|(name, digest)| format!("{name} {digest}")).collect();
+    let shown: Vec<String> = written
+        .digests
+        .iter()
+        .take(SHOWN_DIGESTS)
+        .map(|(name, digest)| format!("{name} {digest}"))
+        .collect();
     let more = match written.digests.len() - shown.len() {
         0 => String::new(),
         more => format!(" and {more} more, which the page shows"),

@@ -41,6 +41,10 @@ fn libraries() -> Vec<RawLibrary> {
     texture.nodes.truncate(1);
     texture.nodes[0].order = MAX_ORDER as u16;
     texture.coefficients = vec![9; 2 * MAX_ORDER];
-    let alone = full.textures.iter().map(of_one);
-    alone.chain([RawLibrary::sound(), highest]).chain([full.clone()]).collect()
+    full.textures
+        .iter()
+        .map(of_one)
+        .chain([RawLibrary::sound(), highest])
+        .chain([full.clone()])
+        .collect()
 }

@@ -55,8 +55,7 @@ fn the_inverse_of_sections_is_those_sections() {
     let points: Vec<(f64, f64)> = (0..300)
         .map(|n| {
             let hz = 20.0 * 100f64.powf(f64::from(n) / 299.0);
-            let level = biquads.iter().map(|b| stored_level_db(b, hz / RATE_HZ));
-            let level: f64 = level.sum();
+            let level: f64 = biquads.iter().map(|b| stored_level_db(b, hz / RATE_HZ)).sum();
             (hz, level)
         })
         .collect();

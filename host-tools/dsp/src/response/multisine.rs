@@ -111,8 +111,10 @@ fn period(lines: &[usize], amplitudes: &[f64], phases: &[f64]) -> Vec<f64> {
 
 /// Returns the spectrum of one period: the complex amplitude of each bin.
 pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex<f64>> {
-    let bins = fourier::forward(&mut samples.to_vec()).into_iter();
-    bins.map(|bin| bin * (2.0 / PERIOD as f64)).collect()
+    fourier::forward(&mut samples.to_vec())
+        .into_iter()
+        .map(|bin| bin * (2.0 / PERIOD as f64))
+        .collect()
 }
 
 #[cfg(test)]

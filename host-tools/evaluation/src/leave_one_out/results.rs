@@ -22,8 +22,11 @@ pub enum Row {
 impl Row {
     /// The rows of the removed-node test, in the table's order.
     pub fn all() -> Vec<Self> {
-        let methods = Method::ALL.map(Self::Interpolated).into_iter();
-        methods.chain([Self::Own]).collect()
+        Method::ALL
+            .map(Self::Interpolated)
+            .into_iter()
+            .chain([Self::Own])
+            .collect()
     }
 
     /// Returns a name for tables.
@@ -214,8 +217,9 @@ pub struct Summary {
 /// Summarises `row` over the nodes of `texture`, or over all nodes. Returns `None` if the test does not have this row.
 pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option<Summary> {
     let column = test.rows.iter().position(|r| r == row)?;
-    let nodes = test.removed.iter();
-    let nodes: Vec<&Removed> = nodes
+    let nodes: Vec<&Removed> = test
+        .removed
+        .iter()
         .filter(|node| texture.is_none_or(|name| node.texture == name))
         .collect();
     let outcomes: Vec<&Outcome> = nodes.iter().map(|node| &node.outcomes[column]).collect();

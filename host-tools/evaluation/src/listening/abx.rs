@@ -177,8 +177,9 @@ mod tests {
             assert!((share(&at) - 0.5).abs() < 0.1, "trial {place}: {}", share(&at));
         }
         let same = |test: &Vec<Trial>| {
-            let two = test.windows(2).map(|two| is_a(&two[0]) == is_a(&two[1]));
-            two.collect::<Vec<_>>()
+            test.windows(2)
+                .map(|two| is_a(&two[0]) == is_a(&two[1]))
+                .collect::<Vec<_>>()
         };
         let repeated: Vec<bool> = tests.iter().flat_map(same).collect();
         // 18 of each in 36 trials repeat in 17 of 35.

@@ -163,8 +163,10 @@ impl Strands {
         if (samples as f64) < SHORTEST_EXCERPT_S * rate_hz {
             return None;
         }
-        let heard = excerpts(&[&signal[..WINDOWS * samples]], samples).into_iter();
-        let mut heard: Vec<Vec<f64>> = heard.map(|one| one.samples).collect();
+        let mut heard: Vec<Vec<f64>> = excerpts(&[&signal[..WINDOWS * samples]], samples)
+            .into_iter()
+            .map(|one| one.samples)
+            .collect();
         // All excerpts have an RMS of 1 here, so that this gain is the whole difference.
         if part == Part::Level {
             let gain = 10f64.powf(strength / 20.0);
@@ -292,8 +294,7 @@ mod tests {
                 let [a, b, x] = coin.windows;
                 assert!(a != b && b != x && a != x);
             }
-            let changed = track.coins.iter();
-            let changed = changed.filter(|coin| coin.a_is_changed == coin.x_is_changed);
+            let changed = track.coins.iter().filter(|coin| coin.a_is_changed == coin.x_is_changed);
             assert!((70..130).contains(&changed.count()));
         }
         let plain = Strands {

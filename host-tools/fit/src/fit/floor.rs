@@ -88,8 +88,7 @@ impl Floor {
             .iter()
             .filter(|take| take.speed_mm_s.total_cmp(&speed_mm_s).is_eq());
         // Each take was reduced in the same way when it was read, so the reduction does not fail.
-        let reduced = at_speed.filter_map(|take| view.reduce(&take.axes).ok());
-        let reduced: Vec<Vec<f64>> = reduced.collect();
+        let reduced: Vec<Vec<f64>> = at_speed.filter_map(|take| view.reduce(&take.axes).ok()).collect();
         let blocks: Vec<&[f64]> = reduced.iter().map(Vec::as_slice).collect();
         PowerSpectrum::of_blocks(&blocks, segment, self.rate_hz)
     }
@@ -200,8 +199,7 @@ mod tests {
 
     fn rms(floor: &Floor, speed_mm_s: f64) -> f64 {
         let view = View::of(&[vec![1.0, -1.0]], Reduction::Pca);
-        let spectrum = floor.at(speed_mm_s, &view, SEGMENT);
-        spectrum.power_between(0.0, 2500.0).sqrt()
+        floor.at(speed_mm_s, &view, SEGMENT).power_between(0.0, 2500.0).sqrt()
     }
 
     #[test]

@@ -97,8 +97,7 @@ pub(super) fn assemble(
         })
     };
     let misses = measured.iter().enumerate().filter_map(miss).collect();
-    let loud = measured.iter().flatten().flat_map(|node| node.loud.clone());
-    let loud = loud.collect();
+    let loud = measured.iter().flatten().flat_map(|node| node.loud.clone()).collect();
     let models = measured.into_iter().map(|node| Some(node?.model));
     let filler = Filler::of(speeds_mm_s.len(), forces_n.len(), models.collect());
     let models: Vec<Model> = (0..filler.known.len()).map(|index| filler.model(index)).collect();
@@ -167,8 +166,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     if cell.iter().any(doubtful) {
         flags = flags.with(NodeFlags::DOUBTFUL);
     }
-    let heard = cell.iter().filter(|member| !member.analysis.is_silent());
-    let heard: Vec<&Member<'_>> = heard.collect();
+    let heard: Vec<&Member<'_>> = cell.iter().filter(|member| !member.analysis.is_silent()).collect();
     if cell.is_empty() {
         return None;
     }
@@ -181,18 +179,20 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     }
     let samples: usize = heard.iter().map(|member| member.analysis.samples).sum();
     let shares = shares(&heard.iter().map(|m| m.analysis.lags[0]).collect::<Vec<_>>());
-    let of_loud = heard.iter().zip(&shares).filter(|(_, share)| **share < 1.0);
-    let loud = of_loud.map(|(member, share)| LoudTrial {
-        file: member.report.file.clone(),
-        over_db: -10.0 * share.log10(),
-    });
-    let loud: Vec<LoudTrial> = loud.collect();
+    let loud: Vec<LoudTrial> = heard
+        .iter()
+        .zip(&shares)
+        .filter(|(_, share)| **share < 1.0)
+        .map(|(member, share)| LoudTrial {
+            file: member.report.file.clone(),
+            over_db: -10.0 * share.log10(),
+        })
+        .collect();
     if !loud.is_empty() {
         flags = flags.with(NodeFlags::DOUBTFUL);
     }
     let weighted = || {
-        let pairs = heard.iter().zip(&shares);
-        pairs.map(|(member, share)| {
+        heard.iter().zip(&shares).map(|(member, share)| {
             // Longer trials are known better.
             let weight = member.analysis.samples as f64 / samples as f64;
             (share * weight, member.analysis)
@@ -318,16 +318,20 @@ impl Filler {
             s.abs_diff(speed).pow(2) + f.abs_diff(force).pow(2)
         };
         let candidates = || {
-            let known = self.known.iter().enumerate();
-            let known = known.filter_map(|(index, model)| Some((distance(index), model.as_ref()?)));
-            known.filter(|(_, model)| wanted(model))
+            self.known
+                .iter()
+                .enumerate()
+                .filter_map(|(index, model)| Some((distance(index), model.as_ref()?)))
+                .filter(|(_, model)| wanted(model))
         };
         let Some(least) = candidates().map(|(distance, _)| distance).min() else {
             return Model::silent();
         };
         // All nodes at this distance count, so that no direction is preferred.
-        let nearest = candidates().filter(|&(distance, _)| distance == least);
-        let nearest: Vec<&Model> = nearest.map(|(_, model)| model).collect();
+        let nearest: Vec<&Model> = candidates()
+            .filter(|&(distance, _)| distance == least)
+            .map(|(_, model)| model)
+            .collect();
         let weight = 1.0 / nearest.len() as f64;
         let terms: Vec<_> = nearest.into_iter().map(|model| (weight, model)).collect();
         Model::mean(&terms, LevelLaw::Logarithm)

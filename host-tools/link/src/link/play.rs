@@ -352,8 +352,9 @@ pub fn vibration_m_s2(status: &Status) -> f64 {
 
 /// Number of mutes since the device's start, without those that belong to the begin and the end of every play.
 fn mutes(status: &Status) -> u32 {
-    let counts = MuteReason::ALL.iter().zip(status.output.mute_counts);
-    counts
+    MuteReason::ALL
+        .iter()
+        .zip(status.output.mute_counts)
         .filter(|(reason, _)| !matches!(reason, MuteReason::NotPlaying | MuteReason::Changing))
         .map(|(_, count)| count)
         .sum()

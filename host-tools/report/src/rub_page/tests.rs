@@ -90,8 +90,7 @@ fn the_digests_are_those_of_the_reference_arithmetic() {
     ];
     let (text, written) = page_of(&specs);
     let bytes = encode(&specs).unwrap();
-    let library = Library::decode(&bytes).unwrap();
-    for (index, texture) in library.textures().enumerate() {
+    for (index, texture) in Library::decode(&bytes).unwrap().textures().enumerate() {
         let digest = of_plan::<Portable>(Plan::of_texture(texture)).value();
         let digest = format!("{digest:08x}");
         assert_eq!(data_of(&text)["digest"]["of_textures"][index], digest);

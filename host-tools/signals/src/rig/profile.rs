@@ -211,8 +211,11 @@ mod tests {
 
     #[test]
     fn an_exact_weave_has_its_lines_and_no_others() {
-        let profile = Profile::new(&DRUM, &texture(vec![weave(None)], None), 1);
-        for (n, term) in profile.coefficients_um().iter().enumerate() {
+        for (n, term) in Profile::new(&DRUM, &texture(vec![weave(None)], None), 1)
+            .coefficients_um()
+            .iter()
+            .enumerate()
+        {
             let expected = match n {
                 400 => 4.0,
                 800 => 2.0,
@@ -233,8 +236,7 @@ mod tests {
         let (mut variance, mut covariance) = (0.0, 0.0);
         let profiles = 60;
         for index in 0..profiles {
-            let bins = jitter_spectrum(&jitter, 300.0, key.index(index));
-            for (n, bin) in bins.iter().enumerate() {
+            for (n, bin) in jitter_spectrum(&jitter, 300.0, key.index(index)).iter().enumerate() {
                 let power = 2.0 * bin.norm_sqr();
                 variance += power;
                 covariance += power * (TAU * n as f64 * jitter.correlation_mm / 300.0).cos();

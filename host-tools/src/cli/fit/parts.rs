@@ -189,8 +189,9 @@ fn row(written: &Written) -> Vec<String> {
 fn library(merged: &Merged<'_>, index: usize, name: &str, path: &Path, options: &fit::Options) -> Result<Written> {
     let (set, contents, fit) = merged.fit_texture(index)?;
     let bytes = fit.library()?;
-    let record = FitRecord::with_contents(&set, options, &bytes, &contents);
-    record.with_account_of(&fit).write_with(path, &bytes)?;
+    FitRecord::with_contents(&set, options, &bytes, &contents)
+        .with_account_of(&fit)
+        .write_with(path, &bytes)?;
     let doubtful = |trial: &&TrialReport| trial.is_doubtful();
     Ok(Written {
         texture: name.to_owned(),

@@ -41,15 +41,13 @@ fn plans(library: &Library<'_>, counter: &Counter) -> u32 {
     for scene in library.scenes() {
         let cost = counter.instructions(&mut || {
             let found = black_box(library).scene(&scene.name);
-            let plan = found.map(|scene| Plan::new(&scene, library));
-            let plan = plan.and_then(Result::ok).expect("it is valid");
+            let plan = found.map(|scene| Plan::new(&scene, library)).and_then(Result::ok).expect("it is valid");
             black_box(plan.worst_case().instructions());
             black_box(&plan);
         });
         most = cost.max(most);
     }
-    let ends = [library.textures().next(), library.textures().last()];
-    for name in ends.iter().flatten().map(Texture::name) {
+    for name in [library.textures().next(), library.textures().last()].iter().flatten().map(Texture::name) {
         let cost = counter.instructions(&mut || {
             let texture = black_box(library).texture(name).expect("it is there");
             let plan = Plan::of_texture(texture);

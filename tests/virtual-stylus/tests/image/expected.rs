@@ -151,8 +151,9 @@ impl<'a> Output<'a> {
             self.codes.get(tick as usize - 1) == Some(&processed.map(DacCode::get))
         };
         let mut ticks = self.ticks.clone().map(is_equal).zip(self.ticks.clone());
-        let different = ticks.find(|(is_equal, _)| !is_equal);
-        different.map_or(self.ticks.end, |(_, tick)| tick)
+        ticks
+            .find(|(is_equal, _)| !is_equal)
+            .map_or(self.ticks.end, |(_, tick)| tick)
     }
 }
 
@@ -188,8 +189,8 @@ impl Compared {
         self.recorded.first_tick + self.recorded.samples.len() as u64
     }
 
-    /// Returns the first tick whose codes differ from the output of `heard`, and the beginning for which that is latest.
-    /// If the image is right, that is the end of the recording. Ticks before the request are not compared.
+    /// Returns the beginning for which the first tick whose codes differ from the output of `heard` is latest, and that
+    /// tick. If the image is right, it is the end of the recording. Ticks before the request are not compared.
     pub fn explained(&self, heard: &ExpectedPlay<'_>) -> (Began, u64) {
         let mut codes = (1u64..).zip(&self.codes);
         let first_heard = codes.find(|&(tick, codes)| tick >= self.asked && *codes != [MID_SCALE; CODES]);

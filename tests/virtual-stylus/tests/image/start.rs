@@ -40,8 +40,7 @@ fn start(device: &mut Device) -> StartReport {
 }
 
 fn register(device: &mut Device, instance: &'static str, offset: u64) -> u32 {
-    let value = device.stylus.read_register(instance, offset);
-    value.expect("it exists")
+    device.stylus.read_register(instance, offset).expect("it exists")
 }
 
 /// Plays until the output is heard, and a little longer.

@@ -86,8 +86,10 @@ impl Evidence {
         let own = of(&mut fourier::forward(&mut residual[..samples].to_vec()).into_iter());
         // Each trial has noise of its own: errors of the same noise would add up over trials. Last digits do not count,
         // because they depend on the system, and a trial has the same noise on all of them.
-        let some = residual[..samples].iter().step_by(samples / 8);
-        let digits = some.map(|x| (*x as f32).to_bits() >> 8);
+        let digits = residual[..samples]
+            .iter()
+            .step_by(samples / 8)
+            .map(|x| (*x as f32).to_bits() >> 8);
         let hash = digits.fold(Fnv::default(), |hash, digits| hash.then(&digits.to_le_bytes()));
         let mut generator = Pcg64::seed_from_u64(hash.value());
         let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };

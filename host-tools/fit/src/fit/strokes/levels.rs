@@ -81,8 +81,9 @@ impl Axes {
     /// Returns the speed, mm/s, and force, N, of each node, all forces of the first speed first.
     pub fn nodes(&self) -> impl Iterator<Item = (f64, f64)> {
         let forces = &self.forces_n;
-        let speeds = self.speeds_mm_s.iter();
-        speeds.flat_map(move |&speed| forces.iter().map(move |&force| (speed, force)))
+        self.speeds_mm_s
+            .iter()
+            .flat_map(move |&speed| forces.iter().map(move |&force| (speed, force)))
     }
 
     /// Returns the nodes around a motion and their weights, which add up to one.
@@ -231,8 +232,9 @@ impl NodeLevels {
                 }
             }
         }
-        let factor = matrix.cholesky();
-        let factor = factor.expect("the penalty is positive definite, and so is its sum with squares");
+        let factor = matrix
+            .cholesky()
+            .expect("the penalty is positive definite, and so is its sum with squares");
         let off_db = factor.solve(&right);
         (levels.levels_db.iter_mut().zip(&off_db)).for_each(|(level, off)| *level += off);
         levels
@@ -290,8 +292,9 @@ mod tests {
             };
             let windows = windows(&motions, law);
             let levels = NodeLevels::of(Axes::of(&windows), &windows);
-            let errors = windows.iter().map(|at| levels.level_db(at.speed_mm_s, at.force_n) - at.level_db);
-            let squares: f64 = errors.map(|error| error * error).sum();
+            let squares: f64 = windows.iter()
+                .map(|at| (levels.level_db(at.speed_mm_s, at.force_n) - at.level_db).powi(2))
+                .sum();
             prop_assert!((squares / windows.len() as f64).sqrt() < 0.5);
         }
 

@@ -89,7 +89,6 @@ impl PlantBench {
         let limited = counters.hard_limited + counters.slew_limited + counters.thermally_limited > 0;
         (recorded, limited)
     }
-
 }
 
 impl ProbedStylus for PlantBench {
@@ -166,10 +165,10 @@ fn resonance_hz(parameters: &Parameters) -> f64 {
         rows[(3, column)] = of_mass[column] - row_of_body[column];
     }
     (rows[(2, 1)], rows[(4, 3)]) = (1.0, 1.0);
-    let pairs = rows
-        .complex_eigenvalues()
-        .map(|pole| if pole.im > 0.0 { pole.norm() } else { 0.0 });
-    pairs.max() / std::f64::consts::TAU
+    rows.complex_eigenvalues()
+        .map(|pole| if pole.im > 0.0 { pole.norm() } else { 0.0 })
+        .max()
+        / std::f64::consts::TAU
 }
 
 /// Deviation from what was asked for, dB, with the exact response of the plant: RMS, worst, and mean from 30 to 800 Hz.

@@ -214,7 +214,7 @@ impl MotionPath {
         let is_sparse = rows >= FEWEST_ROWS && step_s > LONGEST_STEP_S;
         let is_far = duration_s > LONG_S || path_m > LONG_M;
         let is_long = duration_s > LONGEST_S || (is_sparse && is_far);
-        let doubts = [
+        [
             (self.clock_s > 0.0).then(|| {
                 let clock_s = self.clock_s;
                 format!("the motion begins at {clock_s} s of its clock, and is taken to begin at 0 s")
@@ -225,11 +225,10 @@ impl MotionPath {
                      is in seconds; divide milliseconds by 1000"
                 )
             }),
-        ];
-        doubts
-            .into_iter()
-            .flatten()
-            .reduce(|one, other| format!("{one}; {other}"))
+        ]
+        .into_iter()
+        .flatten()
+        .reduce(|one, other| format!("{one}; {other}"))
     }
 
     /// Returns the time of the last row, in s; zero for a constant motion.

@@ -88,8 +88,7 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
     let reach = (COPY_DIFFERENCE * SUMS as f64).sqrt() as f32;
     let mut original: Vec<Option<usize>> = vec![None; sketches.len()];
     for (place, &a) in order.iter().enumerate() {
-        let near = order[place + 1..].iter();
-        for &b in near.take_while(|&&b| first(b) - first(a) <= reach) {
+        for &b in order[place + 1..].iter().take_while(|&&b| first(b) - first(a) <= reach) {
             let (earlier, later) = (a.min(b), a.max(b));
             // The comparison of sketches takes the most time, so it comes last.
             if original[later].is_none_or(|known| earlier < known) && sketches[a].is_copy_of(sketches[b]) {
@@ -98,8 +97,11 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
         }
     }
     let scale = |copy: usize, of: usize| (sketches[copy].energy / sketches[of].energy).sqrt();
-    let found = original.into_iter().enumerate();
-    found.map(|(copy, of)| of.map(|of| (of, scale(copy, of)))).collect()
+    original
+        .into_iter()
+        .enumerate()
+        .map(|(copy, of)| of.map(|of| (of, scale(copy, of))))
+        .collect()
 }
 
 #[cfg(test)]

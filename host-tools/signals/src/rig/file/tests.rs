@@ -135,8 +135,7 @@ fn a_value_out_of_its_range_is_an_error_that_names_line_and_field() {
     let message = read(&WHOLE.replacen("forces_n = [0.0, 1.0]", &many, 1)).unwrap_err();
     assert!(message.to_string().contains("1 to 64 entries, but has 65"), "{message}");
     let (head, _) = WHOLE.split_once("[[texture]]").unwrap();
-    let message = read(&head.replacen("[recording]", "texture = []\n\n[recording]", 1));
-    let message = message.unwrap_err();
+    let message = read(&head.replacen("[recording]", "texture = []\n\n[recording]", 1)).unwrap_err();
     holds(&message, &["line 3: texture: must have 1 to 256"]);
 }
 
