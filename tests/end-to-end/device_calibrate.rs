@@ -87,7 +87,7 @@ impl<'a> Operator<'a> {
 }
 
 fn value(bench: &Bench, setting: &str) -> f64 {
-    let got = json(&bench.succeed(&format!("settings get {setting} --json")));
+    let got = bench.json(&format!("settings get {setting} --json"));
     got[0]["value"].as_f64().unwrap()
 }
 

@@ -19,7 +19,7 @@ fn bench() -> (FakeStylus, Bench, Vec<u8>) {
 }
 
 fn upload(bench: &Bench) -> Value {
-    json(&bench.succeed("upload a.lib --json --activate"))
+    bench.json("upload a.lib --json --activate")
 }
 
 #[test]

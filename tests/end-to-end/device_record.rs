@@ -257,7 +257,7 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
     assert_eq!(report["left_out"], 1);
     assert_eq!(report["recorded"], Value::Array(vec![]));
     assert!(!bench.path("set/trials.csv").exists());
-    let status = json(&bench.succeed("status --json"));
+    let status = bench.json("status --json");
     assert_eq!(status["status"]["record"]["recording"], false);
 }
 
@@ -297,7 +297,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
     for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
         stylus.set_hand(hand(speed, force));
         let record = format!("record {name} --strokes --seconds 1.5 --json");
-        let recorded = json(&bench.succeed(&record));
+        let recorded = bench.json(&record);
         assert_eq!(recorded["lost_samples"], 0);
         assert_eq!(recorded["seconds"], 1.5);
         let rows = columns(&bench, name);
@@ -339,8 +339,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     // Time continues in the holes, and the speed and force next to them are right.
     for (n, row) in rows.iter().enumerate() {
         near(row[0], n as f64 / 5000.0, 1e-9);
-        let is_right = row[4].is_nan() || (row[4] - 100.0).abs() < 3.0;
-        assert!(is_right, "sample {n}: {row:?}");
+        assert!(row[4].is_nan() || (row[4] - 100.0).abs() < 3.0, "sample {n}: {row:?}");
     }
 }
 

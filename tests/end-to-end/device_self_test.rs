@@ -103,7 +103,7 @@ fn traffic_is_tested_while_a_texture_is_played_silently() {
         .iter()
         .find(|line| line["name"].as_str().expect("a name").ends_with("kernel loaded"));
     assert_eq!(loaded.expect("it is there")["value"], "by texture 0");
-    let status = json(&bench.succeed("status --json"));
+    let status = bench.json("status --json");
     assert_eq!(status["status"]["output"]["activity"], "Idle");
     assert_eq!(status["status"]["record"]["recording"], false);
 }

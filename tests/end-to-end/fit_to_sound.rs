@@ -1,15 +1,14 @@
 //! A known process that is recorded, fitted, stored and played by the device's kernel must come back as the same
 //! process.
 
-use crate::support::{Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, scaled, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, decibels, near, noise, power_between, predictor, scaled, wav};
 use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::fourier::{self, Complex};
 use host_tools::dsp::linear_prediction::{Prediction, corrected};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 use host_tools::dsp::sums::{mean_square, rms};
-use host_tools::fit;
-use host_tools::fit::Order;
 use host_tools::fit::conditioning::HighPass;
+use host_tools::fit::{self, Order};
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
 use host_tools::recording::RecordingSet;
@@ -253,7 +252,7 @@ fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
     let with = fitted(fit::lines::Lines::Auto);
     let found = &with.textures[0].lines.lines;
     assert_eq!(found.len(), 2, "{}", with.textures[0].lines);
-    assert!((found[0].wavelength_mm - 1.0).abs() < 1e-3);
+    near(found[0].wavelength_mm, 1.0, 1e-3);
     let bytes = with.library().unwrap();
     let library = Library::decode(&bytes).unwrap();
     let texture = library.textures().next().unwrap();

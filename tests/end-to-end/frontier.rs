@@ -1,6 +1,6 @@
 //! The frontier of accuracy against computing time.
 
-use crate::support::{Bench, denim_rig_of, holds, json, text};
+use crate::support::{Bench, denim_rig_of, holds, json, near, text};
 use host_tools::evaluation::frontier::costs::Costs;
 use host_tools::evaluation::frontier::{Filter, Frontier, INTERVALS, Material, Options, Prepared, Structure};
 use host_tools::evaluation::stress::cases::{Length, suite};
@@ -179,7 +179,7 @@ fn a_users_own_recordings_are_fitted_in_their_first_half_and_judged_in_their_sec
     for (first, second) in halves {
         let durations = [first.duration_s, second.duration_s];
         assert_eq!(durations, [Some(1.0); 2]);
-        assert!((second.start_s - first.start_s - 1.0).abs() < 1e-12);
+        near(second.start_s - first.start_s, 1.0, 1e-12);
         assert_eq!(first.file, second.file);
     }
     assert!(material.fit.is_simulated() && material.held_out.is_simulated());

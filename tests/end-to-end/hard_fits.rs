@@ -103,7 +103,7 @@ fn felt(trials: &[(f64, f64)]) -> Bench {
 #[test]
 fn trials_at_rest_or_without_contact_are_left_out_with_a_note() {
     let bench = felt(&[(0.0, 0.5), (100.0, 0.0), (100.0, 0.5), (200.0, 0.5)]);
-    let report = json(&bench.succeed("fit set --out felt.lib --json"));
+    let report = bench.json("fit set --out felt.lib --json");
     let message = &report["warnings"][0];
     holds(message, &["'felt': 2 trials at speed 0 or force 0"]);
     let used = report["trials"].as_array().unwrap().iter();

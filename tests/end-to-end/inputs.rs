@@ -2,7 +2,7 @@
 //! them, motions that end before they begin. The command reports doubtful input in a line, and refuses impossible input
 //! with its place.
 
-use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, noise, scaled, text, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, near, noise, scaled, text, two_textures, wav};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n";
 
@@ -234,7 +234,7 @@ fn samples_without_a_unit_are_told_with_the_level_that_comes_out() {
     holds(&told, &["levels of 0.03", " to 0.099 m/s² RMS", "--scale"]);
     let unknown = "recorded, level not known";
     holds(&bench.succeed("inspect a.lib"), &[unknown]);
-    let of_textures = json(&bench.succeed("inspect a.lib --json"))["textures"].clone();
+    let of_textures = bench.json("inspect a.lib --json")["textures"].clone();
     let found = of_textures
         .as_array()
         .unwrap()
@@ -256,9 +256,9 @@ fn samples_without_a_unit_are_told_with_the_level_that_comes_out() {
         list(&format!("{HEADER}{header}"), row);
         assert!(!bench.told(&format!("{fit} {option}")).contains("without a unit"));
         assert!(!bench.succeed("inspect a.lib").contains(unknown));
-        let report = json(&bench.succeed(&format!("{fit} --json {option}")));
+        let report = bench.json(&format!("{fit} --json {option}"));
         let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
-        assert!((found / rms - 1.0).abs() < 0.02, "{found} for {rms}");
+        near(found / rms, 1.0, 0.02);
     }
 }
 
@@ -418,7 +418,7 @@ fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid
     holds(&told, &["20 forces become 5 (0.4, 0.8, 1.2, 1.6, 2 N)"]);
     holds(&told, &["% at most"]);
     assert!(!told.contains("are filled from neighbours"), "{told}");
-    let content = json(&bench.succeed("inspect b.lib --json"));
+    let content = bench.json("inspect b.lib --json");
     let speeds = content["textures"][0]["speeds_mm_s"].as_array();
     assert_eq!(speeds, json("[50.0, 100.0, 150.0, 200.0]").as_array());
     // The evaluation must recognise the trials as those of the fit.

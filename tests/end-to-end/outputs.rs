@@ -421,8 +421,7 @@ fn a_full_disk_leaves_nothing_and_the_line_names_the_users_file() {
         let message = errors.lines().last().unwrap_or_default();
         holds(message, &["out.svg"]);
         assert!(!message.contains(".stylus-"), "{message}");
-        let is_told = message.contains("too large") || message.contains("cannot");
-        assert!(is_told, "{message}");
+        assert!(message.contains("too large") || message.contains("cannot"), "{message}");
         assert_eq!(content(&bench.path(".")), before, "{arguments}");
     }
 }

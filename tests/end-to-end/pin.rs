@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::support::{Bench, RATE_HZ, decibels, holds, noise};
+use crate::support::{Bench, RATE_HZ, decibels, holds, near, noise};
 use host_tools::dsp::fourier;
 use host_tools::dsp::sums;
 use host_tools::playing::motion::MotionPath;
@@ -223,8 +223,8 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
     bench.succeed(&format!("{render} --out kernel.wav"));
     let kernel = rms(&bench, "kernel.wav", RATE_HZ);
     let [pin, louder] = ["pin.wav", "louder.wav"].map(|name| rms(&bench, name, PIN_HZ));
-    assert!((pin / (kernel * GAIN) - 1.0).abs() < 0.1, "{pin} {kernel}");
-    assert!((louder / pin - 2.0).abs() < 0.1, "{louder} {pin}");
+    near(pin / (kernel * GAIN), 1.0, 0.1);
+    near(louder / pin, 2.0, 0.1);
 
     // A scene of one texture puts out the same as the texture.
     let scene = "name = \"steady\"\n[[surface]]\ntexture = \"felt\"\n";

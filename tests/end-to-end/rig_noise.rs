@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use host_tools::dsp::spectrum::band_edges_hz;
 
 use crate::support::{
-    Bench, RATE_HZ, all_pole, decibels, holds, json, near, noise, power_between, predictor, scaled, text, wav,
+    Bench, RATE_HZ, all_pole, decibels, holds, near, noise, power_between, predictor, scaled, text, wav,
 };
 
 const SECONDS: usize = 40;
@@ -169,7 +169,7 @@ fn the_rigs_share_is_told_by_speed_and_band_and_changes_no_byte() {
     holds(&text(&output.stdout), &[words]);
     bench.succeed("fit set --out none.lib --floor none");
     assert_eq!(bench.read("note.lib"), bench.read("none.lib"));
-    let report = json(&bench.succeed("fit set --out note.lib --json"));
+    let report = bench.json("fit set --out note.lib --json");
     for trial in report["trials"]
         .as_array()
         .expect("trials")
@@ -190,7 +190,7 @@ fn a_motors_tone_is_a_line_of_the_texture_only_while_it_is_not_taken_off() {
     let bench = recorded(1.0, 1);
     let lines = |options: &str| {
         let fit = "fit set --out a.lib --excitation gaussian --json";
-        let report = json(&bench.succeed(&format!("{fit} {options}")));
+        let report = bench.json(&format!("{fit} {options}"));
         report["lines"][0]["findings"]["lines"].as_array().map_or(0, Vec::len)
     };
     assert!(lines("") > 0, "the motor's tones are locked to its speed");

@@ -205,6 +205,7 @@ mod tests {
     use super::*;
     use crate::linear_prediction::step_down;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     /// Reference: `poly2lsf` of the spectrum package.
     #[test]
@@ -212,7 +213,7 @@ mod tests {
         let reflection = step_down(&[0.6149, 0.9899, 0.0, 0.0031, -0.0082]).unwrap();
         let expected = [0.7842, 1.5605, 1.8776, 1.8984, 2.3593];
         for (got, want) in frequencies(&reflection).iter().zip(expected) {
-            assert!((got - want).abs() < 5e-5, "{got} for {want}");
+            near(*got, want, 5e-5);
         }
     }
 

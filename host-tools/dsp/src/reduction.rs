@@ -209,7 +209,7 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     fn centred_energy(axes: &[Vec<f64>]) -> f64 {
         let mut axes = axes.to_vec();
@@ -245,9 +245,9 @@ mod tests {
         let scaled = |gain: f64| base.iter().map(|x| gain * x + 7.0).collect::<Vec<_>>();
         let mut axes = vec![scaled(1.0), scaled(-2.0), scaled(2.0)];
         let reduced = reduce(&mut axes, Reduction::Pca).unwrap();
-        assert!((reduced.energy_share - 1.0).abs() < 1e-12);
+        near(reduced.energy_share, 1.0, 1e-12);
         let expected = centred_energy(&[base]) * 9.0;
-        assert!((energy(&reduced.signal) / expected - 1.0).abs() < 1e-9);
+        near(energy(&reduced.signal) / expected, 1.0, 1e-9);
     }
 
     /// A magnitude without its phase would make the signal one-sided. The sum of opposite axes is zero, so it has no
@@ -257,7 +257,7 @@ mod tests {
         let x = noise(5, 1000);
         let mut axes = vec![x.clone(), x.iter().map(|v| -v).collect()];
         let reduced = reduce(&mut axes, Reduction::Dft321).unwrap();
-        assert!((energy(&reduced.signal) / (2.0 * centred_energy(&[x])) - 1.0).abs() < 1e-9);
+        near(energy(&reduced.signal) / (2.0 * centred_energy(&[x])), 1.0, 1e-9);
         assert!(reduced.signal.iter().any(|&v| v < 0.0) && reduced.signal.iter().any(|&v| v > 0.0));
         let mut same = vec![noise(6, 1000); 3];
         let alone = same[0].clone();
@@ -265,7 +265,7 @@ mod tests {
         let mut expected = alone;
         remove_mean(&mut expected);
         for (got, want) in tripled.iter().zip(expected) {
-            assert!((got - want * 3f64.sqrt()).abs() < 1e-9);
+            near(*got, want * 3f64.sqrt(), 1e-9);
         }
     }
 

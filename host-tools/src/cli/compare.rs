@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use host_tools::evaluation::evaluate;
-use host_tools::evaluation::listening;
 use host_tools::evaluation::listening::{
-    Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan, score,
+    self, Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan, score,
 };
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;

@@ -7,8 +7,7 @@ use host_tools::fit;
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::{Assumed, Kind, RecordingSet};
-use host_tools::report::rub_page;
-use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
+use host_tools::report::rub_page::{self, Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 

@@ -1,7 +1,6 @@
 //! `stylus stress`
 
-use host_tools::evaluation::stress;
-use host_tools::evaluation::stress::{Outcome, Rest, cases};
+use host_tools::evaluation::stress::{self, Outcome, Rest, cases};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::progress;

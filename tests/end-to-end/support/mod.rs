@@ -129,6 +129,11 @@ impl Bench {
         out
     }
 
+    /// Runs `stylus`, which must succeed, and returns the report that it prints as JSON.
+    pub fn json(&self, arguments: &str) -> Value {
+        json(&self.succeed(arguments))
+    }
+
     /// Runs `stylus`, which must succeed, and returns its standard error with one line per message.
     pub fn told(&self, arguments: &str) -> String {
         let output = self.run(arguments);

@@ -105,8 +105,7 @@ fn every_refusal_names_its_fault_and_leaves_what_plays_as_it_is() {
     ] {
         // The fault is in the last block, and no block before it may be played.
         let error = wasm.run(&[rubbed, rubbed, wrong]).expect_err("it is refused");
-        let is_told = error.contains("block 2") && error.contains(words);
-        assert!(is_told, "{error}");
+        assert!(error.contains("block 2") && error.contains(words), "{error}");
         assert_eq!(wasm.call("run", 3u32), 8);
     }
     assert_eq!(

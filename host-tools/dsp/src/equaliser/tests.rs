@@ -103,8 +103,7 @@ proptest! {
             .collect();
         match design(&response(&points), RATE_HZ, max_gain_db) {
             Err(fault) => {
-                let is_narrow = matches!(fault, ResponseFault::Band { .. });
-                prop_assert!(is_narrow, "{}", fault);
+                prop_assert!(matches!(fault, ResponseFault::Band { .. }), "{}", fault);
             }
             Ok(found) => {
                 prop_assert!(found.sections.len() <= MAX_RESPONSE_SECTIONS);

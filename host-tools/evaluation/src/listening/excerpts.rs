@@ -149,6 +149,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use test_helpers::near;
 
     impl TrialExcerpts {
         /// Three excerpts of each kind, of three samples: the kind, their window, and the number `take`.
@@ -198,7 +199,7 @@ mod tests {
             for Excerpt { samples: excerpt, .. } in found {
                 let middle = &excerpt[100..4900];
                 let rms = crate::dsp::sums::rms(middle);
-                assert!((rms - 1.0).abs() < 0.01, "{rms}");
+                near(rms, 1.0, 0.01);
                 assert!(excerpt[0].abs() < 1e-3 && excerpt[4999].abs() < 1e-3);
             }
         }

@@ -222,6 +222,7 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use test_helpers::near;
 
     /// Noise of two kinds, and a line at 500 Hz of the power of the first.
     fn strands() -> Strands {
@@ -261,11 +262,11 @@ mod tests {
         for strength in [0.03, 0.3, 0.8] {
             let mixed = strands.at(Part::Codebook, strength);
             let found = share(&mixed, &strands.without_lines);
-            assert!((found - strength).abs() < 0.03, "{strength}: {found}");
+            near(found, strength, 0.03);
             let (own, all) = (&strands.without_lines, strands.at(Part::Lines, strength));
             let line = |whole: &[f64]| mean_square(&whole.iter().zip(own).map(|(a, b)| a - b).collect::<Vec<_>>());
             let found = line(&all) / line(&strands.fitted);
-            assert!((found - strength).abs() < 1e-9, "{strength}: {found}");
+            near(found, strength, 1e-9);
         }
         assert_eq!(strands.at(Part::Lines, 1.0), strands.fitted);
         assert_eq!(strands.at(Part::Codebook, 0.0), strands.gaussian);
@@ -281,7 +282,7 @@ mod tests {
             let (strengths, all) = (&track.strengths, sounds.all());
             assert!(strengths.windows(2).all(|two| two[0] < two[1]));
             let (_, greatest, _) = track.part.grid();
-            assert!((strengths[strengths.len() - 1] - greatest).abs() < 1e-9);
+            near(strengths[strengths.len() - 1], greatest, 1e-9);
             for (strength, changed) in strengths.iter().zip(&track.changed) {
                 for (one, other) in track.reference.iter().zip(changed) {
                     assert_ne!(one, other);

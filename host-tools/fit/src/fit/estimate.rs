@@ -361,7 +361,7 @@ fn edges_hz(band: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     fn chosen(signal: &[f64]) -> [Vec<f64>; 3] {
         let plain = PaddedSpectrum::of(signal, 400);
@@ -393,7 +393,7 @@ mod tests {
         let [auto, rectangular, tapered] = chosen(&steep);
         assert_eq!(auto, tapered);
         assert_ne!(auto, rectangular);
-        assert!((auto[0] / rectangular[0] - 1.0).abs() < 1e-9);
+        near(auto[0] / rectangular[0], 1.0, 1e-9);
     }
 
     fn model(radius: f64, frequency_hz: f64) -> Model {

@@ -348,6 +348,7 @@ struct Bracket<'a> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     fn model(k: f64, power: f64) -> Model {
         Model::new(vec![k, -k / 2.0], power)
@@ -358,8 +359,8 @@ mod tests {
         let filler = Filler::of(3, 1, vec![Some(model(0.1, 1.0)), None, Some(model(0.5, 4.0))]);
         let filled = filler.model(1);
         let expected = f64::midpoint(0.1f64.asin(), 0.5f64.asin()).sin();
-        assert!((filled.reflection[0] - expected).abs() < 1e-12);
-        assert!((filled.output_power - 2.0).abs() < 1e-12);
+        near(filled.reflection[0], expected, 1e-12);
+        near(filled.output_power, 2.0, 1e-12);
         assert_eq!(filled.flags, NodeFlags::INTERPOLATED);
     }
 
@@ -367,7 +368,7 @@ mod tests {
     fn beyond_the_last_node_the_nearest_is_taken_over_and_says_so() {
         let filler = Filler::of(1, 3, vec![Some(model(0.1, 1.0)), Some(model(0.5, 4.0)), None]);
         let filled = filler.model(2);
-        assert!((filled.reflection[0] - 0.5).abs() < 1e-12);
+        near(filled.reflection[0], 0.5, 1e-12);
         assert_eq!(filled.flags, NodeFlags::EXTRAPOLATED);
     }
 
@@ -376,15 +377,15 @@ mod tests {
         let filler = Filler::of(1, 2, vec![Some(Model::silent()), Some(model(0.5, 4.0))]);
         let silent = filler.model(0);
         assert!(silent.output_power.abs() <= 0.0 && silent.flags == NodeFlags::SILENT);
-        assert!((silent.reflection[0] - 0.5).abs() < 1e-12);
+        near(silent.reflection[0], 0.5, 1e-12);
     }
 
     #[test]
     fn a_hole_beside_a_silent_node_has_half_the_power_and_the_timbre_of_the_other_neighbour() {
         let known = vec![Some(Model::silent()), None, Some(model(0.5, 4.0))];
         let filled = Filler::of(3, 1, known).model(1);
-        assert!((filled.output_power - 2.0).abs() < 1e-12);
-        assert!((filled.reflection[0] - 0.5).abs() < 1e-12);
+        near(filled.output_power, 2.0, 1e-12);
+        near(filled.reflection[0], 0.5, 1e-12);
     }
 
     proptest! {

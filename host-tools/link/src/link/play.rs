@@ -1,8 +1,7 @@
 //! Playing under control of the host: motions at a fixed rate, and keep-alives while there is no motion to send.
 
 use std::collections::VecDeque;
-use std::sync::mpsc;
-use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 

@@ -285,8 +285,7 @@ mod tests {
         let lines = consequences(known(&settings), reset, unset);
         let (last, values) = lines.split_last().expect("there are lines");
         let values = &values[..values.len() - 1];
-        let are_unset = values.iter().all(|line| line.ends_with(" -> not set"));
-        assert!(are_unset, "{lines:?}");
+        assert!(values.iter().all(|line| line.ends_with(" -> not set")), "{lines:?}");
         assert!(last.contains("nothing plays until"), "{lines:?}");
     }
 }

@@ -237,7 +237,7 @@ fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     #[test]
     fn a_line_is_brightest_where_it_sounds() {
@@ -249,7 +249,7 @@ mod tests {
             let peak = (0..column.len())
                 .max_by(|a, b| column[*a].total_cmp(&column[*b]))
                 .unwrap();
-            assert!((peak as f64 / LONG_S - 300.0).abs() < 7.0, "{peak}");
+            near(peak as f64 / LONG_S, 300.0, 7.0);
         }
     }
 
@@ -266,7 +266,7 @@ mod tests {
         };
         let mean = powers().sum::<f64>() / powers().count() as f64;
         // 9 (m/s²)² spread over 2500 Hz.
-        assert!((mean / (9.0 / 2500.0) - 1.0).abs() < 0.05, "{mean}");
+        near(mean / (9.0 / 2500.0), 1.0, 0.05);
     }
 
     /// Clicks of 2 ms, ten per second, in noise 40 dB below them; and noise whose level swings four times per second.

@@ -98,8 +98,7 @@ fn is_axis(lower: &str) -> bool {
     let is_sign = |c: char| !c.is_alphanumeric();
     let Some(rest) = lower
         .strip_prefix('a')
-        .map(|rest| rest.trim_start_matches(is_sign))
-        .unwrap_or(lower)
+        .map_or(lower, |rest| rest.trim_start_matches(is_sign))
         .strip_prefix(['x', 'y', 'z'])
     else {
         return false;

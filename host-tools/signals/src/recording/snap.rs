@@ -396,6 +396,7 @@ fn within(name: &str, places: &[(f64, f64)], tolerance: f64) -> Result<(Nominal,
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     #[test]
     fn measured_values_become_the_round_ones_that_they_are_near() {
@@ -435,7 +436,7 @@ mod tests {
         let places = measured(&[20.0, 30.0, 40.0, 60.0], &[0.5, 1.0, 2.0], 0.06);
         let (speeds, forces) = grid_by_gaps(&places).unwrap();
         for (found, meant) in speeds.values().iter().zip([20.0, 30.0, 40.0, 60.0]) {
-            assert!((found / meant - 1.0).abs() < 0.06, "{found} {meant}");
+            near(found / meant, 1.0, 0.06);
         }
         assert_eq!(speeds.values().len(), 4);
         assert_eq!((forces.values().len(), forces.of(places[0].1)), (3, 0.5));

@@ -284,7 +284,7 @@ fn noise_is_white_with_its_rms_and_its_axes_are_independent() {
             .flat_map(|trial| &trial.samples_m_s2[axis])
             .copied()
             .collect();
-        assert!((rms(&signal) / expected - 1.0).abs() < 0.01);
+        near(rms(&signal) / expected, 1.0, 0.01);
         let (spectrum, _) = amplitudes(&signal);
         for quarter in spectrum[1..].chunks_exact(spectrum.len() / 4) {
             let power = rms(quarter) * (signal.len() as f64 / 4.0).sqrt();
@@ -325,7 +325,7 @@ fn tremor_stays_in_its_band_and_has_its_rms() {
         }
     }
     for (power, expected) in powers.iter().zip([0.1, 0.2, 0.3]) {
-        assert!((power.sqrt() / expected - 1.0_f64).abs() < 0.05, "{power}");
+        near(power.sqrt() / expected, 1.0_f64, 0.05);
     }
 }
 

@@ -3,10 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::fit;
 use host_tools::fit::parts::{Mapped, Merged, Shard, map};
 use host_tools::fit::record::FitRecord;
-use host_tools::fit::{Fit, TrialReport};
+use host_tools::fit::{self, Fit, TrialReport};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::file_name::Stems;

@@ -257,7 +257,7 @@ fn whitened(samples: &[f64], played: &[f64]) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     fn decoded(spec: &CodebookSpec) -> Vec<f64> {
         let blocks = spec.blocks.as_chunks::<BLOCK_BYTES>().0;
@@ -285,7 +285,7 @@ mod tests {
         assert_eq!(coded.spec.blocks.len(), 10_000 / 64 * 25);
         assert!(coded.cut == 0, "{}", coded.cut);
         let samples = decoded(&coded.spec);
-        assert!((mean_square(&samples) - 1.0).abs() < 1e-3);
+        near(mean_square(&samples), 1.0, 1e-3);
         let level = |from: usize| {
             let bursts = samples
                 .chunks_exact(1000)
@@ -293,7 +293,7 @@ mod tests {
             10.0 * (bursts.sum::<f64>() / 9.0).log10()
         };
         let step_db = level(25) - level(500);
-        assert!((step_db - 20.0).abs() < 1.0, "{step_db}");
+        near(step_db, 20.0, 1.0);
     }
 
     /// The noise of the codes, as what is decoded has it; 14.9 dB without its shape.
@@ -351,7 +351,7 @@ mod tests {
                 .collect();
             let coded = coded(&material).unwrap();
             let samples = decoded(&coded.spec);
-            assert!((mean_square(&samples) - 1.0).abs() < 1e-3);
+            near(mean_square(&samples), 1.0, 1e-3);
             assert_eq!(coded.cut, 0);
             let density = played(&samples, seed);
             for band in 0..19 {
@@ -388,7 +388,7 @@ mod tests {
         for highest in [5.0, 12.0, 36.0] {
             let coded = coded_up_to(&material, highest).unwrap();
             let power = mean_square(&decoded(&coded.spec));
-            assert!((power - 1.0).abs() < 1e-3);
+            near(power, 1.0, 1e-3);
             assert!(f64::from(coded.spec.peak) <= 1.15 * highest);
             assert_eq!(coded.cut > 0, highest < 20.0, "{highest}: {}", coded.cut);
         }
@@ -402,11 +402,11 @@ mod tests {
         let mut impulse = vec![0.0; 5000];
         impulse[700] = 1e-3;
         if let Some(coded) = coded(&impulse) {
-            assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
+            near(mean_square(&decoded(&coded.spec)), 1.0, 1e-3);
             assert!(coded.spec.peak <= 40.0);
         }
         let alternating: Vec<f64> = (0..5000).map(|n| if n % 2 == 0 { 3.0 } else { -3.0 }).collect();
         let coded = coded(&alternating).unwrap();
-        assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
+        near(mean_square(&decoded(&coded.spec)), 1.0, 1e-3);
     }
 }

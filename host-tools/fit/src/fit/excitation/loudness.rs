@@ -282,7 +282,7 @@ mod tests {
         let (found, rms) = Loudest::behind(&excitation, &REFLECTION);
         near(rms, 1.0, 0.05);
         for (found, expected) in found.0.into_iter().zip(expected.0) {
-            assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
+            near(found / expected, 1.0, 0.05);
         }
     }
 
@@ -291,7 +291,7 @@ mod tests {
         let ringing = Ringing::of(&REFLECTION);
         let heard: f64 = ringing.shares.iter().sum();
         assert!(ringing.later < 1e-6, "{heard}");
-        assert!((heard - 1.0).abs() < 1e-6, "{heard}");
+        near(heard, 1.0, 1e-6);
         assert!(ringing.shares[RINGING_MS - 1] < 0.9, "it rings");
         assert_eq!(Ringing::of(&[]).shares[RINGING_MS - 1], 1.0);
     }

@@ -213,6 +213,7 @@ fn averaged(values: &[f64]) -> Vec<f64> {
 #[allow(clippy::single_range_in_vec_init, reason = "the spans are ranges")]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn what_is_cut_leaves_the_parts_between() {
@@ -233,7 +234,7 @@ mod tests {
         let mean = averaged(&ramp);
         assert_eq!(mean.len(), ramp.len());
         for at in STEADY..900 {
-            assert!((mean[at] - ramp[at]).abs() <= 0.5 + 1e-9, "{at}: {}", mean[at]);
+            near(mean[at], ramp[at], 0.5 + 1e-9);
         }
         assert!(averaged(&[3.0; 7]).iter().all(|value| (value - 3.0).abs() < 1e-12));
     }

@@ -54,7 +54,7 @@ fn noise_at_the_onset_does_not_spoil_the_fit() {
     assert_eq!(onsets(&samples, RATE_HZ), [999]);
     let found = TapFit::new(&[recording(samples)]).unwrap();
     assert_eq!(found.impacts[0].time_s, 0.2);
-    assert!((found.decay_s / decay_s - 1.0).abs() < 0.03, "{found:?}");
+    near(found.decay_s / decay_s, 1.0, 0.03);
     near(found.impacts[0].amplitude_m_s2, 1.0, 0.03);
 }
 
@@ -96,10 +96,10 @@ fn a_decaying_sine_without_noise_is_found_exactly() {
         })
         .collect();
     let found = fit(&window, RATE_HZ);
-    assert!((found.frequency_hz - 237.0).abs() < 1e-6, "{found:?}");
-    assert!((found.decay_s - 0.011).abs() < 1e-9, "{found:?}");
-    assert!((found.amplitude - 20.0).abs() < 1e-6, "{found:?}");
-    assert!((found.phase_rad - 0.4).abs() < 1e-6, "{found:?}");
+    near(found.frequency_hz, 237.0, 1e-6);
+    near(found.decay_s, 0.011, 1e-9);
+    near(found.amplitude, 20.0, 1e-6);
+    near(found.phase_rad, 0.4, 1e-6);
     assert!(found.residual < 1e-12, "{found:?}");
 }
 
@@ -142,7 +142,7 @@ fn amplitudes_over_rates_of_force_give_the_gain() {
         near(played / impact.amplitude_m_s2, 1.0, 0.6);
     }
     assert!(found.gain_scatter.unwrap() < 0.1, "{found:?}");
-    assert!((found.limit_m_s2 / 37.5 - 1.0).abs() < 0.05, "{found:?}");
+    near(found.limit_m_s2 / 37.5, 1.0, 0.05);
 }
 
 #[test]
@@ -188,5 +188,5 @@ fn a_click_is_left_out_and_does_not_count() {
     let found = TapFit::new(&[recording(samples)]).unwrap();
     let left_out: Vec<bool> = found.impacts.iter().map(|i| i.left_out.is_some()).collect();
     assert_eq!(left_out, [false, true, false], "{found:?}");
-    assert!((found.frequency_hz - 300.0).abs() < 3.0, "{found:?}");
+    near(found.frequency_hz, 300.0, 3.0);
 }

@@ -172,6 +172,7 @@ impl ForceScale {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     /// Returns measurements of a sensor with `codes_per_n`. It shows `down` more codes during unloading, and `square`
     /// more codes per square newton.
@@ -207,7 +208,7 @@ mod tests {
     fn a_sensor_that_sticks_bends_or_does_not_react_is_refused_by_its_name() {
         let of = |down, square| ForceScale::of(&measured(&[100.0, 200.0], 5_000.0, down, square));
         let kept = of(100.0, 0.0).expect("1 % is within what is allowed");
-        assert!((kept.hysteresis_n - 0.02).abs() < 0.001, "{kept:?}");
+        near(kept.hysteresis_n, 0.02, 0.001);
         assert!(kept.contact_threshold_n > 2.0 * kept.hysteresis_n);
         assert!(matches!(of(700.0, 0.0), Err(ForceFault::Hysteresis(..))));
         assert!(matches!(of(0.0, -1_500.0), Err(ForceFault::NotLinear(..))));

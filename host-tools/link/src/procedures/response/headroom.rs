@@ -284,6 +284,7 @@ mod tests {
     use super::*;
     use crate::playing::pin::Pin;
     use crate::playing::render::Rendering;
+    use test_helpers::near;
 
     fn with(changes: &[(Setting, f32)]) -> Settings {
         changes.iter().fold(Settings::default(), |settings, &(setting, value)| {
@@ -347,7 +348,7 @@ mod tests {
             assert_eq!(scene.scene.as_deref(), Some(name));
             assert_eq!((&scene.texture, scene.at), (&alone.texture, alone.at));
             for (over_db, alone_db) in scene.over_db.iter().zip(alone.over_db) {
-                assert!((over_db - alone_db - db(times)).abs() < 1e-6);
+                near(over_db - alone_db, db(times), 1e-6);
             }
         }
     }

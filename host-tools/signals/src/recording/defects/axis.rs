@@ -131,6 +131,7 @@ pub(super) fn snr_db(axis: &Axis<'_>) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     proptest! {
         /// Reference: loops over the single samples.
@@ -158,7 +159,7 @@ mod tests {
     fn steps_of_a_tenth_of_the_level_are_thirty_decibels_below_it() {
         let wave = (0..5000).map(|n| (2f64.sqrt() * (0.1237 * f64::from(n)).sin() * 10.0).round() / 10.0);
         let snr = snr_db(&Axis::of(&wave.collect::<Vec<_>>()));
-        assert!((snr - 30.8).abs() < 0.3, "{snr}");
+        near(snr, 30.8, 0.3);
         assert_eq!(snr_db(&Axis::of(&[2.0; 100])), f64::INFINITY);
     }
 }

@@ -536,6 +536,7 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn times_in_any_unit_give_the_same_recording() {
@@ -582,7 +583,7 @@ mod tests {
         let jumped = read(&path, None, None).unwrap();
         let bad = jumped.is_outlier.iter().filter(|bad| **bad).count();
         assert!((1..40).contains(&bad) && jumped.outliers[0].line > 950, "{bad}");
-        assert!((jumped.speed_mm_s[100] - 100.0).abs() < 1e-6);
+        near(jumped.speed_mm_s[100], 100.0, 1e-6);
     }
 
     #[test]

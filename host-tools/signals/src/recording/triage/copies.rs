@@ -108,6 +108,7 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
 mod tests {
     use super::super::test_signals::{bounded_noise, plus};
     use super::*;
+    use test_helpers::near;
 
     fn copies_of(signals: &[Vec<f64>]) -> Vec<Option<(usize, f64)>> {
         let sketches: Vec<Sketch> = signals.iter().map(|signal| Sketch::of(signal)).collect();
@@ -130,7 +131,7 @@ mod tests {
         let found = copies_of(&[a, b.clone(), scaled, rounded, b]);
         let originals: Vec<Option<usize>> = found.iter().map(|copy| Some(copy.as_ref()?.0)).collect();
         assert_eq!(originals, [None, None, Some(1), Some(0), Some(1)]);
-        assert!((found[2].unwrap().1 - 0.37).abs() < 1e-6);
+        near(found[2].unwrap().1, 0.37, 1e-6);
     }
 
     /// A drum that passes the same track again, with another force.
