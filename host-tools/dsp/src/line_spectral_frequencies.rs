@@ -223,9 +223,10 @@ mod tests {
             prop_assert_eq!(lines.len(), reflection.len());
             prop_assert!(lines[0] > 0.0 && lines[lines.len() - 1] < PI);
             prop_assert!(lines.windows(2).all(|pair| pair[0] < pair[1]));
-            let back = log_spectrum(&lines, crate::log_spectrum::BINS);
+            let bins = crate::log_spectrum::BINS;
+            let back = log_spectrum(&lines, bins);
             let power = 1.0 / crate::linear_prediction::error_share(&reflection);
-            let direct = LogSpectrum::of_model(&crate::model::Model::new(reflection, power));
+            let direct = LogSpectrum::of_model_at(&crate::model::Model::new(reflection, power), bins);
             for (a, b) in back.values().iter().zip(direct.values()) {
                 prop_assert!((a - b).abs() < 1e-5, "{} {}", a, b);
             }
