@@ -52,8 +52,7 @@ impl Floor {
     /// `view`. Subtracts the noise from the samples if `is_taken_off`.
     pub fn apply(&self, samples: &mut Vec<f64>, speed_mm_s: f64, view: &View, is_taken_off: bool) -> FloorShares {
         let shortest = self.takes.iter().map(NoiseTake::samples).min().unwrap_or(0);
-        let segment = quick_length(shortest.min(samples.len()) / SEGMENT_SHARE);
-        let segment = segment.min(longest_segment(self.rate_hz));
+        let segment = quick_length(shortest.min(samples.len()) / SEGMENT_SHARE).min(longest_segment(self.rate_hz));
         let whole = PowerSpectrum::of_blocks(&[samples], segment, self.rate_hz);
         let noise = self.at(speed_mm_s, view, segment);
         if is_taken_off {

@@ -79,9 +79,8 @@ impl Evidence {
         whitening[0] = 1.0;
         let predictor = step_up(reflection);
         whitening[1..=predictor.len()].copy_from_slice(&predictor);
-        let felt = length / 5;
         let bins = fourier::forward(&mut whitening);
-        let filter: Vec<_> = bins[..=felt].iter().map(Complex::inv).collect();
+        let filter: Vec<_> = bins[..=length / 5].iter().map(Complex::inv).collect();
         let of = |excitation: &mut dyn Iterator<Item = Complex<f64>>| {
             let output: Vec<_> = excitation.zip(&filter).map(|(bin, filter)| bin * filter).collect();
             statistics(&output, &windows)
@@ -175,10 +174,8 @@ fn statistics(output: &[Complex<f64>], windows: &[usize]) -> [f64; 3] {
         let variance = levels.iter().map(|level| (level - mean).powi(2)).sum::<f64>() / (count - 1.0);
         variance.max(f64::MIN_POSITIVE).ln() / 2.0
     };
-    let samples = counted.iter().flat_map(|&n| &felt.0[n * felt.1..][..felt.1]);
-    let (count, square, fourth) = samples.fold((0.0, 0.0, 0.0), |(count, square, fourth), x| {
-        (count + 1.0, square + x * x, fourth + x * x * x * x)
-    });
-    let kurtosis = count * fourth / (square * square).max(f64::MIN_POSITIVE);
+    let samples = || counted.iter().flat_map(|&n| &felt.0[n * felt.1..][..felt.1]);
+    let mean = |power: i32| samples().map(|x| x.powi(power)).sum::<f64>() / (counted.len() * felt.1) as f64;
+    let kurtosis = mean(4) / mean(2).powi(2).max(f64::MIN_POSITIVE);
     [spread(&slow), spread(&fast), kurtosis.max(f64::MIN_POSITIVE).ln()]
 }

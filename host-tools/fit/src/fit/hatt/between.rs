@@ -230,10 +230,15 @@ fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
     let wanted: Vec<f64> = shape.values()[..=last_bin].iter().map(|value| value.exp()).collect();
     // Lower orders need no fit of their own: their models are the first stages of this lattice.
     let full = shape.model(ORDERS[ORDERS.len() - 1]);
-    // A of the stages so far and its backward polynomial, at each frequency.
-    let turn = |bin: usize| Complex::cis(-PI * bin as f64 / (BINS - 1) as f64);
-    let one = Complex::from(1.0);
-    let mut bins: Vec<_> = (0..=last_bin).map(|bin| (turn(bin), one, one)).collect();
+    // The polynomials of the stages so far at each frequency.
+    let begin = |bin: usize| {
+        (
+            Complex::cis(-PI * bin as f64 / (BINS - 1) as f64),
+            1.0.into(),
+            1.0.into(),
+        )
+    };
+    let mut bins: Vec<_> = (0..=last_bin).map(begin).collect();
     let (mut order, mut made) = (0, Vec::<f64>::new());
     for next in ORDERS.map(|next| next.min(full.reflection.len())) {
         let stages = &full.reflection[order..next];
@@ -242,8 +247,7 @@ fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
             || {
                 for k in stages {
                     for (turn, a, b) in &mut bins {
-                        let delayed = *b * *turn;
-                        (*a, *b) = (*a + delayed * k, delayed + *a * k);
+                        (*a, *b) = stage((*a, *b), *turn, *k);
                     }
                 }
             },
@@ -268,6 +272,14 @@ fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
         reflection: full.reflection[..order].to_vec(),
         ..full
     }
+}
+
+/// Returns A and its backward polynomial, which is e^(-jωm) times the conjugate of A, of one order more.
+/// The reflection coefficient is k, and `turn` is e^(-jω).
+#[inline(always)]
+pub(super) fn stage((a, b): (Complex<f64>, Complex<f64>), turn: Complex<f64>, k: f64) -> (Complex<f64>, Complex<f64>) {
+    let delayed = b * turn;
+    (a + delayed * k, delayed + a * k)
 }
 
 /// Returns the sum of the `density` between two fractional bins.
